@@ -1,0 +1,136 @@
+"""The two-way table of message types and their names, and what can be done knowing only a name."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import msgspec
+
+
+class Message(msgspec.Struct, gc=False, forbid_unknown_fields=True):
+    """Base of every message: a msgspec Struct that travels as a map of its field names.
+
+    Unknown fields are refused: a message of another shape, or a misspelt field, must not decode to
+    a message of defaults (a zero Twist where somebody meant to drive). Missing fields take their
+    defaults. Messages cannot form reference cycles, so the garbage collector need not track them.
+    """
+
+
+M = TypeVar("M", bound=Message)
+
+_by_name: dict[str, type[Message]] = {}
+_by_type: dict[type[Message], str] = {}
+
+
+class UnknownType(LookupError):
+    """No message type has this name, or this class was never registered."""
+
+
+def message(name: str) -> Callable[[type[M]], type[M]]:
+    """Register a message type under `name`, written `group/Type`; a package of your own may do so too.
+
+    >>> @message("my_robot/Gripper")
+    ... class Gripper(Message):
+    ...     width: float = 0.0
+
+    Raises:
+        ValueError: the name is not of the form `group/Type`, or another class has it already.
+    """
+    group, slash, type_name = name.partition("/")
+    if not (slash and group.isidentifier() and type_name.isidentifier()):
+        raise ValueError(f"message name {name!r}: expected group/Type, for example geometry/Twist")
+
+    def register(cls: type[M]) -> type[M]:
+        other = _by_name.get(name)
+        if other is not None and (other.__module__, other.__qualname__) != (
+            cls.__module__,
+            cls.__qualname__,
+        ):
+            raise ValueError(f"message name {name!r} belongs to {other.__module__}.{other.__qualname__}")
+        _by_name[name] = cls
+        _by_type[cls] = name
+        return cls
+
+    return register
+
+
+def type_name(cls: type[Message]) -> str:
+    """The registered name of a message class, for example `geometry/Twist`.
+
+    Raises:
+        UnknownType: the class was never registered.
+    """
+    try:
+        return _by_type[cls]
+    except KeyError:
+        raise UnknownType(
+            f"{cls.__module__}.{cls.__qualname__} has no message name; "
+            f'put @robo_messages.message("my_package/{cls.__name__}") above the class'
+        ) from None
+
+
+def find_type(name: str) -> type[Message]:
+    """The message class of a name.
+
+    Raises:
+        UnknownType: no class is registered under it; names what comes close.
+    """
+    try:
+        return _by_name[name]
+    except KeyError:
+        import difflib
+
+        close = difflib.get_close_matches(name, _by_name, n=1)
+        hint = f"; did you mean {close[0]}?" if close else ""
+        raise UnknownType(f"no message type is named {name!r}{hint}") from None
+
+
+def type_names() -> list[str]:
+    """Every registered name, sorted."""
+    return sorted(_by_name)
+
+
+_encoder = msgspec.msgpack.Encoder()
+_json_encoder = msgspec.json.Encoder()
+_decoders: dict[type[Message], msgspec.msgpack.Decoder[Any]] = {}
+
+
+def encode(msg: Message) -> bytes:
+    """A message as MessagePack: one map, keyed by field names."""
+    return _encoder.encode(msg)
+
+
+def decode(payload: bytes | bytearray | memoryview, type_: type[M]) -> M:
+    """A message from MessagePack. Bulk fields (`memoryview`) point into `payload`: no copy is made.
+
+    Raises:
+        msgspec.DecodeError: the payload is cut short or no MessagePack.
+        msgspec.ValidationError: it has another shape; says which field and what it should be.
+    """
+    decoder = _decoders.get(type_)
+    if decoder is None:
+        decoder = _decoders[type_] = msgspec.msgpack.Decoder(type_)
+    result: M = decoder.decode(payload)
+    return result
+
+
+def encode_json(msg: Message) -> bytes:
+    """A message as JSON. Bulk fields are base64 text; NaN and infinities become null."""
+    return _json_encoder.encode(msg)
+
+
+def decode_json(payload: bytes | str, type_: type[M]) -> M:
+    """A message from JSON. JSON has no NaN and no infinities: write them "nan", "inf", "-inf".
+
+    Raises:
+        msgspec.DecodeError, msgspec.ValidationError: as `decode`.
+    """
+    return msgspec.json.decode(payload, type=type_, strict=False)
+
+
+def json_schema(type_: type[Message] | str) -> dict[str, Any]:
+    """The JSON Schema of a message type, given as a class or by name.
+
+    Raises:
+        UnknownType: no class is registered under that name.
+    """
+    return msgspec.json.schema(find_type(type_) if isinstance(type_, str) else type_)

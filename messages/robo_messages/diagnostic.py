@@ -1,0 +1,43 @@
+"""How well parts of a robot do (ROS: diagnostic_msgs)."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+from msgspec import Meta, field
+
+from robo_messages._registry import Message, message
+from robo_messages.std import Header
+
+
+@message("diagnostic/KeyValue")
+class KeyValue(Message):
+    """One figure of a status, as text."""
+
+    key: str = ""
+    value: str = ""
+
+
+@message("diagnostic/DiagnosticStatus")
+class DiagnosticStatus(Message):
+    """How well one component does."""
+
+    OK: ClassVar[int] = 0
+    WARN: ClassVar[int] = 1
+    ERROR: ClassVar[int] = 2
+    STALE: ClassVar[int] = 3
+
+    level: Annotated[int, Meta(ge=0, le=3)] = 0
+    """OK, WARN, ERROR or STALE."""
+    name: str = ""
+    message: str = ""
+    hardware_id: str = ""
+    values: list[KeyValue] = []
+
+
+@message("diagnostic/DiagnosticArray")
+class DiagnosticArray(Message):
+    """How well several components do."""
+
+    header: Header = field(default_factory=Header)
+    status: list[DiagnosticStatus] = []

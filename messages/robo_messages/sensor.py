@@ -1,0 +1,268 @@
+"""What sensors say (ROS: sensor_msgs)."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+from msgspec import Meta, field
+
+from robo_messages._registry import Message, message
+from robo_messages._types import (
+    ZEROS_3X3,
+    Covariance3,
+    Int8,
+    Int32,
+    UInt8,
+    UInt16,
+    UInt32,
+    check_length,
+)
+from robo_messages.geometry import Quaternion, Vector3
+from robo_messages.std import Header
+
+
+@message("sensor/LaserScan")
+class LaserScan(Message):
+    """One turn of a planar laser. Rays go counter-clockwise about +z; angle 0 is +x."""
+
+    header: Header = field(default_factory=Header)
+    """Its stamp is the time of the first ray."""
+    angle_min: float = 0.0
+    """Angle of the first ray, rad."""
+    angle_max: float = 0.0
+    """Angle of the last ray, rad."""
+    angle_increment: float = 0.0
+    """Between rays, rad."""
+    time_increment: float = 0.0
+    """Between rays, s."""
+    scan_time: float = 0.0
+    """Between scans, s."""
+    range_min: float = 0.0
+    """Smallest valid range, m."""
+    range_max: float = 0.0
+    """Largest valid range, m."""
+    ranges: list[float] = []
+    """m, one per ray. REP-117: -inf too close, +inf no return, NaN no measurement. A plain array, so
+    that any client reads it; `benchmarks/` measures it beside a packed one."""
+    intensities: list[float] = []
+    """One per ray in the device's own unit, or empty."""
+
+
+@message("sensor/Imu")
+class Imu(Message):
+    """Orientation, angular velocity and acceleration. A covariance whose first number is -1 says
+    that its quantity is not measured; all zeros, that the covariance is unknown.
+    """
+
+    header: Header = field(default_factory=Header)
+    orientation: Quaternion = field(default_factory=Quaternion)
+    orientation_covariance: Covariance3 = ZEROS_3X3
+    """9 numbers, 3x3 row-major about x, y, z; rad²."""
+    angular_velocity: Vector3 = field(default_factory=Vector3)
+    """rad/s."""
+    angular_velocity_covariance: Covariance3 = ZEROS_3X3
+    """9 numbers, 3x3 row-major about x, y, z; rad²/s²."""
+    linear_acceleration: Vector3 = field(default_factory=Vector3)
+    """m/s²."""
+    linear_acceleration_covariance: Covariance3 = ZEROS_3X3
+    """9 numbers, 3x3 row-major along x, y, z; m²/s⁴."""
+
+    def __post_init__(self) -> None:
+        check_length("Imu", "orientation_covariance", self.orientation_covariance, 9)
+        check_length("Imu", "angular_velocity_covariance", self.angular_velocity_covariance, 9)
+        check_length("Imu", "linear_acceleration_covariance", self.linear_acceleration_covariance, 9)
+
+
+@message("sensor/JointState")
+class JointState(Message):
+    """The state of named joints; each array is empty or as long as `name`."""
+
+    header: Header = field(default_factory=Header)
+    name: list[str] = []
+    position: list[float] = []
+    """rad or m."""
+    velocity: list[float] = []
+    """rad/s or m/s."""
+    effort: list[float] = []
+    """N·m or N."""
+
+
+@message("sensor/BatteryState")
+class BatteryState(Message):
+    """The state of a battery; a number that is not measured is NaN."""
+
+    POWER_SUPPLY_STATUS_UNKNOWN: ClassVar[int] = 0
+    POWER_SUPPLY_STATUS_CHARGING: ClassVar[int] = 1
+    POWER_SUPPLY_STATUS_DISCHARGING: ClassVar[int] = 2
+    POWER_SUPPLY_STATUS_NOT_CHARGING: ClassVar[int] = 3
+    POWER_SUPPLY_STATUS_FULL: ClassVar[int] = 4
+
+    header: Header = field(default_factory=Header)
+    voltage: float = 0.0
+    """V."""
+    temperature: float = 0.0
+    """°C."""
+    current: float = 0.0
+    """A; negative while discharging."""
+    charge: float = 0.0
+    """Ah."""
+    capacity: float = 0.0
+    """Ah, of the last full charge."""
+    design_capacity: float = 0.0
+    """Ah."""
+    percentage: float = 0.0
+    """0 to 1."""
+    power_supply_status: UInt8 = 0
+    power_supply_health: UInt8 = 0
+    power_supply_technology: UInt8 = 0
+    present: bool = False
+    cell_voltage: list[float] = []
+    """V, one per cell, or empty."""
+    cell_temperature: list[float] = []
+    """°C, one per cell, or empty."""
+    location: str = ""
+    serial_number: str = ""
+
+
+@message("sensor/Range")
+class Range(Message):
+    """One distance from an ultrasonic or infrared sensor."""
+
+    ULTRASOUND: ClassVar[int] = 0
+    INFRARED: ClassVar[int] = 1
+
+    header: Header = field(default_factory=Header)
+    radiation_type: UInt8 = 0
+    """ULTRASOUND or INFRARED."""
+    field_of_view: float = 0.0
+    """The cone's full angle, rad."""
+    min_range: float = 0.0
+    """m."""
+    max_range: float = 0.0
+    """m."""
+    range: float = 0.0
+    """m; REP-117: -inf too close, +inf no return, NaN no measurement."""
+    variance: float = 0.0
+    """m²; 0 is unknown."""
+
+
+@message("sensor/Image")
+class Image(Message):
+    """An uncompressed picture."""
+
+    header: Header = field(default_factory=Header)
+    height: UInt32 = 0
+    """Rows."""
+    width: UInt32 = 0
+    """Pixels in a row."""
+    encoding: str = ""
+    """Channels and their width, for example `rgb8`, `mono8`, `16UC1`."""
+    is_bigendian: UInt8 = 0
+    step: UInt32 = 0
+    """Bytes in a row."""
+    data: memoryview = memoryview(b"")
+    """height x step bytes, row by row. A decoded one points into the payload: no copy is made."""
+
+
+@message("sensor/CompressedImage")
+class CompressedImage(Message):
+    """A compressed picture."""
+
+    header: Header = field(default_factory=Header)
+    format: str = ""
+    """For example `jpeg`, `png`."""
+    data: memoryview = memoryview(b"")
+    """The file's bytes. A decoded one points into the payload: no copy is made."""
+
+
+@message("sensor/NavSatStatus")
+class NavSatStatus(Message):
+    """Whether a satellite receiver has a fix, and from which systems."""
+
+    STATUS_NO_FIX: ClassVar[int] = -1
+    STATUS_FIX: ClassVar[int] = 0
+    STATUS_SBAS_FIX: ClassVar[int] = 1
+    STATUS_GBAS_FIX: ClassVar[int] = 2
+
+    status: Int8 = 0
+    service: UInt16 = 0
+    """Bits: 1 GPS, 2 GLONASS, 4 COMPASS, 8 GALILEO."""
+
+
+@message("sensor/NavSatFix")
+class NavSatFix(Message):
+    """A position on Earth (WGS 84)."""
+
+    COVARIANCE_TYPE_UNKNOWN: ClassVar[int] = 0
+    COVARIANCE_TYPE_APPROXIMATED: ClassVar[int] = 1
+    COVARIANCE_TYPE_DIAGONAL_KNOWN: ClassVar[int] = 2
+    COVARIANCE_TYPE_KNOWN: ClassVar[int] = 3
+
+    header: Header = field(default_factory=Header)
+    status: NavSatStatus = field(default_factory=NavSatStatus)
+    latitude: float = 0.0
+    """°, north positive."""
+    longitude: float = 0.0
+    """°, east positive."""
+    altitude: float = 0.0
+    """m above the ellipsoid."""
+    position_covariance: Covariance3 = ZEROS_3X3
+    """9 numbers, 3x3 row-major over east, north, up; m²."""
+    position_covariance_type: UInt8 = 0
+
+    def __post_init__(self) -> None:
+        check_length("NavSatFix", "position_covariance", self.position_covariance, 9)
+
+
+@message("sensor/PointField")
+class PointField(Message):
+    """Where one value of a point stands within the point's bytes."""
+
+    INT8: ClassVar[int] = 1
+    UINT8: ClassVar[int] = 2
+    INT16: ClassVar[int] = 3
+    UINT16: ClassVar[int] = 4
+    INT32: ClassVar[int] = 5
+    UINT32: ClassVar[int] = 6
+    FLOAT32: ClassVar[int] = 7
+    FLOAT64: ClassVar[int] = 8
+
+    name: str = ""
+    offset: UInt32 = 0
+    """Bytes from the start of the point."""
+    datatype: Annotated[int, Meta(ge=0, le=8)] = 0
+    """INT8 … FLOAT64; 0 is not set."""
+    count: UInt32 = 0
+    """Elements of this field."""
+
+
+@message("sensor/PointCloud2")
+class PointCloud2(Message):
+    """Points in space, in rows."""
+
+    header: Header = field(default_factory=Header)
+    height: UInt32 = 0
+    """Rows; 1 for a cloud without order."""
+    width: UInt32 = 0
+    """Points in a row."""
+    fields: list[PointField] = []
+    is_bigendian: bool = False
+    point_step: UInt32 = 0
+    """Bytes of a point."""
+    row_step: UInt32 = 0
+    """Bytes of a row."""
+    data: memoryview = memoryview(b"")
+    """height x row_step bytes. A decoded one points into the payload: no copy is made."""
+    is_dense: bool = False
+    """No point is invalid."""
+
+
+@message("sensor/Joy")
+class Joy(Message):
+    """A game pad."""
+
+    header: Header = field(default_factory=Header)
+    axes: list[float] = []
+    """-1 to 1."""
+    buttons: list[Int32] = []
+    """1 pressed, 0 not."""

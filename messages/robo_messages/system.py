@@ -1,0 +1,59 @@
+"""What robo itself says: time, log records, changes of parameters (ROS: rosgraph_msgs, rcl_interfaces)."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from msgspec import field
+
+from robo_messages._registry import Message, message
+from robo_messages._types import UInt8, UInt32
+from robo_messages.std import Time
+
+
+@message("system/Clock")
+class Clock(Message):
+    """The time that nodes with `use_sim_time` follow."""
+
+    clock: Time = field(default_factory=Time)
+
+
+@message("system/Log")
+class Log(Message):
+    """One log record of a node."""
+
+    DEBUG: ClassVar[int] = 10
+    INFO: ClassVar[int] = 20
+    WARN: ClassVar[int] = 30
+    ERROR: ClassVar[int] = 40
+    FATAL: ClassVar[int] = 50
+
+    stamp: Time = field(default_factory=Time)
+    level: UInt8 = 0
+    """DEBUG, INFO, WARN, ERROR or FATAL."""
+    name: str = ""
+    """The node's full name."""
+    msg: str = ""
+    file: str = ""
+    function: str = ""
+    line: UInt32 = 0
+
+
+@message("system/Parameter")
+class Parameter(Message):
+    """A parameter and its value, in its own type."""
+
+    name: str = ""
+    value: Any = None
+
+
+@message("system/ParameterEvent")
+class ParameterEvent(Message):
+    """What changed in a node's parameters."""
+
+    stamp: Time = field(default_factory=Time)
+    node: str = ""
+    """The node's full name."""
+    new_parameters: list[Parameter] = []
+    changed_parameters: list[Parameter] = []
+    deleted_parameters: list[Parameter] = []
