@@ -1,0 +1,104 @@
+"""Messages to and from what travels in a Zenoh sample: payload, encoding, attachment.
+
+Payload: MessagePack map, encoding `application/msgpack;<type name>`. JSON (`application/json`) is
+read as well. Attachment: sequence number and source time, two little-endian int64.
+"""
+
+import struct
+from collections.abc import Callable
+from typing import Generic, NamedTuple, TypeVar
+
+import msgspec
+
+import robo_messages
+from robo_messages import Message
+
+M = TypeVar("M", bound=Message)
+
+MSGPACK = "application/msgpack"
+JSON = "application/json"
+
+_ATTACHMENT = struct.Struct("<qq")
+pack_attachment = _ATTACHMENT.pack
+"""(sequence number, source time in ns since the epoch) to the 16 bytes of an attachment."""
+
+
+class Attachment(NamedTuple):
+    """What a publisher says about a message beside its payload."""
+
+    sequence_number: int
+    """Counts the publisher's messages, from 1."""
+    source_time: int
+    """When it was published, ns since the Unix epoch."""
+
+
+def unpack_attachment(data: bytes) -> Attachment | None:
+    """The attachment's numbers; None where a foreign publisher sent none that can be read.
+
+    Longer attachments are read too: rmw_zenoh's begins with the same 16 bytes.
+    """
+    if len(data) < _ATTACHMENT.size:
+        return None
+    return Attachment(*_ATTACHMENT.unpack_from(data))
+
+
+def encoding_of(type_: type[Message]) -> str:
+    """The Zenoh encoding of a message type, for example `application/msgpack;geometry/Twist`.
+
+    Raises:
+        robo_messages.UnknownType: the type was never registered.
+    """
+    return f"{MSGPACK};{robo_messages.type_name(type_)}"
+
+
+class Malformed(Exception):
+    """A payload that is no message of the expected type; the text is the reason."""
+
+
+class TopicDecoder(Generic[M]):
+    """Decodes the payloads of one topic.
+
+    `fast` reads MessagePack and costs no more than msgspec itself. What it refuses goes to
+    `explain`, which reads JSON or says what is wrong. JSON needs no flag to be told apart: a JSON
+    object begins with `{`, which MessagePack reads as the number 123 and never as a map.
+    """
+
+    def __init__(self, type_: type[M]) -> None:
+        self._type = type_
+        self.fast: Callable[[bytes], M] = msgspec.msgpack.Decoder(type_).decode
+
+    def explain(self, payload: bytes, encoding: str) -> M:
+        """Decode what `fast` refused.
+
+        Raises:
+            Malformed: the payload is neither MessagePack nor JSON of this type.
+        """
+        kind, _, schema = encoding.partition(";")
+        is_json = kind in (JSON, "text/json") or payload.lstrip()[:1] == b"{"
+        try:
+            if is_json:
+                return robo_messages.decode_json(payload, self._type)
+            return self.fast(payload)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+            expected = robo_messages.type_name(self._type)
+            if schema and schema != expected:
+                raise Malformed(f"it is a {schema}, expected {expected}") from None
+            form = "JSON" if is_json else "MessagePack"
+            raise Malformed(f"not a {expected} in {form}: {error}") from None
+
+
+def decode_any(payload: bytes) -> object:
+    """A payload of unknown type as plain data (dicts, lists, numbers, text, bytes).
+
+    Raises:
+        Malformed: it is neither MessagePack nor JSON.
+    """
+    if payload.lstrip()[:1] in (b"{", b"["):
+        try:
+            return msgspec.json.decode(payload)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            pass  # a MessagePack number may begin with the same byte
+    try:
+        return msgspec.msgpack.decode(payload)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise Malformed(f"neither MessagePack nor JSON: {error}") from None

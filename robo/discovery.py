@@ -1,0 +1,128 @@
+"""Who is there: liveliness tokens that name nodes, publishers and subscriptions.
+
+A token is a key that vanishes with its session, however that ends. Its last five chunks are fixed, so
+that it can be read whatever the namespace's length; `/` within a chunk is written `%`:
+
+    @robo/<namespace>/node/<node>/<class>/<pid>/<host>
+    @robo/<namespace>/pub/<node>/<type>/<depth>/<topic key>
+    @robo/<namespace>/sub/<node>/<type>/<depth>/<topic key>
+
+`@` keeps tokens out of `**`. A node declares its node token last: who sees that token knows
+everything else about the node, so it says "ready" as well.
+"""
+
+import os
+import threading
+from collections.abc import Iterable
+from typing import Literal
+
+import msgspec
+import zenoh
+
+from robo import names
+
+PREFIX = "@robo"
+ALL_TOKENS = f"{PREFIX}/**"
+
+EndpointKind = Literal["pub", "sub"]
+
+
+class NodeToken(msgspec.Struct, frozen=True):
+    """A node that is ready."""
+
+    namespace: str
+    node: str
+    class_name: str
+    pid: int
+    host: str
+
+    @property
+    def full_name(self) -> str:
+        """For example `/r1/position_tracker`."""
+        return "/" + names.join(self.namespace, self.node)
+
+    def key(self) -> str:
+        """The token's key expression."""
+        parts = (self.class_name, str(self.pid), self.host)
+        return names.join(PREFIX, self.namespace, "node", self.node, *map(_mangle, parts))
+
+
+class EndpointToken(msgspec.Struct, frozen=True):
+    """A publisher or a subscription."""
+
+    namespace: str
+    node: str
+    kind: EndpointKind
+    type_name: str
+    depth: int
+    topic: str
+    """The key expression."""
+
+    def key(self) -> str:
+        """The token's key expression."""
+        parts = (self.type_name, str(self.depth), self.topic)
+        return names.join(PREFIX, self.namespace, self.kind, self.node, *map(_mangle, parts))
+
+
+def parse_token(key: str) -> NodeToken | EndpointToken | None:
+    """The token that a key spells; None for a key that is no token of robo's."""
+    chunks = key.split("/")
+    if len(chunks) < 6 or chunks[0] != PREFIX:
+        return None
+    namespace = "/".join(chunks[1:-5])
+    kind, node = chunks[-5], chunks[-4]
+    a, b, c = map(_unmangle, chunks[-3:])
+    if not b.isdigit():
+        return None
+    if kind == "node":
+        return NodeToken(namespace, node, a, int(b), c)
+    if kind == "pub" or kind == "sub":
+        return EndpointToken(namespace, node, "pub" if kind == "pub" else "sub", a, int(b), c)
+    return None
+
+
+def status_key(namespace: str, node: str) -> str:
+    """Where a node answers queries about its counters; `*` asks all nodes of a namespace."""
+    return names.join(PREFIX, namespace, "status", node)
+
+
+def hostname() -> str:
+    """This machine's name, as a chunk of a key may hold it."""
+    return "".join(c if c.isalnum() or c in "._-" else "_" for c in os.uname().nodename) or "_"
+
+
+def wait_for_nodes(session: zenoh.Session, full_names: Iterable[str], timeout: float) -> set[str]:
+    """Wait until this session sees each of these nodes ready, and return those it does not see.
+
+    Peers of one robot see a token only over their direct link, where declarations travel in order:
+    whoever sees a node's token already knows its subscriptions, and loses no message to it.
+
+    Args:
+        session: the session that wants to see them.
+        full_names: for example `/r1/position_tracker`.
+        timeout: in s.
+    """
+    missing = set(full_names)
+    if not missing:
+        return missing
+    seen = threading.Event()
+
+    def notice(sample: zenoh.Sample) -> None:
+        token = parse_token(str(sample.key_expr))
+        if sample.kind == zenoh.SampleKind.PUT and isinstance(token, NodeToken):
+            missing.discard(token.full_name)
+            if not missing:
+                seen.set()
+
+    subscriber = session.liveliness().declare_subscriber(ALL_TOKENS, notice, history=True)
+    seen.wait(timeout)
+    subscriber.undeclare()
+    return set(missing)
+
+
+def _mangle(chunk: str) -> str:
+    return chunk.replace("/", "%") or "%"
+
+
+def _unmangle(chunk: str) -> str:
+    return "" if chunk == "%" else chunk.replace("%", "/")

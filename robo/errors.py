@@ -1,0 +1,46 @@
+"""What can go wrong, one class for each situation a caller may want to tell apart.
+
+    RoboError
+    ├── InvalidName           a node, topic or namespace name that breaks the rules
+    ├── ParameterError        a value that a node's parameters refuse
+    ├── ParameterFileError    a parameter file that cannot be read or understood
+    ├── ContractError         a node class that does not say clearly what it does
+    ├── NetworkError          the Zenoh network cannot be reached or opened
+    ├── ManifestError         a launch manifest with mistakes
+    └── UsageError            a command line that makes no sense
+
+Each message tells what is wrong, where, and what to do. A user's own mistake is one of these and
+never a traceback.
+"""
+
+
+class RoboError(Exception):
+    """Base of every error that robo raises on purpose."""
+
+
+class InvalidName(RoboError, ValueError):
+    """A node, topic or namespace name breaks the rules."""
+
+
+class ParameterError(RoboError, ValueError):
+    """One or more values do not fit a node's parameters; the message has a line for each."""
+
+
+class ParameterFileError(RoboError):
+    """A parameter file is missing or has mistakes; the message has a line for each."""
+
+
+class ContractError(RoboError, TypeError):
+    """A node class does not say clearly what it publishes, subscribes or how it is tuned."""
+
+
+class NetworkError(RoboError, ConnectionError):
+    """The Zenoh network cannot be reached or opened."""
+
+
+class ManifestError(RoboError):
+    """A launch manifest has mistakes; the message has them all, each with its position."""
+
+
+class UsageError(RoboError):
+    """A command line makes no sense."""

@@ -1,0 +1,72 @@
+"""From the name of a service to its node class: `package.module` or `package.module:Class`."""
+
+import difflib
+import importlib
+import importlib.util
+import pkgutil
+import sys
+from pathlib import Path
+
+from robo.errors import ContractError
+from robo.node import Node
+
+
+def load_node_class(service: str) -> type[Node]:
+    """Import the module of a service and find its node class.
+
+    A module without `:Class` must define exactly one node class.
+
+    Raises:
+        ContractError: the module or the class is not there, or cannot be imported; says what comes close.
+    """
+    module_name, _, class_name = service.partition(":")
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.insert(0, here)  # services of the folder one works in need no installation
+    try:
+        module = importlib.import_module(module_name)
+    except ModuleNotFoundError as error:
+        if error.name is None or not (module_name + ".").startswith(error.name + "."):
+            raise ContractError(
+                f"service {service!r} needs the module {error.name!r}, which is not installed"
+            ) from None
+        raise ContractError(f"there is no service {service!r}{_similar(module_name)}") from None
+    except (ImportError, SyntaxError, ValueError) as error:
+        raise ContractError(f"service {service!r} cannot be imported: {error}") from error
+    classes = {
+        name: member
+        for name, member in vars(module).items()
+        if isinstance(member, type) and issubclass(member, Node) and member.__module__ == module.__name__
+    }
+    if class_name:
+        if class_name in classes:
+            return classes[class_name]
+        raise ContractError(f"module {module_name} has no node class {class_name!r}{_among(classes)}")
+    if len(classes) == 1:
+        return next(iter(classes.values()))
+    if not classes:
+        raise ContractError(f"module {module_name} defines no node class; a node is a subclass of robo.Node")
+    raise ContractError(
+        f"module {module_name} defines several node classes; write one of {_options(module_name, classes)}"
+    )
+
+
+def _options(module: str, classes: dict[str, type[Node]]) -> str:
+    return ", ".join(f"{module}:{name}" for name in classes)
+
+
+def _among(classes: dict[str, type[Node]]) -> str:
+    return f"; it has {', '.join(classes)}" if classes else "; it has none"
+
+
+def _similar(module_name: str) -> str:
+    package, _, _ = module_name.rpartition(".")
+    try:
+        spec = importlib.util.find_spec(package) if package else None
+    except ImportError:
+        spec = None
+    if spec is None or spec.submodule_search_locations is None:
+        return "; write package.module or package.module:Class"
+    known = [f"{package}.{m.name}" for m in pkgutil.iter_modules(spec.submodule_search_locations)]
+    close = difflib.get_close_matches(module_name, known, n=1)
+    return f"; did you mean {close[0]}?" if close else f"; {package} has {', '.join(known)}"

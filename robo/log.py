@@ -1,0 +1,187 @@
+"""Logging as ROS users know it, on top of the standard library's.
+
+`node.logger.warning("obstacle at %.2f m", distance, throttle=1.0)`: ROS's levels, a throttle in
+seconds, structured fields (`fields={"distance": 0.27}`). Records go to stderr and to the robot's
+`log` topic.
+"""
+
+import logging
+import os
+import sys
+import time
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+from robo.errors import UsageError
+from robo_messages import Log, Time
+
+LEVELS = {"debug": 10, "info": 20, "warn": 30, "warning": 30, "error": 40, "fatal": 50}
+_NAMES = {10: "DEBUG", 20: "INFO", 30: "WARN", 40: "ERROR", 50: "FATAL"}
+_COLOURS = {"DEBUG": "2", "WARN": "33", "ERROR": "31", "FATAL": "1;31"}
+
+ROOT = "robo.node"
+
+Fields = Mapping[str, object] | None
+
+
+def level_of(name: str) -> int:
+    """The number of a level's name.
+
+    Raises:
+        UsageError: there is no such level.
+    """
+    try:
+        return LEVELS[name.lower()]
+    except KeyError:
+        raise UsageError(f"log level {name!r}: use debug, info, warn, error or fatal") from None
+
+
+def level_name(level: int) -> str:
+    """ROS's name of a level, `INFO` for 20."""
+    return _NAMES.get(level - level % 10, "INFO")
+
+
+class NodeLogger:
+    """A node's logger. Each method takes the text, the values to put into it, and optionally
+
+    - `throttle`: show the same text at most once in so many seconds, and count the rest;
+    - `fields`: figures to go along with the text.
+    """
+
+    def __init__(self, name: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self.logger = logging.getLogger(f"{ROOT}.{name}")
+        """The standard library's logger below."""
+        self._clock = clock
+        self._throttled: dict[str, tuple[float, int]] = {}
+
+    def debug(self, text: str, *values: object, throttle: float | None = None, fields: Fields = None) -> None:
+        """For those who look for a fault."""
+        self._log(logging.DEBUG, text, values, throttle, fields)
+
+    def info(self, text: str, *values: object, throttle: float | None = None, fields: Fields = None) -> None:
+        """What goes as it should."""
+        self._log(logging.INFO, text, values, throttle, fields)
+
+    def warning(self, text: str, *values: object, throttle: float | None = None, fields: Fields = None) -> None:
+        """What may need somebody's attention."""
+        self._log(logging.WARNING, text, values, throttle, fields)
+
+    def error(self, text: str, *values: object, throttle: float | None = None, fields: Fields = None) -> None:
+        """What does not work."""
+        self._log(logging.ERROR, text, values, throttle, fields)
+
+    def fatal(self, text: str, *values: object, throttle: float | None = None, fields: Fields = None) -> None:
+        """What ends the node."""
+        self._log(logging.CRITICAL, text, values, throttle, fields)
+
+    def exception(self, text: str, *values: object, throttle: float | None = None, fields: Fields = None) -> None:
+        """An error with the traceback of the exception that is being handled."""
+        self._log(logging.ERROR, text, values, throttle, fields, exc_info=True)
+
+    def _log(
+        self,
+        level: int,
+        text: str,
+        values: tuple[object, ...],
+        throttle: float | None,
+        fields: Fields,
+        exc_info: bool = False,
+    ) -> None:
+        if not self.logger.isEnabledFor(level):
+            return
+        if throttle is not None:
+            held_back = self._skip(text, throttle)
+            if held_back is None:
+                return
+            if held_back:
+                text = f"{text} ({held_back} more like this)"
+        # The caller is three frames up: this method and the level's method lie between.
+        self.logger.log(level, text, *values, exc_info=exc_info, stacklevel=3, extra={"fields": dict(fields or {})})
+
+    def _skip(self, text: str, throttle: float) -> int | None:
+        """How many of this text were held back since the last one shown; None to hold this one back."""
+        now = self._clock()
+        last, held = self._throttled.get(text, (float("-inf"), 0))
+        if now - last < throttle:
+            self._throttled[text] = (last, held + 1)
+            return None
+        self._throttled[text] = (now, 0)
+        return held
+
+
+class ConsoleFormatter(logging.Formatter):
+    """`12:00:01.123 INFO  r1/tracker: text`; under a supervisor, which adds time and node, `INFO  text`."""
+
+    def __init__(self, *, supervised: bool, colour: bool) -> None:
+        super().__init__()
+        self._supervised = supervised
+        self._colour = colour
+
+    def format(self, record: logging.LogRecord) -> str:
+        """One line, and the traceback below it if there is one."""
+        level = level_name(record.levelno)
+        text = record.getMessage()
+        fields: Mapping[str, object] = getattr(record, "fields", {})
+        if fields:
+            text += " " + " ".join(f"{key}={value}" for key, value in fields.items())
+        if record.exc_info:
+            text += "\n" + self.formatException(record.exc_info)
+        shown = f"{level:5}"
+        if self._colour and level in _COLOURS:
+            shown = f"\x1b[{_COLOURS[level]}m{shown}\x1b[0m"
+        if self._supervised:
+            return f"{shown} {text}"
+        stamp = time.strftime("%H:%M:%S", time.localtime(record.created))
+        name = record.name.removeprefix(f"{ROOT}.")
+        return f"{stamp}.{int(record.msecs):03d} {shown} {name}: {text}"
+
+
+class LogPublisher(Protocol):
+    """What a record needs to reach the bus."""
+
+    def publish(self, message: Log) -> None:
+        """Send one record."""
+
+
+class BusHandler(logging.Handler):
+    """Publishes a node's records on its robot's `log` topic."""
+
+    def __init__(self, publisher: LogPublisher, node: str) -> None:
+        super().__init__()
+        self._publisher = publisher
+        self._node = node
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Publish one record; a bus that is gone must not break the node that logs about it."""
+        try:
+            self._publisher.publish(
+                Log(
+                    stamp=Time.from_seconds(record.created),
+                    level=min(record.levelno, Log.FATAL),
+                    name=self._node,
+                    msg=record.getMessage(),
+                    file=record.pathname,
+                    function=record.funcName or "",
+                    line=record.lineno,
+                )
+            )
+        except Exception:
+            self.handleError(record)
+
+
+def setup(level: str | None = None, *, colour: bool | None = None) -> None:
+    """Send this process's node logs to stderr, once. `level` defaults to ROBO_LOG_LEVEL, then info.
+
+    Raises:
+        UsageError: there is no such level.
+    """
+    logger = logging.getLogger(ROOT)
+    logger.setLevel(level_of(level or os.environ.get("ROBO_LOG_LEVEL") or "info"))
+    logger.propagate = False
+    if logger.handlers:
+        return
+    handler = logging.StreamHandler(sys.stderr)
+    if colour is None:
+        colour = sys.stderr.isatty() and "NO_COLOR" not in os.environ
+    handler.setFormatter(ConsoleFormatter(supervised="ROBO_SUPERVISED" in os.environ, colour=colour))
+    logger.addHandler(handler)

@@ -1,0 +1,97 @@
+"""Names as ROS has them, and the key expressions they become.
+
+A name is *relative* (`odom`), *absolute* (`/odom`) or *private* (`~/state`, below the node). Resolved
+in namespace `r1` for node `tracker` they are the keys `r1/odom`, `odom` and `r1/tracker/state`: a
+fully qualified name without its leading slash is the key expression.
+"""
+
+import re
+from collections.abc import Mapping
+
+from robo.errors import InvalidName
+
+_CHUNK = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+RULE = "letters, digits and _, not starting with a digit"
+
+
+def check_node_name(name: str) -> str:
+    """A node's name: one chunk.
+
+    Raises:
+        InvalidName: it is empty or holds anything but letters, digits and `_`.
+    """
+    if not _CHUNK.match(name):
+        raise InvalidName(f"node name {name!r}: use {RULE}")
+    return name
+
+
+def normalize_namespace(namespace: str) -> str:
+    """A namespace without its outer slashes; `""` and `"/"` are the root.
+
+    Raises:
+        InvalidName: a part of it is no valid name.
+    """
+    stripped = namespace.strip("/")
+    if stripped:
+        _check_chunks("namespace", namespace, stripped)
+    return stripped
+
+
+def join(*parts: str) -> str:
+    """Join parts of a key, leaving out empty ones."""
+    return "/".join(part for part in parts if part)
+
+
+def resolve(name: str, *, namespace: str, node: str, remappings: Mapping[str, str] | None = None) -> str:
+    """The key expression of a topic or service name, after remapping.
+
+    A remapping's left side may be written like the name itself (`odom`), or be any name that
+    resolves to the same key (`/r1/odom`); its right side is resolved like a name.
+
+    Args:
+        name: relative, absolute or private.
+        namespace: the node's namespace, without outer slashes.
+        node: the node's name.
+        remappings: from name to name.
+
+    Raises:
+        InvalidName: the name or a remapping breaks the rules.
+    """
+    key = _expand(name, namespace, node)
+    for old, new in (remappings or {}).items():
+        if old == name or _expand(old, namespace, node) == key:
+            return _expand(new, namespace, node)
+    return key
+
+
+def key_of(name: str) -> str:
+    """The key expression that somebody means who types a topic's full name, with or without its `/`.
+
+    Wildcards are allowed.
+
+    Raises:
+        InvalidName: the name is empty or no valid key expression.
+    """
+    key = name.strip("/")
+    if not key or "//" in key or any(c in key for c in "#?$ ") or "~" in key:
+        raise InvalidName(f"topic {name!r}: write its full name, for example r1/odom or r1/*")
+    return key
+
+
+def _expand(name: str, namespace: str, node: str) -> str:
+    if name.startswith("/"):
+        body, key = name[1:], name[1:]
+    elif name == "~" or name.startswith("~/"):
+        body = name[2:] if name != "~" else node
+        key = join(namespace, node, name[2:])
+    else:
+        body, key = name, join(namespace, name)
+    _check_chunks("name", name, body)
+    return key
+
+
+def _check_chunks(what: str, shown: str, body: str) -> None:
+    for chunk in body.split("/"):
+        if not _CHUNK.match(chunk):
+            part = f"part {chunk!r}" if chunk else "an empty part"
+            raise InvalidName(f"{what} {shown!r} has {part}; use {RULE}, parts joined by /")

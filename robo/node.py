@@ -1,0 +1,344 @@
+"""The node: a class whose contract can be read without running it."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Mapping
+from types import TracebackType
+from typing import Any, ClassVar, TypeVar
+
+import msgspec
+import zenoh
+
+from robo import discovery, log, names
+from robo.clock import Clock
+from robo.contract import Contract, contract_of
+from robo.discovery import NodeToken
+from robo.endpoints import TopicPublisher, TopicSubscription, endpoint_token
+from robo.executor import TimerLoop, Turn
+from robo.parameters import Parameters as AnyParameters
+from robo.parameters import build
+from robo.qos import DEFAULT_DEPTH
+from robo.session import Network, open_session
+from robo_messages import Log, Message, Time
+
+M = TypeVar("M", bound=Message)
+
+STOP_TIMEOUT = 2.0
+"""How long `close` waits for a callback that is running, s."""
+
+
+class NodeStatus(msgspec.Struct, frozen=True):
+    """What a node has seen so far; also the reply to a query on its status key."""
+
+    node: str
+    """The full name."""
+    received: dict[str, int]
+    """Messages given to callbacks, by topic."""
+    malformed: dict[str, int]
+    """Payloads dropped because they were no message of the topic's type, by topic."""
+    dropped: dict[str, int]
+    """Messages dropped because the callback fell behind, by topic."""
+    callback_errors: int
+    """Exceptions that callbacks raised."""
+
+
+class Node:
+    """Base of every node. A subclass declares what it publishes, subscribes and how it is tuned:
+
+        class Talker(Node):
+            class Parameters(robo.Parameters):
+                rate: Annotated[float, Meta(gt=0, description="Hz")] = 1.0
+
+            parameters: Parameters
+            chatter = Publisher(String, "chatter")
+
+            @timer(rate="rate")
+            def speak(self) -> None:
+                self.chatter.publish(String("hello"))
+
+    Callbacks never run at the same time, so they need no locks. A callback that raises is logged and
+    counted, and the node goes on; `raise SystemExit(code)` ends it.
+    """
+
+    Parameters: ClassVar[type[AnyParameters]] = AnyParameters
+    parameters: AnyParameters
+
+    def __init__(
+        self,
+        *,
+        name: str | None = None,
+        namespace: str | None = None,
+        parameters: Mapping[str, object] | None = None,
+        remappings: Mapping[str, str] | None = None,
+        session: zenoh.Session | None = None,
+    ) -> None:
+        """
+        Args:
+            name: the node's name; by default the class's in snake_case.
+            namespace: where its relative names live, usually the robot's name; by default
+                ROBO_NAMESPACE or the root.
+            parameters: values over the declared defaults, by name.
+            remappings: other names for topics, from declared name to new name.
+            session: a Zenoh session to use, which stays the caller's to close; by default the node
+                opens one of its own when it starts.
+
+        Raises:
+            ContractError, ParameterError, InvalidName: the class, a value or a name is wrong.
+        """
+        self.contract: Contract = contract_of(type(self))
+        self.name = names.check_node_name(name or self.contract.name)
+        if namespace is None:
+            namespace = os.environ.get("ROBO_NAMESPACE", "")
+        self.namespace = names.normalize_namespace(namespace)
+        self.full_name = "/" + names.join(self.namespace, self.name)
+        self.parameters = build(type(self).Parameters, parameters or {}, self.full_name)
+        self.logger = log.NodeLogger(self.full_name[1:].replace("/", "."))
+        self.clock = Clock()
+        self.exit_code = 0
+        self._remappings = dict(remappings or {})
+        self._given_session = session
+        self._session: zenoh.Session | None = None
+        self._turn = Turn()
+        self._publishers: list[TopicPublisher[Any]] = []
+        self._subscriptions: list[TopicSubscription[Any]] = []
+        self._timers: list[TimerLoop] = []
+        self._callback_errors = 0
+        self._running = False
+        self._main_thread: threading.Thread | None = None
+        self._shutdown = threading.Event()
+
+    # -- for subclasses ------------------------------------------------------------------------
+
+    def on_start(self) -> None:
+        """Called when the publishers exist and before any other callback runs."""
+
+    def on_stop(self) -> None:
+        """Called after the last callback, while the publishers still exist."""
+
+    def main(self) -> None:
+        """Work that is no reaction: a player, a script, a test drive.
+
+        Runs in a thread of its own once the node is ready, beside the callbacks. When it returns the
+        node ends; when it raises, with exit code 1. It should return soon once `stopping` is true.
+        """
+
+    def sleep(self, seconds: float) -> bool:
+        """Wait, in `main`. Returns False at once when the node is told to stop."""
+        return not self._shutdown.wait(seconds) if seconds > 0 else not self.stopping
+
+    @property
+    def stopping(self) -> bool:
+        """Whether the node is told to stop."""
+        return self._shutdown.is_set()
+
+    def now(self) -> Time:
+        """The time for stamps."""
+        return self.clock.now()
+
+    def shutdown(self, exit_code: int = 0) -> None:
+        """End the node; returns at once. A process that runs it exits with `exit_code`."""
+        self.exit_code = exit_code
+        self._shutdown.set()
+
+    # -- endpoints made while running ----------------------------------------------------------
+
+    @property
+    def session(self) -> zenoh.Session:
+        """The Zenoh session of a node that has started."""
+        if self._session is None:
+            raise RuntimeError(f"{self.full_name} has not started; use it as `with node:` or call start()")
+        return self._session
+
+    def resolve(self, name: str) -> str:
+        """The key expression of a topic name for this node, after namespace and remapping.
+
+        Raises:
+            InvalidName: the name breaks the rules.
+        """
+        return names.resolve(name, namespace=self.namespace, node=self.name, remappings=self._remappings)
+
+    def create_publisher(self, message_type: type[M], topic: str, depth: int = DEFAULT_DEPTH) -> TopicPublisher[M]:
+        """Make a publisher while running; for one the class always has, declare a `Publisher`."""
+        token = endpoint_token(self.namespace, self.name, "pub", message_type, depth, self.resolve(topic))
+        publisher = TopicPublisher(self.session, token, message_type)
+        self._publishers.append(publisher)
+        return publisher
+
+    def create_subscription(
+        self, message_type: type[M], topic: str, callback: Callable[[M], None], depth: int = DEFAULT_DEPTH
+    ) -> TopicSubscription[M]:
+        """Subscribe while running; for a topic the class always reads, use `@subscribe`."""
+        token = endpoint_token(self.namespace, self.name, "sub", message_type, depth, self.resolve(topic))
+        subscription = TopicSubscription(
+            self.session, token, message_type, self._turn, self._guarded(callback), self._report_malformed
+        )
+        self._subscriptions.append(subscription)
+        if self._running:
+            subscription.start()
+        return subscription
+
+    def create_timer(self, period: float | Callable[[], float], callback: Callable[[], None]) -> TimerLoop:
+        """Call `callback` every `period` seconds; a function is asked before each tick."""
+        name = getattr(callback, "__name__", "timer")
+        timer = TimerLoop(name, period if callable(period) else lambda: period, self._turn, self._guarded(callback))
+        self._timers.append(timer)
+        if self._running:
+            timer.start()
+        return timer
+
+    # -- life ----------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Join the network, make the declared endpoints and begin to run callbacks.
+
+        Raises:
+            NetworkError: the network cannot be reached.
+        """
+        self._session = self._given_session or open_session(Network.from_environment("router"))
+        log_publisher = self.create_publisher(Log, self._log_topic())
+        self._log_handler = log.BusHandler(log_publisher, self.full_name)
+        self.logger.logger.addHandler(self._log_handler)
+        for declared in self.contract.publishers:
+            publisher = self.create_publisher(declared.message_type, declared.topic, declared.depth)
+            vars(self)[declared.attribute] = publisher
+        self.on_start()
+        for wanted in self.contract.subscriptions:
+            self.create_subscription(wanted.message_type, wanted.topic, getattr(self, wanted.method), wanted.depth)
+        for ticking in self.contract.timers:
+            self.create_timer(self._period(ticking.rate), getattr(self, ticking.method))
+        self._status_queries = self._session.declare_queryable(
+            discovery.status_key(self.namespace, self.name), zenoh.handlers.FifoChannel(16)
+        )
+        threading.Thread(target=self._answer_status, name="robo-status", daemon=True).start()
+        self._running = True
+        for subscription in self._subscriptions:
+            subscription.start()
+        for timer in self._timers:
+            timer.start()
+        self._token = self._session.liveliness().declare_token(self._node_token().key())
+        if type(self).main is not Node.main:
+            self._main_thread = threading.Thread(target=self._run_main, name="robo-main", daemon=True)
+            self._main_thread.start()
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Block until the node is shut down. Returns whether it was, within `timeout` seconds."""
+        return self._shutdown.wait(timeout)
+
+    def close(self) -> None:
+        """Stop callbacks, let those that run finish, leave the network. Safe to call twice."""
+        if self._session is None:
+            return
+        self._shutdown.set()
+        self._running = False
+        self._token.undeclare()
+        if self._main_thread is not None and self._main_thread is not threading.current_thread():
+            self._main_thread.join(STOP_TIMEOUT)
+        returned = [timer.stop(STOP_TIMEOUT) for timer in self._timers]
+        returned += [subscription.stop(STOP_TIMEOUT) for subscription in self._subscriptions]
+        stuck = not all(returned)
+        if stuck:
+            self.logger.error("a callback did not return within %.0f s; leaving without it", STOP_TIMEOUT)
+        with self._turn if not stuck else threading.Lock():
+            self._guarded(self.on_stop)()
+        self._status_queries.undeclare()
+        self.logger.logger.removeHandler(self._log_handler)
+        for publisher in self._publishers:
+            publisher.undeclare()
+        if self._given_session is None:
+            self._session.close()
+        self._session = None
+
+    def __enter__(self) -> Node:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # -- what it has seen ----------------------------------------------------------------------
+
+    @property
+    def status(self) -> NodeStatus:
+        """Counters of this node, as a query on its status key would get them."""
+        subscriptions = list(self._subscriptions)
+        return NodeStatus(
+            node=self.full_name,
+            received={s.topic: s.received for s in subscriptions},
+            malformed={s.topic: s.malformed for s in subscriptions},
+            dropped={s.topic: s.dropped for s in subscriptions},
+            callback_errors=self._callback_errors,
+        )
+
+    def flush(self, timeout: float = 5.0) -> None:
+        """Wait until the nodes in this namespace have received all that was published so far.
+
+        A query follows the messages before it on the same link, so a node that answers has them.
+
+        Args:
+            timeout: how long to wait for a node that does not answer, s.
+        """
+        everybody = discovery.status_key(self.namespace, "*")
+        for _ in self.session.get(everybody, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE):
+            pass
+
+    # -- inside --------------------------------------------------------------------------------
+
+    def _log_topic(self) -> str:
+        return "/" + names.join(self.namespace, "log")
+
+    def _node_token(self) -> NodeToken:
+        cls = type(self)
+        class_name = f"{cls.__module__}:{cls.__qualname__}"
+        return NodeToken(self.namespace, self.name, class_name, os.getpid(), discovery.hostname())
+
+    def _period(self, rate: float | str) -> Callable[[], float]:
+        if isinstance(rate, str):
+            return lambda: 1.0 / float(getattr(self.parameters, rate))
+        period = 1.0 / rate
+        return lambda: period
+
+    def _guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """The callback, so that what it raises ends neither its thread nor, unless asked, the node."""
+
+        def run(*args: Any) -> None:
+            try:
+                callback(*args)
+            except SystemExit as stop:
+                self.shutdown(stop.code if isinstance(stop.code, int) else int(stop.code is not None))
+            except Exception:
+                self._callback_errors += 1
+                name = getattr(callback, "__name__", "a callback")
+                self.logger.exception(f"{name} raised", throttle=1.0)
+
+        return run
+
+    def _run_main(self) -> None:
+        try:
+            self.main()
+            self._shutdown.set()
+        except SystemExit as stop:
+            self.shutdown(stop.code if isinstance(stop.code, int) else int(stop.code is not None))
+        except Exception:
+            self.logger.exception("main raised")
+            self.shutdown(1)
+
+    def _report_malformed(self, topic: str, count: int, reason: str) -> None:
+        self.logger.warning("dropped a malformed message on " + topic + " (%d so far): %s", count, reason, throttle=5.0)
+
+    def _answer_status(self) -> None:
+        handler = self._status_queries.handler
+        while True:
+            try:
+                query = handler.recv()
+            except zenoh.ZError:
+                return
+            with query:
+                query.reply(
+                    discovery.status_key(self.namespace, self.name),
+                    msgspec.msgpack.encode(self.status),
+                    encoding="application/msgpack",
+                )

@@ -1,0 +1,88 @@
+"""The command line of a single node: `python -m robo_services.position_tracker --robot-name r1 …`."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from robo import parameter_files
+from robo.contract import Contract, contract_of
+from robo.errors import UsageError
+from robo.node import Node
+from robo.parameters import parse_assignment
+from robo.runner import NodeSpec
+
+
+def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
+    """The spec of a node from its command line. Exits on `--help` and on unknown options.
+
+    Raises:
+        ParameterError: a `-p` is not `name:=value`.
+        ParameterFileError: a parameter file is missing or has mistakes.
+        UsageError: a `-r` is not `from:=to`.
+    """
+    contract = contract_of(node_class)
+    options = _parser(node_class, contract).parse_args(arguments)
+    name = options.name or contract.name
+    namespace = options.robot_name
+    values: dict[str, object] = {}
+    for path in options.params_file:
+        file = parameter_files.load(path)
+        values |= file.values_for(namespace or "", name)
+    given = [parse_assignment(text, node_class.Parameters) for text in options.param]
+    return NodeSpec(
+        service=f"{node_class.__module__}:{node_class.__qualname__}",
+        name=options.name,
+        namespace=namespace,
+        parameters=values | dict(given),
+        remappings=dict(map(_remapping, options.remap)),
+        connect=tuple(options.connect),
+        listen=tuple(options.listen),
+    )
+
+
+def _parser(node_class: type[Node], contract: Contract) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=f"robo run {_module_name(node_class)}",
+        description=contract.description.split("\n")[0],
+        epilog=_contract_text(contract),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--robot-name", "--namespace", metavar="NAME", help="namespace of the node's names (or ROBO_NAMESPACE)")
+    add("--name", metavar="NAME", help=f"the node's name (default {contract.name})")
+    add("-p", "--param", metavar="NAME:=VALUE", action="append", default=[], help="set a parameter")
+    add("--params-file", metavar="FILE", action="append", default=[], help="read parameters from a YAML file")
+    add("-r", "--remap", metavar="FROM:=TO", action="append", default=[], help="use another name for a topic")
+    add("--connect", metavar="ENDPOINT", action="append", default=[], help="dial a router (or ROBO_CONNECT)")
+    add("--listen", metavar="ENDPOINT", action="append", default=[], help="listen here (or ROBO_LISTEN)")
+    return parser
+
+
+def _module_name(node_class: type[Node]) -> str:
+    """The module's importable name, also where Python runs it as `__main__`."""
+    spec = getattr(sys.modules[node_class.__module__], "__spec__", None)
+    return spec.name if spec is not None else node_class.__module__
+
+
+def _contract_text(contract: Contract) -> str:
+    """The contract below the options: what `--help` is read for."""
+    import robo_messages
+
+    lines = []
+    if contract.subscriptions:
+        lines.append("subscribes:")
+        lines += [f"  {s.topic:18} {robo_messages.type_name(s.message_type)}" for s in contract.subscriptions]
+    if contract.publishers:
+        lines.append("publishes:")
+        lines += [f"  {p.topic:18} {robo_messages.type_name(p.message_type)}" for p in contract.publishers]
+    if contract.parameters:
+        lines.append("parameters:")
+        lines += [f"  {p.name:18} {p.default!r:8} {p.description}" for p in contract.parameters]
+    return "\n".join(lines)
+
+
+def _remapping(text: str) -> tuple[str, str]:
+    old, assign, new = text.partition(":=")
+    if not (assign and old and new):
+        raise UsageError(f"remapping {text!r}: write from:=to, for example odom:=robot/odom")
+    return old, new

@@ -1,0 +1,33 @@
+"""`python -m robo.node_process SERVICE …`: the process of a node, by the name of its service.
+
+A supervisor puts the finished spec into the environment, and into the arguments only what helps
+whoever reads the process list. Otherwise the arguments are those of the node's command line.
+"""
+
+import os
+import sys
+
+import msgspec
+
+from robo.errors import RoboError
+from robo.loading import load_node_class
+from robo.runner import SPEC_VARIABLE, NodeSpec, run, run_spec
+
+
+def main() -> None:
+    """Run the node, and exit with its exit code."""
+    service, *arguments = sys.argv[1:]
+    finished = os.environ.pop(SPEC_VARIABLE, None)
+    try:
+        node_class = load_node_class(service)
+        if finished is None:
+            run(node_class, arguments)
+        code = run_spec(node_class, msgspec.json.decode(finished, type=NodeSpec))
+    except RoboError as error:
+        print(f"ERROR {error}", file=sys.stderr)
+        code = 1
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

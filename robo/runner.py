@@ -1,0 +1,93 @@
+"""Running one node as a process: by hand with options, or under a supervisor with a finished spec."""
+
+import signal
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NoReturn
+
+import msgspec
+
+from robo import log
+from robo.discovery import wait_for_nodes
+from robo.errors import RoboError
+from robo.node import Node
+from robo.session import Mode, Network, open_session
+
+if TYPE_CHECKING:
+    from types import FrameType
+
+SPEC_VARIABLE = "ROBO_NODE"
+
+
+class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):
+    """All that a node's process needs to know, resolved."""
+
+    service: str
+    """`package.module:Class` or `package.module`."""
+    name: str | None = None
+    namespace: str | None = None
+    parameters: dict[str, object] = {}
+    remappings: dict[str, str] = {}
+    needs: tuple[str, ...] = ()
+    """Full names of nodes that this one must see before it starts."""
+    mode: Mode = "router"
+    connect: tuple[str, ...] = ()
+    listen: tuple[str, ...] = ()
+
+
+def run(node_class: type[Node], arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run a node until Ctrl-C, SIGTERM or its own `shutdown`, then exit with its exit code.
+
+    `robo.run(PositionTracker)` at the end of a module makes it a command of its own; `--help` shows
+    its options and its contract.
+    """
+    from robo import node_options
+
+    try:
+        spec = node_options.parse(node_class, sys.argv[1:] if arguments is None else arguments)
+        code = run_spec(node_class, spec)
+    except RoboError as error:
+        print(f"error: {error}", file=sys.stderr)
+        code = 1
+    sys.exit(code)
+
+
+def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
+    """Run a node in this process until it is told to stop.
+
+    Returns:
+        The node's exit code.
+
+    Raises:
+        RoboError: it cannot be built, or cannot join the network.
+    """
+    log.setup()
+    node: Node | None = None
+    interrupted = False
+
+    def stop(_number: int, _frame: "FrameType | None") -> None:
+        nonlocal interrupted
+        interrupted = True
+        if node is not None:
+            node.shutdown(node.exit_code)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, stop)
+    session = open_session(Network.from_environment(spec.mode, spec.connect, spec.listen))
+    try:
+        node = node_class(
+            name=spec.name,
+            namespace=spec.namespace,
+            parameters=spec.parameters,
+            remappings=spec.remappings,
+            session=session,
+        )
+        unseen = wait_for_nodes(session, spec.needs, timeout=5.0)
+        if unseen:
+            node.logger.warning("starting although it does not see %s", ", ".join(sorted(unseen)))
+        with node:
+            if not interrupted:
+                node.wait()
+        return node.exit_code
+    finally:
+        session.close()

@@ -1,0 +1,115 @@
+"""Opening Zenoh sessions with robo's defaults: loopback only, no multicast, quick to start and to heal.
+
+Three kinds of process take part. A robot's **nodes** are peers that meet at their robot's router and
+then link directly. **Routers** join robots to each other and serve tools; a node that is run alone is
+its own router. **Tools** are clients of a router.
+"""
+
+import atexit
+import os
+import re
+from collections.abc import Sequence
+from typing import Literal
+
+import msgspec
+
+os.environ.setdefault(
+    # One receiving thread, and what else Zenoh does on its network threads: two threads fewer in each
+    # process and less latency than its default (measured: benchmarks/).
+    "ZENOH_RUNTIME",
+    "(rx:(worker_threads:1),acc:(handover:net),tx:(handover:net))",
+)
+
+import zenoh
+
+from robo.errors import NetworkError
+
+Mode = Literal["peer", "client", "router"]
+
+RENDEZVOUS = "tcp/127.0.0.1:7447"
+"""Where robots on one machine meet: the first router listens there, the others link to it."""
+
+_SOURCE = re.compile(r" at \S+\.rs:\d+\.?")
+"""Where in Zenoh's own source an error was raised: no help to users."""
+
+_RETRY = {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5}
+
+
+class Network(msgspec.Struct, frozen=True, kw_only=True):
+    """How a process joins the network."""
+
+    mode: Mode = "router"
+    connect: tuple[str, ...] = ()
+    """Zenoh endpoints to dial, for example `tcp/192.168.1.20:7447`; retried until they answer."""
+    listen: tuple[str, ...] = ()
+    """Zenoh endpoints to listen on; a router takes one that is in use over once it is free."""
+    timeout: float = 10.0
+    """How long a peer or client waits for its first connection, s."""
+
+    @classmethod
+    def from_environment(cls, mode: Mode, connect: Sequence[str] = (), listen: Sequence[str] = ()) -> "Network":
+        """Options first, then ROBO_CONNECT and ROBO_LISTEN (endpoints joined by commas), then loopback.
+
+        A router listens at the rendezvous and also dials it: whoever holds the port is the meeting
+        point, and when it leaves the next one takes the port over.
+        """
+        dial = tuple(connect) or _endpoints("ROBO_CONNECT")
+        serve = tuple(listen) or _endpoints("ROBO_LISTEN")
+        if mode == "router":
+            serve = serve or (RENDEZVOUS,)
+            return cls(mode=mode, connect=dial + tuple(e for e in serve if "127.0.0.1:" in e), listen=serve)
+        return cls(mode=mode, connect=dial or (RENDEZVOUS,), listen=serve)
+
+
+def _endpoints(variable: str) -> tuple[str, ...]:
+    return tuple(e.strip() for e in os.environ.get(variable, "").split(",") if e.strip())
+
+
+def zenoh_config(network: Network) -> zenoh.Config:
+    """The Zenoh configuration of a session.
+
+    Raises:
+        NetworkError: an endpoint is no Zenoh endpoint.
+    """
+    config = zenoh.Config()
+    router = network.mode == "router"
+    settings: dict[str, object] = {
+        "mode": network.mode,
+        "scouting/multicast/enabled": False,
+        "scouting/delay": 0,
+        "listen/endpoints": network.listen,
+        "connect/endpoints": network.connect,
+        "connect/retry": _RETRY,
+        "connect/timeout_ms": -1 if router else round(network.timeout * 1000),
+        "connect/exit_on_failure": not router,
+        # A process that hangs or whose cable is cut is given up after this long.
+        "transport/link/tx/lease": 2000,
+    }
+    if router:
+        settings |= {"listen/retry": _RETRY, "listen/timeout_ms": -1, "listen/exit_on_failure": False}
+    for key, value in settings.items():
+        try:
+            config.insert_json5(key, msgspec.json.encode(value).decode())
+        except zenoh.ZError as error:
+            raise NetworkError(
+                f"{key}: {value!r} is not accepted ({error}); an endpoint looks like tcp/127.0.0.1:7447"
+            ) from None
+    return config
+
+
+def open_session(network: Network) -> zenoh.Session:
+    """Open a session; it is closed at exit if nobody closes it before.
+
+    Raises:
+        NetworkError: nobody answers at the endpoints to dial within `network.timeout`.
+    """
+    try:
+        session = zenoh.open(zenoh_config(network))
+    except zenoh.ZError as error:
+        where = ", ".join(network.connect) or ", ".join(network.listen)
+        raise NetworkError(
+            f"no connection at {where}: {_SOURCE.sub('', str(error))}\n"
+            "  Is a robot running there? `robo up` starts one; --connect names another place."
+        ) from None
+    atexit.register(session.close)
+    return session
