@@ -1,0 +1,211 @@
+"""CARMEN logs: reading them line by line, keeping what is good and naming what is not.
+
+ODOM x y theta tv rv accel ipc_timestamp host logger_timestamp
+FLASER n r1 … rn x y theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp
+"""
+
+import gzip
+import math
+import zlib
+from collections.abc import Iterable, Iterator
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+
+import msgspec
+
+from robo import RoboError
+from robo_messages import (
+    Header,
+    LaserScan,
+    Odometry,
+    Point,
+    Pose,
+    PoseWithCovariance,
+    Time,
+    Twist,
+    TwistWithCovariance,
+    Vector3,
+)
+from robo_services.utils import quaternion_from_yaw
+
+_NANO = 10**9
+_MOST_SECONDS = 2**31
+
+
+class LogError(RoboError):
+    """A log cannot be opened."""
+
+
+class Motion(msgspec.Struct, frozen=True):
+    """An ODOM record."""
+
+    line: int
+    time: int
+    """ns, the record's ipc_timestamp."""
+    x: float
+    """m."""
+    y: float
+    """m."""
+    theta: float
+    """rad."""
+    linear: float
+    """m/s."""
+    angular: float
+    """rad/s."""
+
+
+class Scan(msgspec.Struct, frozen=True):
+    """A FLASER record. Its pose fields are a mapping tool's estimate, not odometry: they are left out."""
+
+    line: int
+    time: int
+    """ns, the record's ipc_timestamp."""
+    ranges: list[float]
+    """m, over 180° from right to left."""
+
+
+class Malformed(msgspec.Struct, frozen=True):
+    """A line that is cut short or makes no sense."""
+
+    line: int
+    reason: str
+
+
+class Rewritten(msgspec.Struct, frozen=True):
+    """An ODOM record of time 0 that is not the log's first record: a mapping tool wrote it."""
+
+    line: int
+
+
+Record = Motion | Scan | Malformed | Rewritten
+
+
+def read(path: str | Path) -> Iterator[Record]:
+    """The records of a log file, plain or gzip, in file order. Lines of other kinds are passed over.
+
+    A file that is cut short yields what is before the cut and a `Malformed` for its end.
+
+    Raises:
+        LogError: it cannot be opened.
+    """
+    try:
+        raw = Path(path).open("rb")  # noqa: SIM115 (closed below, after the last record)
+    except OSError as error:
+        raise LogError(f"log {path} cannot be opened: {error.strerror}") from None
+    with raw:
+        zipped = raw.read(2) == b"\x1f\x8b"
+        raw.seek(0)
+        stream = gzip.GzipFile(fileobj=raw) if zipped else raw
+        yield from records(_lines(stream))
+
+
+def records(lines: Iterable[bytes | Malformed]) -> Iterator[Record]:
+    """The records of lines, numbered from 1."""
+    first = True
+    for number, line in enumerate(lines, start=1):
+        if isinstance(line, Malformed):
+            yield line
+            continue
+        fields = line.split()
+        if not fields or fields[0] not in (b"ODOM", b"FLASER"):
+            continue
+        record: Record
+        try:
+            record = _odom(number, fields) if fields[0] == b"ODOM" else _flaser(number, fields)
+        except _Bad as reason:
+            record = Malformed(number, str(reason))
+        # Exactly 0: real logs also hold times like 1e-42, which rounding would turn into 0 as well.
+        if isinstance(record, Motion) and float(fields[7]) == 0.0 and not first:
+            record = Rewritten(number)
+        first = False
+        yield record
+
+
+def odometry(motion: Motion, odom_frame: str, base_frame: str) -> Odometry:
+    """An ODOM record as a message."""
+    return Odometry(
+        Header(Time.from_nanoseconds(motion.time), odom_frame),
+        base_frame,
+        PoseWithCovariance(Pose(Point(motion.x, motion.y), quaternion_from_yaw(motion.theta))),
+        TwistWithCovariance(Twist(Vector3(x=motion.linear), Vector3(z=motion.angular))),
+    )
+
+
+def laser_scan(scan: Scan, frame: str, range_max: float) -> LaserScan:
+    """A FLASER record as a message: a field of 180° centred on x, the first ray on the right."""
+    count = len(scan.ranges)
+    return LaserScan(
+        Header(Time.from_nanoseconds(scan.time), frame),
+        angle_min=-math.pi / 2,
+        angle_max=math.pi / 2,
+        angle_increment=math.pi / (count - 1) if count > 1 else 0.0,
+        range_max=range_max,
+        ranges=scan.ranges,
+    )
+
+
+class _Bad(Exception):
+    pass
+
+
+def _lines(stream: Iterable[bytes]) -> Iterator[bytes | Malformed]:
+    number = 0
+    try:
+        for line in stream:
+            number += 1
+            yield line
+    except (EOFError, zlib.error, gzip.BadGzipFile, OSError) as error:
+        yield Malformed(number + 1, f"the file is cut short or damaged here ({error})")
+
+
+def _odom(line: int, fields: list[bytes]) -> Motion:
+    if len(fields) != 10:
+        raise _Bad(f"ODOM takes 9 values, this line has {len(fields) - 1}")
+    x, y, theta, linear, angular, _ = _numbers(fields[1:7])
+    return Motion(line, _time(fields[7], fields[9]), x, y, theta, linear, angular)
+
+
+def _flaser(line: int, fields: list[bytes]) -> Scan:
+    count_text = fields[1] if len(fields) > 1 else b""
+    if not count_text.isdigit() or int(count_text) < 1:
+        raise _Bad(f"FLASER begins with its number of ranges, not {_show(count_text)}")
+    count = int(count_text)
+    if len(fields) != count + 11:
+        raise _Bad(f"FLASER of {count} ranges takes {count + 10} values, this line has {len(fields) - 1}")
+    ranges = _numbers(fields[2 : count + 2])
+    _numbers(fields[count + 2 : count + 8])
+    return Scan(line, _time(fields[-3], fields[-1]), ranges)
+
+
+def _numbers(fields: list[bytes]) -> list[float]:
+    try:
+        values = list(map(float, fields))
+    except ValueError:
+        values = []
+    if len(values) == len(fields) and all(map(math.isfinite, values)):
+        return values
+    bad = next(f for f in fields if not _is_finite(f))
+    raise _Bad(f"{_show(bad)} is no finite number")
+
+
+def _is_finite(field: bytes) -> bool:
+    try:
+        return math.isfinite(float(field))
+    except ValueError:
+        return False
+
+
+def _time(field: bytes, logger: bytes) -> int:
+    """A time as ns, exact to its last digit; a float would round times since the epoch."""
+    _numbers([field, logger])
+    try:
+        seconds = Decimal(field.decode("ascii"))
+    except (UnicodeDecodeError, InvalidOperation):
+        raise _Bad(f"{_show(field)} is no time") from None
+    if not -_MOST_SECONDS <= seconds < _MOST_SECONDS:
+        raise _Bad(f"time {_show(field)} is out of range")
+    return int((seconds * _NANO).to_integral_value())
+
+
+def _show(field: bytes) -> str:
+    return repr(field[:20].decode("ascii", "replace"))

@@ -1,0 +1,160 @@
+"""A simulated base with a laser: the default robot, for a desk without one."""
+
+import math
+import time
+from typing import Annotated
+
+from msgspec import Meta
+
+import robo
+from robo import Node, Publisher, subscribe, timer
+from robo_messages import (
+    Header,
+    LaserScan,
+    Odometry,
+    Point,
+    Pose,
+    PoseWithCovariance,
+    Twist,
+    TwistWithCovariance,
+    Vector3,
+)
+from robo_services import world
+from robo_services.diff_drive import BaseLimits, DiffDrive
+from robo_services.kinematics import Pose2
+from robo_services.safety import is_finite
+from robo_services.utils import quaternion_from_yaw
+
+
+def _diagonal(*values: float) -> tuple[float, ...]:
+    return tuple(values[i] if i == j else 0.0 for i in range(6) for j in range(6))
+
+
+# Not measured is a large variance: a planar base knows nothing of z, roll and pitch.
+POSE_COVARIANCE = _diagonal(1e-3, 1e-3, 1e6, 1e6, 1e6, 1e-2)
+TWIST_COVARIANCE = _diagonal(1e-3, 1e-3, 1e6, 1e6, 1e6, 1e-2)
+
+MOST_STEPS = 50
+"""Steps made up for at once after the process was held up; beyond them simulated time falls behind."""
+
+
+class DiffDriveSim(Node):
+    """Simulate a differential-drive base and its laser in a flat world."""
+
+    class Parameters(robo.Parameters):
+        """The base, its laser and its world."""
+
+        world: Annotated[str, Meta(description="YAML file of walls, boxes and circles; empty: a 10 m room")] = ""
+        x: Annotated[float, Meta(description="where it starts, m")] = 0.0
+        y: Annotated[float, Meta(description="where it starts, m")] = 0.0
+        yaw: Annotated[float, Meta(description="where it looks at the start, rad")] = 0.0
+        seed: Annotated[int, Meta(description="of the laser's noise")] = 0
+        radius: Annotated[float, Meta(gt=0, description="of the round base, m")] = 0.2
+        max_linear_velocity: Annotated[float, Meta(gt=0, description="m/s")] = 1.5
+        max_angular_velocity: Annotated[float, Meta(gt=0, description="rad/s")] = 3.0
+        linear_acceleration: Annotated[float, Meta(gt=0, description="m/s²")] = 2.0
+        linear_deceleration: Annotated[float, Meta(gt=0, description="m/s²")] = 5.0
+        angular_acceleration: Annotated[float, Meta(gt=0, description="rad/s²")] = 6.0
+        cmd_vel_timeout: Annotated[float, Meta(gt=0, description="stand still without a command for this long, s")] = (
+            0.5
+        )
+        odom_rate: Annotated[float, Meta(gt=0, le=1000, description="steps and odometry messages per second, Hz")] = (
+            50.0
+        )
+        laser: Annotated[bool, Meta(description="whether there is a laser")] = True
+        scan_rate: Annotated[float, Meta(gt=0, le=100, description="scans per second, Hz")] = 10.0
+        rays: Annotated[int, Meta(ge=1, le=10_000, description="of a scan, over the full turn")] = 360
+        range_min: Annotated[float, Meta(ge=0, description="m")] = 0.05
+        range_max: Annotated[float, Meta(gt=0, description="m")] = 12.0
+        range_noise: Annotated[float, Meta(ge=0, description="standard deviation of a range, m")] = 0.005
+        odom_frame: str = "odom"
+        base_frame: str = "base_link"
+        laser_frame: str = "base_laser"
+
+    parameters: Parameters
+
+    odometry = Publisher(Odometry, "odom")
+    scans = Publisher(LaserScan, "scan")
+
+    def on_start(self) -> None:
+        """Build the world and put the base into it."""
+        p = self.parameters
+        surroundings = world.load(p.world) if p.world else world.ROOM
+        limits = BaseLimits(
+            radius=p.radius,
+            max_linear_velocity=p.max_linear_velocity,
+            max_angular_velocity=p.max_angular_velocity,
+            linear_acceleration=p.linear_acceleration,
+            linear_deceleration=p.linear_deceleration,
+            angular_acceleration=p.angular_acceleration,
+        )
+        self._base = DiffDrive(surroundings, limits, Pose2(p.x, p.y, p.yaw))
+        self._laser = world.Laser(
+            surroundings,
+            rays=p.rays,
+            range_min=p.range_min,
+            range_max=p.range_max,
+            noise=p.range_noise,
+            seed=p.seed,
+        )
+        self._command = Twist()
+        self._command_time = -math.inf
+        self._begin = time.monotonic()
+        self._steps = 0
+
+    @subscribe("cmd_vel", depth=1)
+    def on_command(self, twist: Twist) -> None:
+        """Remember the newest command and when it came; one that is not finite counts as silence."""
+        if is_finite(twist):
+            self._command, self._command_time = twist, time.monotonic()
+        else:
+            self.logger.warning("ignored a command that holds NaN or an infinity", throttle=5.0)
+
+    @timer(rate="odom_rate")
+    def advance(self) -> None:
+        """Make the steps that are due, each of the same length, and publish where that leads."""
+        now = time.monotonic()
+        rate = self.parameters.odom_rate
+        fresh = now - self._command_time <= self.parameters.cmd_vel_timeout
+        command = self._command if fresh else Twist()
+        due = int((now - self._begin) * rate)
+        for _ in range(min(due - self._steps, MOST_STEPS)):
+            self._base.step(command.linear.x, command.angular.z, 1.0 / rate)
+        self._steps = due
+        if self._base.bumped:
+            self.logger.warning("the base pushes against something", throttle=5.0)
+        self.odometry.publish(self._odometry())
+
+    @timer(rate="scan_rate")
+    def scan(self) -> None:
+        """Publish what the laser sees."""
+        if not self.parameters.laser:
+            return
+        laser = self._laser
+        self.scans.publish(
+            LaserScan(
+                header=Header(self.now(), self.parameters.laser_frame),
+                angle_min=laser.angle_min,
+                angle_max=laser.angle_min + (laser.rays - 1) * laser.angle_increment,
+                angle_increment=laser.angle_increment,
+                scan_time=1.0 / self.parameters.scan_rate,
+                range_min=laser.range_min,
+                range_max=laser.range_max,
+                ranges=laser.scan(self._base.pose),
+            )
+        )
+
+    def _odometry(self) -> Odometry:
+        base, p = self._base, self.parameters
+        pose = Pose(Point(base.pose.x, base.pose.y), quaternion_from_yaw(base.pose.yaw))
+        twist = Twist(Vector3(x=base.linear), Vector3(z=base.angular))
+        return Odometry(
+            Header(self.now(), p.odom_frame),
+            p.base_frame,
+            PoseWithCovariance(pose, POSE_COVARIANCE),
+            TwistWithCovariance(twist, TWIST_COVARIANCE),
+        )
+
+
+if __name__ == "__main__":
+    robo.run(DiffDriveSim)

@@ -1,0 +1,113 @@
+"""Stands between whoever commands the robot and its base."""
+
+import math
+import time
+from typing import Annotated
+
+from msgspec import Meta
+
+import robo
+from robo import Node, Publisher, subscribe, timer
+from robo_messages import DiagnosticStatus, KeyValue, LaserScan, Odometry, Twist
+from robo_services.safety import Action, Decision, Limits, Seen, decide
+
+_LEVELS: dict[Action, int] = {
+    "clear": DiagnosticStatus.OK,
+    "slow": DiagnosticStatus.WARN,
+    "stop": DiagnosticStatus.ERROR,
+}
+
+
+class SafetyMonitor(Node):
+    """Pass commands on while the way is free; slow down and stop for obstacles, and whenever in doubt.
+
+    A timer decides, not the arrival of commands, so silence stops the robot too.
+    """
+
+    class Parameters(robo.Parameters):
+        """What is safe."""
+
+        min_distance: Annotated[float, Meta(ge=0, description="stop for an obstacle this near, m")] = 0.3
+        warning_distance: Annotated[float, Meta(ge=0, description="slow down for one nearer than this, m")] = 0.5
+        max_speed: Annotated[float, Meta(gt=0, description="m/s")] = 1.0
+        sector: Annotated[
+            float, Meta(gt=0, le=2 * math.pi, description="angle around the motion in which obstacles count, rad")
+        ] = 2.0
+        scan_timeout: Annotated[float, Meta(gt=0, description="an older scan stops the robot, s")] = 0.25
+        command_timeout: Annotated[float, Meta(gt=0, description="an older command stops the robot, s")] = 0.5
+        rate: Annotated[float, Meta(gt=0, le=1000, description="decisions per second, Hz")] = 50.0
+
+    parameters: Parameters
+
+    command = Publisher(Twist, "cmd_vel")
+    state = Publisher(DiagnosticStatus, "safety_state")
+
+    def on_start(self) -> None:
+        """Nothing is known yet, so nothing is safe."""
+        self._command: Twist | None = None
+        self._command_time = -math.inf
+        self._scan: LaserScan | None = None
+        self._scan_time = -math.inf
+        self._speed: float | None = None
+        self._last: Decision | None = None
+        self._last_state = -math.inf
+
+    @subscribe("cmd_vel_raw", depth=1)
+    def on_command(self, twist: Twist) -> None:
+        """Remember the newest command and when it came."""
+        self._command, self._command_time = twist, time.monotonic()
+
+    @subscribe("scan", depth=1)
+    def on_scan(self, scan: LaserScan) -> None:
+        """Remember the newest scan and when it came."""
+        self._scan, self._scan_time = scan, time.monotonic()
+
+    @subscribe("odom", depth=1)
+    def on_odometry(self, odometry: Odometry) -> None:
+        """Remember how fast the robot really is."""
+        linear = odometry.twist.twist.linear
+        self._speed = math.hypot(linear.x, linear.y)
+
+    @timer(rate="rate")
+    def guard(self) -> None:
+        """Decide, and tell the base."""
+        now = time.monotonic()
+        p = self.parameters
+        seen = Seen(
+            command=self._command,
+            command_age=now - self._command_time,
+            scan=self._scan,
+            scan_age=now - self._scan_time,
+            speed=self._speed,
+        )
+        limits = Limits(
+            min_distance=p.min_distance,
+            warning_distance=p.warning_distance,
+            max_speed=p.max_speed,
+            sector=p.sector,
+            scan_timeout=p.scan_timeout,
+            command_timeout=p.command_timeout,
+        )
+        decision = decide(seen, limits)
+        self.command.publish(decision.twist)
+        self._report(decision, now)
+
+    def _report(self, decision: Decision, now: float) -> None:
+        """Publish the state on every change of cause and once a second; log the changes."""
+        changed = self._last is None or decision.reason != self._last.reason
+        if changed:
+            log = self.logger.warning if decision.action == "stop" else self.logger.info
+            log("%s: %s", decision.action, decision.text)
+        if changed or now - self._last_state >= 1.0:
+            self._last_state = now
+            values = [KeyValue("action", decision.action), KeyValue("reason", decision.reason)]
+            self.state.publish(DiagnosticStatus(_LEVELS[decision.action], self.full_name, decision.text, values=values))
+        self._last = decision
+
+    def on_stop(self) -> None:
+        """Leave the robot standing."""
+        self.command.publish(Twist())
+
+
+if __name__ == "__main__":
+    robo.run(SafetyMonitor)
