@@ -1,0 +1,28 @@
+"""`robo run`: one node, alone."""
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+USAGE = """Usage: robo run SERVICE [OPTIONS]
+
+Run one node. SERVICE is package.module, or package.module:Class.
+
+Options are the node's own: --robot-name NAME, --name NAME, -p NAME:=VALUE,
+--params-file FILE, -r FROM:=TO, --connect ENDPOINT, --listen ENDPOINT.
+`robo run SERVICE --help` also shows what it publishes and subscribes and how it is tuned.
+
+Examples:
+  robo run robo_services.position_tracker --robot-name r1
+  robo run robo_services.velocity_controller -p linear_velocity:=0.3 -r cmd_vel:=robot/cmd_vel
+  robo run my_package.my_node:MyNode --help
+"""
+
+
+def hand_over(arguments: Sequence[str]) -> NoReturn:
+    """Become the node's process."""
+    if not arguments or arguments[0] in ("-h", "--help"):
+        print(USAGE, end="")
+        sys.exit(0 if arguments else 2)
+    os.execv(sys.executable, [sys.executable, "-m", "robo.node_process", *arguments])

@@ -1,0 +1,30 @@
+"""Where manifests are looked for."""
+
+import difflib
+from pathlib import Path
+
+from robo.errors import ManifestError
+
+SHARE = Path(__file__).resolve().parent.parent / "share"
+"""The manifests and parameter files that ship with robo."""
+
+
+def find_manifest(name: str, beside: Path | None = None) -> Path:
+    """The file of a manifest.
+
+    Looked for as the path given (from the current folder, or from `beside` in an include), then in
+    the workspace's `launch/`, then among those that ship with robo.
+
+    Raises:
+        ManifestError: it is nowhere; says where it was looked for and what is there.
+    """
+    folders = [beside or Path.cwd(), Path.cwd() / "launch", SHARE / "launch"]
+    for folder in folders:
+        path = folder / name
+        if path.is_file():
+            return path
+    known = sorted({p.name for folder in folders[1:] if folder.is_dir() for p in folder.glob("*.yaml")})
+    close = difflib.get_close_matches(name, known, n=1)
+    hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(known)}"
+    tried = "\n".join(f"  {folder / name}" for folder in folders)
+    raise ManifestError(f"there is no manifest {name!r}; {hint}\nLooked for:\n{tried}")

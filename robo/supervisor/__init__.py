@@ -1,0 +1,1 @@
+"""The supervisor owns processes: it starts a plan, watches it and stops it."""

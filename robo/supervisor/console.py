@@ -1,0 +1,57 @@
+"""What a launch shows: one line per event, with time, node and colour."""
+
+import os
+import sys
+import time
+from collections.abc import Iterable
+from typing import TextIO
+
+_NODE_COLOURS = ("36", "32", "35", "34", "33", "96", "92", "95", "94", "93")
+_LEVEL_COLOURS = {"DEBUG": "2", "WARN": "33", "ERROR": "31", "FATAL": "1;31"}
+SELF = "robo"
+
+
+class Console:
+    """Writes the lines of all nodes to one stream. Colour only on a terminal, and never with NO_COLOR."""
+
+    def __init__(self, nodes: Iterable[str], stream: TextIO | None = None, *, colour: bool | None = None) -> None:
+        self._stream = stream if stream is not None else sys.stdout
+        self._colour = self._stream.isatty() and "NO_COLOR" not in os.environ if colour is None else colour
+        names = list(nodes)
+        self._width = max(map(len, [SELF, *names]))
+        self._colours = {name: _NODE_COLOURS[i % len(_NODE_COLOURS)] for i, name in enumerate(names)}
+        self._colours[SELF] = "1"
+        self._open = True
+
+    def line(self, node: str, text: str) -> None:
+        """Show one line of a node's output."""
+        self._write(node, self._with_level(text))
+
+    def say(self, text: str) -> None:
+        """Show what the supervisor itself has to say."""
+        self._write(SELF, text)
+
+    def warn(self, text: str) -> None:
+        """Show what went wrong."""
+        self._write(SELF, self._painted(text, _LEVEL_COLOURS["ERROR"]))
+
+    def _write(self, node: str, text: str) -> None:
+        if not self._open:
+            return
+        now = time.time()
+        stamp = time.strftime("%H:%M:%S", time.localtime(now)) + f".{int(now * 1000) % 1000:03d}"
+        name = self._painted(f"{node:{self._width}} |", self._colours.get(node, "0"))
+        try:
+            self._stream.write(f"{self._painted(stamp, '2')} {name} {text}\n")
+            self._stream.flush()
+        except BrokenPipeError:
+            # Whoever read us is gone; the robot goes on without being watched.
+            self._open = False
+
+    def _with_level(self, text: str) -> str:
+        level = text[:5].rstrip()
+        colour = _LEVEL_COLOURS.get(level)
+        return text if colour is None else self._painted(text[:5], colour) + text[5:]
+
+    def _painted(self, text: str, colour: str) -> str:
+        return f"\x1b[{colour}m{text}\x1b[0m" if self._colour else text

@@ -1,0 +1,1 @@
+"""What the command line does, without the command line: functions on a session that return data."""
