@@ -3,7 +3,7 @@
 import itertools
 import time
 from collections.abc import Callable
-from typing import Any, Generic, TypeVar, get_args, get_type_hints
+from typing import Any, Generic, TypeVar, get_args, get_origin, get_type_hints
 
 import msgspec
 import zenoh
@@ -11,7 +11,7 @@ import zenoh
 import robo_messages
 from robo import codec
 from robo.discovery import EndpointKind, EndpointToken
-from robo.executor import BATCH, SubscriptionLoop, Turn
+from robo.executor import SubscriptionLoop, Turn
 from robo.qos import KEEP_ALL
 from robo_messages import Message
 
@@ -47,38 +47,35 @@ class TopicPublisher(Endpoint, Generic[M]):
 
     def __init__(self, session: zenoh.Session, token: EndpointToken, message_type: type[M]) -> None:
         control = zenoh.CongestionControl.BLOCK if token.depth == KEEP_ALL else zenoh.CongestionControl.DROP
-        self._publisher = session.declare_publisher(
+        self.zenoh_publisher = session.declare_publisher(
             token.topic, encoding=codec.encoding_of(message_type), congestion_control=control
         )
         super().__init__(session, token)
-        self.publish = _fast_publish(self._publisher, message_type, token.topic)
+        self.publish = _fast_publish(self.zenoh_publisher, message_type, token.topic)
 
     @property
     def has_subscribers(self) -> bool:
         """Whether anybody on the network listens."""
-        status: Any = self._publisher.matching_status  # zenoh's stub says bool, it is an object
+        status: Any = self.zenoh_publisher.matching_status  # zenoh's stub says bool, it is an object
         return bool(status.matching)
 
     def undeclare(self) -> None:
         """Stop publishing."""
         super().undeclare()
-        self._publisher.undeclare()
+        self.zenoh_publisher.undeclare()
 
 
 def _fast_publish(publisher: zenoh.Publisher, message_type: type[M], topic: str) -> Callable[[M], None]:
     """`publish` as a closure: attribute look-ups would cost a tenth of the whole call."""
-    put, encode, pack, now = (
-        publisher.put,
-        msgspec.msgpack.Encoder().encode,
-        codec.pack_attachment,
-        time.time_ns,
-    )
-    number = itertools.count(1).__next__  # atomic, so that any thread may publish
+    put, encode = publisher.put, msgspec.msgpack.Encoder().encode
+    # pack_attachment(1, now), pack_attachment(2, now), …: one call that runs in C from end to end, so
+    # it is quick and any thread may publish.
+    stamp = map(codec.pack_attachment, itertools.count(1), iter(time.time_ns, None)).__next__
 
     def publish(message: M) -> None:
         if message.__class__ is not message_type and not isinstance(message, message_type):
             raise TypeError(f"{topic} takes {robo_messages.type_name(message_type)}, not {type(message).__name__}")
-        put(encode(message), attachment=pack(number(), now()))
+        put(encode(message), attachment=stamp())
 
     return publish
 
@@ -93,21 +90,19 @@ class TopicSubscription(Endpoint, Generic[M]):
         message_type: type[M],
         turn: Turn,
         callback: Callable[[M], None],
+        on_error: Callable[[BaseException], None],
         on_malformed: Callable[[str, int, str], None],
     ) -> None:
-        """`on_malformed` is told the topic, how many there were, and the reason."""
+        """`on_error` is told what the callback raised; `on_malformed` is told the topic, how many there were, and the reason."""
         depth = token.depth
-        channel: Any
-        if depth == KEEP_ALL:
-            channel = zenoh.handlers.FifoChannel(BATCH)
-        else:
-            channel = zenoh.handlers.RingChannel(depth if holds_bulk(message_type) else max(depth, BATCH))
+        channel_type: Any = zenoh.handlers.FifoChannel if depth == KEEP_ALL else zenoh.handlers.RingChannel
         self._loop = SubscriptionLoop(
-            session.declare_subscriber(token.topic, channel),
+            session.declare_subscriber(token.topic, channel_type(slots(message_type, depth))),
             codec.TopicDecoder(message_type),
             depth,
             turn,
             callback,
+            on_error,
             lambda reason: on_malformed(token.topic, self._loop.malformed, reason),
         )
         super().__init__(session, token)
@@ -148,14 +143,22 @@ def endpoint_token(
     return EndpointToken(namespace, node, kind, robo_messages.type_name(message_type), depth, topic)
 
 
-def holds_bulk(message_type: type[Message]) -> bool:
-    """Whether messages of this type may be megabytes, so that a full channel of them would hurt."""
-    return any(_is_bulk(hint) for hint in get_type_hints(message_type).values())
+def slots(message_type: type[Message], depth: int) -> int:
+    """How many messages a subscription's channel holds.
+
+    Room for several network batches makes a flood of small messages twice as quick (measured in
+    `benchmarks/`). Messages that may be large get less, so that a full channel stays some megabytes.
+    """
+    if _holds(message_type, (memoryview, bytes, bytearray)):
+        return depth or 16
+    if _holds(message_type, (list, dict)):
+        return max(depth, 256) if depth else 2048
+    return max(depth, 8192)
 
 
-def _is_bulk(hint: Any) -> bool:
-    if hint in (memoryview, bytes, bytearray):
+def _holds(hint: Any, kinds: tuple[type, ...]) -> bool:
+    if hint in kinds or get_origin(hint) in kinds:
         return True
     if isinstance(hint, type) and issubclass(hint, Message):
-        return holds_bulk(hint)
-    return any(map(_is_bulk, get_args(hint)))
+        return any(_holds(inner, kinds) for inner in get_type_hints(hint).values())
+    return any(_holds(inner, kinds) for inner in get_args(hint))

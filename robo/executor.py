@@ -6,8 +6,8 @@ callback holds up neither another node's subscription nor the network.
 
 How a channel and `depth` go together (measured in `benchmarks/`): Zenoh delivers a batch of up to a
 thousand small messages at once. A ring of ten slots would lose most of a batch although the callback
-could keep up, so the ring has room for a batch, and `depth` is enforced here, whenever callbacks have
-taken longer than `SLICE`: then all but the newest `depth` are dropped.
+could keep up, so the ring has room for several (see `endpoints.slots`), and `depth` is enforced here: after a callback that
+was slow (`SLOW`), or after much work (`STALE`), all but the newest `depth` are dropped.
 """
 
 import threading
@@ -26,50 +26,56 @@ from robo_messages import Message
 
 M = TypeVar("M", bound=Message)
 
-SLICE = 0.001
-"""How long callbacks of one source may follow each other, s, before others get their turn and
-messages that have piled up are cut back to the newest `depth`."""
+SLOW = 0.001
+"""A callback that takes longer than this, s, has messages cut back to the newest `depth` behind it."""
 
-BATCH = 1024
-"""Slots of a channel for small messages: what arrives in one network batch, rounded up."""
+STALE = 0.01
+"""So have quick callbacks after this much work together, s: no message waits much longer than this
+behind others that nobody asked to keep."""
 
 
 class Turn:
     """Mutual exclusion that is served in order of arrival.
 
     `threading.Lock` lets a thread that releases and at once acquires again starve the others for
-    seconds; here it hands over.
+    seconds; here it hands over. Without contention it costs no more than the lock itself.
     """
 
     def __init__(self) -> None:
-        self._guard = threading.Lock()
-        self._busy = False
-        self._waiting: deque[threading.Lock] = deque()
+        lock = threading.Lock()
+        self._try_lock = lock.acquire
+        self._unlock = lock.release
+        self.waiting: deque[threading.Lock] = deque()
+        """Who waits, in order; empty is false."""
+
+    def acquire(self) -> None:
+        """Wait for the turn."""
+        if self._try_lock(False):
+            return
+        gate = threading.Lock()
+        gate.acquire()
+        self.waiting.append(gate)
+        if self._try_lock(False):
+            # The holder left before it could see the gate. Nobody else can have taken the gate out:
+            # only a holder does, and then the lock stays locked.
+            self.waiting.remove(gate)
+            return
+        gate.acquire()  # opened by the holder before us, who leaves the lock locked for us
+
+    def release(self) -> None:
+        """Pass the turn on to who has waited longest, if anybody waits."""
+        if self.waiting:
+            self.waiting.popleft().release()
+        else:
+            self._unlock()
 
     def __enter__(self) -> None:
-        with self._guard:
-            if not self._busy:
-                self._busy = True
-                return
-            gate = threading.Lock()
-            gate.acquire()
-            self._waiting.append(gate)
-        gate.acquire()  # released by the holder before us, who leaves _busy set for us
+        self.acquire()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        with self._guard:
-            if self._waiting:
-                self._waiting.popleft().release()
-            else:
-                self._busy = False
-
-    def give_way(self) -> None:
-        """Let those who wait go first; the caller holds the turn before and after."""
-        if self._waiting:
-            self.__exit__(None, None, None)
-            self.__enter__()
+        self.release()
 
 
 class SubscriptionLoop(Generic[M]):
@@ -82,6 +88,7 @@ class SubscriptionLoop(Generic[M]):
         depth: int,
         turn: Turn,
         callback: Callable[[M], None],
+        on_error: Callable[[BaseException], None],
         on_malformed: Callable[[str], None],
     ) -> None:
         self._subscriber = subscriber
@@ -91,7 +98,9 @@ class SubscriptionLoop(Generic[M]):
         self._depth = depth
         self._turn = turn
         self._callback = callback
+        self._on_error = on_error
         self._on_malformed = on_malformed
+        self._backlog: deque[zenoh.Sample] = deque(maxlen=depth or None)
         self.received = 0
         """Messages given to the callback."""
         self.malformed = 0
@@ -117,64 +126,103 @@ class SubscriptionLoop(Generic[M]):
         return not self._thread.is_alive()
 
     def _run(self) -> None:
-        recv, try_recv = self._handler.recv, self._handler.try_recv
-        turn, deliver, keep_all = self._turn, self._deliver, self._depth == KEEP_ALL
-        backlog: deque[zenoh.Sample] = deque(maxlen=None if keep_all else self._depth)
-        sample: zenoh.Sample | None
-        while True:
-            try:
-                sample = recv()
-            except zenoh.ZError:
-                return  # undeclared, and nothing is left in the channel
-            with turn:
-                until = monotonic() + SLICE
-                while sample is not None:
-                    deliver(sample)
-                    if monotonic() > until:
-                        turn.give_way()
-                        if not keep_all:
-                            self._cut_back(backlog)
-                        until = monotonic() + SLICE
-                    try:
-                        sample = backlog.popleft() if backlog else try_recv()
-                    except zenoh.ZError:
-                        return
+        try:
+            while True:
+                self._burst(self._handler.recv())
+        except zenoh.ZError:
+            return  # undeclared, and nothing is left in the channel
 
-    def _cut_back(self, backlog: deque[zenoh.Sample]) -> None:
-        """Move what has piled up into the backlog, which keeps the newest `depth`."""
-        try_recv = self._handler.try_recv
-        before, taken = len(backlog), 0
+    def _burst(self, sample: zenoh.Sample) -> None:
+        """Run the callback for a sample and for what has come meanwhile.
+
+        Raises:
+            zenoh.ZError: the subscription was undeclared, and nothing is left in the channel.
+        """
+        decode, callback, try_recv = self._decoder.fast, self._callback, self._handler.try_recv
+        turn, backlog, keep_all = self._turn, self._backlog, self._depth == KEEP_ALL
+        others = turn.waiting
+        turn.acquire()
+        try:
+            caught_up = before = monotonic()
+            while True:
+                try:
+                    callback(decode(sample.payload.to_bytes()))
+                    self.received += 1
+                except BaseException as error:  # whatever it is, it must not end this thread
+                    self._handle(error, sample)
+                if others:
+                    turn.release()
+                    turn.acquire()
+                more = backlog.popleft() if backlog else try_recv()
+                if more is None:
+                    return
+                sample = more
+                if keep_all:
+                    continue
+                now = monotonic()
+                if now - before > SLOW or now - caught_up > STALE:
+                    backlog.appendleft(sample)
+                    self._cut_back()
+                    sample = backlog.popleft()
+                    caught_up = now
+                before = now
+        finally:
+            turn.release()
+
+    def _cut_back(self) -> None:
+        """Move what has piled up in the channel into the backlog, which keeps the newest `depth`."""
+        try_recv, backlog = self._handler.try_recv, self._backlog
+        total = len(backlog)
         try:
             while (sample := try_recv()) is not None:
                 backlog.append(sample)
-                taken += 1
+                total += 1
         except zenoh.ZError:
             pass  # undeclared meanwhile: what is in the backlog is all there is
-        self.dropped += before + taken - len(backlog)
+        self.dropped += total - len(backlog)
 
-    def _deliver(self, sample: zenoh.Sample) -> None:
+    def _handle(self, error: BaseException, sample: zenoh.Sample) -> None:
+        """Tell a payload that is not MessagePack of this type from a callback that raised."""
+        # A msgspec error may also come out of the callback: only this frame's decoding is meant.
         payload = sample.payload.to_bytes()
         try:
-            message = self._decoder.fast(payload)
+            self._decoder.fast(payload)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-            try:
-                message = self._decoder.explain(payload, str(sample.encoding))
-            except Malformed as reason:
-                self.malformed += 1
-                self._on_malformed(str(reason))
-                return
+            self._second_try(payload, str(sample.encoding))
+        else:
+            self.received += 1
+            self._on_error(error)
+
+    def _second_try(self, payload: bytes, encoding: str) -> None:
+        try:
+            message = self._decoder.explain(payload, encoding)
+        except Malformed as reason:
+            self.malformed += 1
+            self._on_malformed(str(reason))
+            return
         self.received += 1
-        self._callback(message)
+        try:
+            self._callback(message)
+        except BaseException as error:
+            self._on_error(error)
 
 
 class TimerLoop:
     """Runs a callback at a steady rate: the schedule does not drift, missed ticks are skipped."""
 
-    def __init__(self, name: str, period: Callable[[], float], turn: Turn, callback: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        name: str,
+        period: Callable[[], float],
+        turn: Turn,
+        callback: Callable[[], None],
+        on_error: Callable[[BaseException], None],
+    ) -> None:
         """`period` is asked before each tick, so that a changed parameter counts at once; s."""
         self._period = period
         self._turn = turn
         self._callback = callback
+        self._on_error = on_error
         self._stopped = threading.Event()
         self.missed = 0
         """Ticks that were skipped because callbacks took too long."""
@@ -205,5 +253,9 @@ class TimerLoop:
             if self._stopped.wait(max(0.0, due - monotonic())):
                 return
             with self._turn:
-                if not self._stopped.is_set():
+                if self._stopped.is_set():
+                    return
+                try:
                     self._callback()
+                except BaseException as error:
+                    self._on_error(error)

@@ -66,17 +66,20 @@ class NodeLogger:
         """What may need somebody's attention."""
         self._log(logging.WARNING, text, values, throttle, fields)
 
-    def error(self, text: str, *values: object, throttle: float | None = None, fields: Fields = None) -> None:
-        """What does not work."""
-        self._log(logging.ERROR, text, values, throttle, fields)
+    def error(
+        self,
+        text: str,
+        *values: object,
+        throttle: float | None = None,
+        fields: Fields = None,
+        exception: BaseException | None = None,
+    ) -> None:
+        """What does not work; with `exception`, its traceback follows."""
+        self._log(logging.ERROR, text, values, throttle, fields, exception)
 
     def fatal(self, text: str, *values: object, throttle: float | None = None, fields: Fields = None) -> None:
         """What ends the node."""
         self._log(logging.CRITICAL, text, values, throttle, fields)
-
-    def exception(self, text: str, *values: object, throttle: float | None = None, fields: Fields = None) -> None:
-        """An error with the traceback of the exception that is being handled."""
-        self._log(logging.ERROR, text, values, throttle, fields, exc_info=True)
 
     def _log(
         self,
@@ -85,7 +88,7 @@ class NodeLogger:
         values: tuple[object, ...],
         throttle: float | None,
         fields: Fields,
-        exc_info: bool = False,
+        exception: BaseException | None = None,
     ) -> None:
         if not self.logger.isEnabledFor(level):
             return
@@ -96,7 +99,7 @@ class NodeLogger:
             if held_back:
                 text = f"{text} ({held_back} more like this)"
         # The caller is three frames up: this method and the level's method lie between.
-        self.logger.log(level, text, *values, exc_info=exc_info, stacklevel=3, extra={"fields": dict(fields or {})})
+        self.logger.log(level, text, *values, exc_info=exception, stacklevel=3, extra={"fields": dict(fields or {})})
 
     def _skip(self, text: str, throttle: float) -> int | None:
         """How many of this text were held back since the last one shown; None to hold this one back."""

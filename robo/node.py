@@ -172,7 +172,7 @@ class Node:
         """Subscribe while running; for a topic the class always reads, use `@subscribe`."""
         token = endpoint_token(self.namespace, self.name, "sub", message_type, depth, self.resolve(topic))
         subscription = TopicSubscription(
-            self.session, token, message_type, self._turn, self._guarded(callback), self._report_malformed
+            self.session, token, message_type, self._turn, callback, self._handler(callback), self._report_malformed
         )
         self._subscriptions.append(subscription)
         if self._running:
@@ -182,7 +182,8 @@ class Node:
     def create_timer(self, period: float | Callable[[], float], callback: Callable[[], None]) -> TimerLoop:
         """Call `callback` every `period` seconds; a function is asked before each tick."""
         name = getattr(callback, "__name__", "timer")
-        timer = TimerLoop(name, period if callable(period) else lambda: period, self._turn, self._guarded(callback))
+        ask = period if callable(period) else lambda: period
+        timer = TimerLoop(name, ask, self._turn, callback, self._handler(callback))
         self._timers.append(timer)
         if self._running:
             timer.start()
@@ -241,7 +242,10 @@ class Node:
         if stuck:
             self.logger.error("a callback did not return within %.0f s; leaving without it", STOP_TIMEOUT)
         with self._turn if not stuck else threading.Lock():
-            self._guarded(self.on_stop)()
+            try:
+                self.on_stop()
+            except BaseException as error:
+                self._handler(self.on_stop)(error)
         self._status_queries.undeclare()
         self.logger.logger.removeHandler(self._log_handler)
         for publisher in self._publishers:
@@ -301,30 +305,28 @@ class Node:
         period = 1.0 / rate
         return lambda: period
 
-    def _guarded(self, callback: Callable[..., None]) -> Callable[..., None]:
-        """The callback, so that what it raises ends neither its thread nor, unless asked, the node."""
+    def _handler(self, callback: Callable[..., None]) -> Callable[[BaseException], None]:
+        """What to do with an exception of a callback: it ends neither its thread nor, unless asked, the node."""
+        name = getattr(callback, "__name__", "a callback")
 
-        def run(*args: Any) -> None:
-            try:
-                callback(*args)
-            except SystemExit as stop:
-                self.shutdown(stop.code if isinstance(stop.code, int) else int(stop.code is not None))
-            except Exception:
-                self._callback_errors += 1
-                name = getattr(callback, "__name__", "a callback")
-                self.logger.exception(f"{name} raised", throttle=1.0)
+        def handle(error: BaseException) -> None:
+            if isinstance(error, SystemExit):
+                self.shutdown(error.code if isinstance(error.code, int) else int(error.code is not None))
+                return
+            self._callback_errors += 1
+            self.logger.error(f"{name} raised", throttle=1.0, exception=error)
 
-        return run
+        return handle
 
     def _run_main(self) -> None:
         try:
             self.main()
-            self._shutdown.set()
         except SystemExit as stop:
-            self.shutdown(stop.code if isinstance(stop.code, int) else int(stop.code is not None))
-        except Exception:
-            self.logger.exception("main raised")
-            self.shutdown(1)
+            self._handler(self.main)(stop)
+        except BaseException as error:
+            self._handler(self.main)(error)
+            self.exit_code = 1
+        self._shutdown.set()
 
     def _report_malformed(self, topic: str, count: int, reason: str) -> None:
         self.logger.warning("dropped a malformed message on " + topic + " (%d so far): %s", count, reason, throttle=5.0)
