@@ -9,6 +9,7 @@ they say otherwise, the same Zenoh settings.
 import argparse
 import os
 import platform
+import socket
 import statistics
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
+import psutil
 
 from benchmarks import laser
 
@@ -27,6 +29,7 @@ RESULTS = Path(__file__).parent / "RESULTS.md"
 
 RAW_TRIPS = ("raw fifo", "raw ring", "raw callback")
 RAW_FLOODS = ("raw fifo-block", "raw callback-block", "raw callback-drop", "raw ring-drop", "raw fifo-stamped")
+REFERENCE = ("velocity_controller", "position_tracker", "safety_monitor", "diff_drive_sim")
 ROBO_FLOODS = ("robo", "robo-keep-all")
 
 
@@ -42,7 +45,7 @@ class Spread(NamedTuple):
         return cls(statistics.median(values), min(values), max(values))
 
     def text(self, form: str) -> str:
-        return f"{self.median:{form}} ({self.low:{form}}–{self.high:{form}})"
+        return f"{self.median:{form}} ({self.low:{form}}-{self.high:{form}})"
 
 
 class Bench:
@@ -82,8 +85,10 @@ class Bench:
         endpoint = self._endpoint()
         other = _worker("echo", "raw ring", "twist", endpoint, "", 0)
         _answer(other)
-        worker = _worker("memory", variant, "twist", "", endpoint, 0)
-        size = msgspec.json.decode(_answer(worker), type=int)
+        command = [sys.executable, "-m", "benchmarks.memory", variant, endpoint]
+        worker = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        _answer(worker)
+        size: int = psutil.Process(worker.pid).memory_info().rss
         _end(worker, other)
         return size / 1e6
 
@@ -164,10 +169,7 @@ def floods_table(bench: Bench, rounds: int, seconds: float) -> list[str]:
 
 
 def memory_table(bench: Bench, rounds: int) -> list[str]:
-    services = [
-        f"robo_services.{name}"
-        for name in ("velocity_controller", "position_tracker", "safety_monitor", "diff_drive_sim")
-    ]
+    services = [f"robo_services.{name}" for name in REFERENCE]
     found = measure(rounds, ("raw", *services), bench.memory, "memory")
     bare = statistics.median(found["raw"])
     lines = ["### Memory of a process", "", "| process | resident MB | over a raw session |", "|---|---|---|"]
@@ -197,9 +199,16 @@ def start_table(rounds: int) -> list[str]:
     return [*lines, ""]
 
 
+def _free_port() -> int:
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        port: int = s.getsockname()[1]
+        return port
+
+
 def _time_to_ready() -> float:
     """From the command to the line that says that all nodes are ready, ms."""
-    endpoint = f"tcp/127.0.0.1:{laser.free_port()}"
+    endpoint = f"tcp/127.0.0.1:{_free_port()}"
     begin = time.perf_counter()
     command = [sys.executable, "-m", "robo", "up", "--robot-name", "bench", "--listen", endpoint]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as robot:
@@ -213,18 +222,9 @@ def _time_to_ready() -> float:
 
 
 def machine() -> list[str]:
-    cpu = (
-        next(
-            (
-                line.partition(":")[2].strip()
-                for line in Path("/proc/cpuinfo").read_text().splitlines()
-                if "model name" in line
-            ),
-            platform.processor(),
-        )
-        if Path("/proc/cpuinfo").exists()
-        else platform.processor()
-    )
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.exists() else []
+    cpu = next((line.partition(":")[2].strip() for line in lines if "model name" in line), platform.processor())
     packages = ", ".join(f"{name} {version(name)}" for name in ("eclipse-zenoh", "msgspec"))
     return [
         f"{os.cpu_count()} cores of {cpu}, {platform.system()} {platform.release()}, "
@@ -244,7 +244,7 @@ def main() -> None:
         lines = [
             "# Results",
             "",
-            f"Written by `python -m benchmarks`: medians over {rounds} interleaved rounds (smallest–largest).",
+            f"Written by `python -m benchmarks`: medians over {rounds} interleaved rounds (smallest-largest).",
             "",
             *machine(),
         ]

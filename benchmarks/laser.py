@@ -1,9 +1,10 @@
 """How a laser scan's ranges could travel: as an array of numbers, or packed into bytes."""
 
 import array
-import socket
 import statistics
 import timeit
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import msgspec
 
@@ -20,9 +21,32 @@ class AsBytes(msgspec.Struct):
     ranges: memoryview
 
 
+_encoder = msgspec.msgpack.Encoder()
+_array_decoder = msgspec.msgpack.Decoder(AsArray)
+_packed_decoder = msgspec.msgpack.Decoder(AsBytes)
+
+
+def encode_array(ranges: list[float]) -> bytes:
+    return _encoder.encode(AsArray(ranges))
+
+
+def decode_array(payload: bytes) -> Sequence[float]:
+    return _array_decoder.decode(payload).ranges
+
+
+def encode_packed(ranges: list[float]) -> bytes:
+    return _encoder.encode(AsBytes(memoryview(array.array("f", ranges)).cast("B")))
+
+
+def decode_packed(payload: bytes) -> Sequence[float]:
+    return _packed_decoder.decode(payload).ranges.cast("f").tolist()
+
+
+FORMS = (("array", encode_array, decode_array), ("packed", encode_packed, decode_packed))
+
+
 def table(rounds: int) -> list[str]:
     """From a list of floats to the wire and back to a list, which is what code computes with."""
-    encoder = msgspec.msgpack.Encoder()
     lines = [
         "### Ranges of a laser scan: an array, or packed bytes",
         "",
@@ -33,29 +57,13 @@ def table(rounds: int) -> list[str]:
     ]
     for rays in (360, 2000):
         ranges = [1.0 + i * 0.001 for i in range(rays)]
-        as_array, as_bytes = msgspec.msgpack.Decoder(AsArray), msgspec.msgpack.Decoder(AsBytes)
-        plain = encoder.encode(AsArray(ranges))
-        packed = encoder.encode(AsBytes(memoryview(array.array("f", ranges)).cast("B")))
-        rows = (
-            ("array", plain, lambda: encoder.encode(AsArray(ranges)), lambda: as_array.decode(plain)),
-            (
-                "packed",
-                packed,
-                lambda: encoder.encode(AsBytes(memoryview(array.array("f", ranges)).cast("B"))),
-                lambda: as_bytes.decode(packed).ranges.cast("f").tolist(),
-            ),
-        )
-        for form, payload, encode, decode in rows:
-            times = [
-                statistics.median(timeit.repeat(f, number=500, repeat=rounds)) / 500 * 1e6 for f in (encode, decode)
-            ]
-            lines.append(f"| {rays} | {form} | {len(payload)} | {times[0]:.1f} | {times[1]:.1f} |")
+        for form, encode, decode in FORMS:
+            payload = encode(ranges)
+            there = _microseconds(partial(encode, ranges), rounds)
+            back = _microseconds(partial(decode, payload), rounds)
+            lines.append(f"| {rays} | {form} | {len(payload)} | {there:.1f} | {back:.1f} |")
     return [*lines, ""]
 
 
-def free_port() -> int:
-    """A TCP port on loopback that nobody listens on."""
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        port: int = s.getsockname()[1]
-        return port
+def _microseconds(call: Callable[[], object], rounds: int) -> float:
+    return statistics.median(timeit.repeat(call, number=500, repeat=rounds)) / 500 * 1e6

@@ -93,7 +93,7 @@ class TopicSubscription(Endpoint, Generic[M]):
         on_error: Callable[[BaseException], None],
         on_malformed: Callable[[str, int, str], None],
     ) -> None:
-        """`on_error` is told what the callback raised; `on_malformed` is told the topic, how many there were, and the reason."""
+        """`on_error` is told what the callback raised; `on_malformed` the topic, how many there were, and why."""
         depth = token.depth
         channel_type: Any = zenoh.handlers.FifoChannel if depth == KEEP_ALL else zenoh.handlers.RingChannel
         self._loop = SubscriptionLoop(

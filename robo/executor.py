@@ -6,8 +6,9 @@ callback holds up neither another node's subscription nor the network.
 
 How a channel and `depth` go together (measured in `benchmarks/`): Zenoh delivers a batch of up to a
 thousand small messages at once. A ring of ten slots would lose most of a batch although the callback
-could keep up, so the ring has room for several (see `endpoints.slots`), and `depth` is enforced here: after a callback that
-was slow (`SLOW`), or after much work (`STALE`), all but the newest `depth` are dropped.
+could keep up, so the ring has room for several (see `endpoints.slots`), and `depth` is enforced here:
+after a callback that was slow (`SLOW`), or after much work (`STALE`), all but the newest `depth` are
+dropped.
 """
 
 import threading
