@@ -44,31 +44,35 @@ class Turn:
 
     def __init__(self) -> None:
         lock = threading.Lock()
-        self._try_lock = lock.acquire
-        self._unlock = lock.release
-        self.waiting: deque[threading.Lock] = deque()
-        """Who waits, in order; empty is false."""
+        waiting: deque[threading.Lock] = deque()
+        try_lock, unlock = lock.acquire, lock.release
 
-    def acquire(self) -> None:
+        def acquire() -> None:
+            if try_lock(False):
+                return
+            gate = threading.Lock()
+            gate.acquire()
+            waiting.append(gate)
+            if try_lock(False):
+                # The holder left before it could see the gate. Nobody else can have taken the gate
+                # out: only a holder does, and then the lock stays locked.
+                waiting.remove(gate)
+                return
+            gate.acquire()  # opened by the holder before us, who leaves the lock locked for us
+
+        def release() -> None:
+            if waiting:
+                waiting.popleft().release()
+            else:
+                unlock()
+
+        # Closures: they run for every message, and attribute look-ups would double their time.
+        self.acquire: Callable[[], None] = acquire
         """Wait for the turn."""
-        if self._try_lock(False):
-            return
-        gate = threading.Lock()
-        gate.acquire()
-        self.waiting.append(gate)
-        if self._try_lock(False):
-            # The holder left before it could see the gate. Nobody else can have taken the gate out:
-            # only a holder does, and then the lock stays locked.
-            self.waiting.remove(gate)
-            return
-        gate.acquire()  # opened by the holder before us, who leaves the lock locked for us
-
-    def release(self) -> None:
+        self.release: Callable[[], None] = release
         """Pass the turn on to who has waited longest, if anybody waits."""
-        if self.waiting:
-            self.waiting.popleft().release()
-        else:
-            self._unlock()
+        self.waiting = waiting
+        """Who waits, in order; empty is false."""
 
     def __enter__(self) -> None:
         self.acquire()
@@ -127,48 +131,45 @@ class SubscriptionLoop(Generic[M]):
         return not self._thread.is_alive()
 
     def _run(self) -> None:
-        try:
-            while True:
-                self._burst(self._handler.recv())
-        except zenoh.ZError:
-            return  # undeclared, and nothing is left in the channel
-
-    def _burst(self, sample: zenoh.Sample) -> None:
-        """Run the callback for a sample and for what has come meanwhile.
-
-        Raises:
-            zenoh.ZError: the subscription was undeclared, and nothing is left in the channel.
-        """
-        decode, callback, try_recv = self._decoder.fast, self._callback, self._handler.try_recv
+        # Every message takes this path, so what it needs is in local variables.
+        recv, try_recv = self._handler.recv, self._handler.try_recv
+        decode, callback = self._decoder.fast, self._callback
         turn, backlog, keep_all = self._turn, self._backlog, self._depth == KEEP_ALL
         others = turn.waiting
-        turn.acquire()
+        holding = False
         try:
-            caught_up = before = monotonic()
             while True:
-                try:
-                    callback(decode(sample.payload.to_bytes()))
-                    self.received += 1
-                except BaseException as error:  # whatever it is, it must not end this thread
-                    self._handle(error, sample)
-                if others:
-                    turn.release()
-                    turn.acquire()
-                more = backlog.popleft() if backlog else try_recv()
-                if more is None:
-                    return
-                sample = more
-                if keep_all:
-                    continue
-                now = monotonic()
-                if now - before > SLOW or now - caught_up > STALE:
-                    backlog.appendleft(sample)
-                    self._cut_back()
-                    sample = backlog.popleft()
-                    caught_up = now
-                before = now
-        finally:
-            turn.release()
+                sample = recv()
+                turn.acquire()
+                holding = True
+                caught_up = before = monotonic()
+                while True:
+                    try:
+                        callback(decode(sample.payload.to_bytes()))
+                        self.received += 1
+                    except BaseException as error:  # whatever it is, it must not end this thread
+                        self._handle(error, sample)
+                    if others:
+                        turn.release()
+                        turn.acquire()
+                    more = backlog.popleft() if backlog else try_recv()
+                    if more is None:
+                        break
+                    sample = more
+                    if keep_all:
+                        continue
+                    now = monotonic()
+                    if now - before > SLOW or now - caught_up > STALE:
+                        backlog.appendleft(sample)
+                        self._cut_back()
+                        sample = backlog.popleft()
+                        caught_up = now
+                    before = now
+                turn.release()
+                holding = False
+        except zenoh.ZError:  # undeclared, and nothing is left in the channel
+            if holding:
+                turn.release()
 
     def _cut_back(self) -> None:
         """Move what has piled up in the channel into the backlog, which keeps the newest `depth`."""

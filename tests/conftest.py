@@ -1,0 +1,51 @@
+"""Everything that tests send stays on free ports of loopback."""
+
+import os
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zenoh
+from robo.session import Network, open_session
+
+INTEL_LOG = Path(__file__).parents[2] / "shared" / "data" / "intel.log.gz"
+
+
+@pytest.fixture(scope="session")
+def intel_log() -> Path:
+    """The log of a real robot, which is not part of this repository."""
+    if not INTEL_LOG.exists():
+        pytest.skip(f"the log of a real robot is not there: {INTEL_LOG}")
+    return INTEL_LOG
+
+
+@pytest.fixture
+def endpoint() -> str:
+    """A Zenoh endpoint on loopback that nobody listens on."""
+    return f"tcp/127.0.0.1:{free_port()}"
+
+
+@pytest.fixture
+def session(endpoint: str) -> Iterator[zenoh.Session]:
+    """The meeting point of a test's own network: a router."""
+    opened = open_session(Network(mode="router", listen=(endpoint,)))
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def other(session: zenoh.Session, endpoint: str) -> Iterator[zenoh.Session]:
+    """Another party on the same network."""
+    del session  # it has to be there first
+    opened = open_session(Network(mode="peer", connect=(endpoint,)))
+    yield opened
+    opened.close()
+
+
+def free_port() -> int:
+    """A TCP port on loopback that was free a moment ago."""
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        port: int = s.getsockname()[1]
+        return port

@@ -1,0 +1,45 @@
+"""The floors of the house, and what each process may carry."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from importlinter.cli import lint_imports
+
+ROOT = Path(__file__).parents[2]
+HEAVY = {"typer", "click", "rich", "numpy", "yaml", "asyncio", "argparse", "psutil", "pytest"}
+
+
+def test_nothing_imports_what_stands_above_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(ROOT)
+    code = lint_imports(config_filename=str(ROOT / "pyproject.toml"), cache_dir=None)
+    assert code == 0, capsys.readouterr().out
+
+
+def modules_after(code: str) -> set[str]:
+    script = f"{code}\nimport sys; print(*sorted(sys.modules))"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    return {name.partition(".")[0] for name in result.stdout.split()}
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import robo",
+        "import robo_services.velocity_controller, robo.node_process",
+        "import robo_services.position_tracker, robo.node_process",
+        "import robo_services.safety_monitor, robo.node_process",
+        "import robo_services.carmen_player, robo.node_process",
+        "import robo.router",
+    ],
+)
+def test_a_node_carries_nothing_heavy(code: str) -> None:
+    assert not modules_after(code) & HEAVY
+
+
+def test_help_needs_no_zenoh() -> None:
+    loaded = modules_after("import robo.cli.app")
+    assert not loaded & {"zenoh", "rich", "yaml", "psutil", "numpy", "asyncio"}

@@ -1,0 +1,125 @@
+import gzip
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from robo_services import carmen
+from robo_services.carmen import LogError, Malformed, Motion, Record, Rewritten, Scan
+from robo_services.carmen_player import line_ranges
+from robo_services.utils import yaw_from_quaternion
+
+ODOM = "ODOM 1.5 -2 0.5 0.3 0.1 0 976052857.350191 host 10.5"
+FLASER = "FLASER 3 1.0 2.5 81.83 9 9 9 8 8 8 12.25 host 12.25"
+
+
+def read(*lines: str) -> list[Record]:
+    return list(carmen.records([line.encode() for line in lines]))
+
+
+def test_records_are_read_as_they_stand() -> None:
+    motion, scan = read(ODOM, FLASER)
+    assert motion == Motion(1, 976052857_350191000, 1.5, -2.0, 0.5, 0.3, 0.1)
+    assert scan == Scan(2, 12_250_000_000, [1.0, 2.5, 81.83])
+
+
+def test_other_lines_are_passed_over_but_counted() -> None:
+    records = read("# comment", "PARAM x 1 nohost 0", "", "NEFF 15", ODOM)
+    assert [r.line for r in records] == [5]
+
+
+def test_time_zero_is_kept_at_the_start_only() -> None:
+    zero = "ODOM 1 2 0 0 0 0 0 host 0"
+    assert [type(r) for r in read(zero, ODOM, zero, zero.replace(" 0 host", " 0.000 host"))] == [
+        Motion, Motion, Rewritten, Rewritten,
+    ]  # fmt: skip
+    assert isinstance(read(ODOM, zero.replace(" 0 host", " 1e-42 host"))[1], Motion)
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("ODOM 1 2 3", "takes 9 values, this line has 3"),
+        ("ODOM", "takes 9 values, this line has 0"),
+        (ODOM.replace("1.5", "x"), "'x' is no finite number"),
+        (ODOM.replace("1.5", "nan"), "'nan' is no finite number"),
+        (ODOM.replace("976052857.350191", "9e99"), "out of range"),
+        (FLASER[:20], "FLASER of 3 ranges takes 13 values"),
+        ("FLASER", "begins with its number of ranges"),
+        ("FLASER -1 2", "begins with its number of ranges"),
+        ("FLASER 0 1 2 3 4 5 6 7 h 8", "begins with its number of ranges"),
+        (FLASER.replace("2.5", "inf"), "'inf' is no finite number"),
+    ],
+)
+def test_a_bad_line_is_named_and_the_rest_goes_on(line: str, reason: str) -> None:
+    first, bad, last = read(ODOM, line, ODOM)
+    assert isinstance(bad, Malformed)
+    assert bad.line == 2
+    assert reason in bad.reason
+    assert isinstance(first, Motion)
+    assert isinstance(last, Motion)
+
+
+@given(st.lists(st.binary(max_size=80) | st.sampled_from([ODOM.encode(), FLASER.encode(), b"ODOM 1 2"]), max_size=20))
+def test_any_bytes_are_read_without_a_crash(lines: list[bytes]) -> None:
+    for record in carmen.records(lines):
+        assert 1 <= record.line <= len(lines)
+
+
+def test_messages() -> None:
+    motion, scan = read(ODOM, FLASER)
+    assert isinstance(motion, Motion)
+    assert isinstance(scan, Scan)
+    odometry = carmen.odometry(motion, "odom", "base_link")
+    assert (odometry.header.stamp.sec, odometry.header.stamp.nanosec) == (976052857, 350191000)
+    assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
+    assert (odometry.pose.pose.position.x, odometry.pose.pose.position.y) == (1.5, -2.0)
+    assert yaw_from_quaternion(odometry.pose.pose.orientation) == pytest.approx(0.5)
+    assert (odometry.twist.twist.linear.x, odometry.twist.twist.angular.z) == (0.3, 0.1)
+    message = carmen.laser_scan(scan, "base_laser", 80.0)
+    assert (message.angle_min, message.angle_max) == (-math.pi / 2, math.pi / 2)
+    assert message.angle_min + 2 * message.angle_increment == pytest.approx(message.angle_max)
+    assert message.ranges == [1.0, 2.5, 81.83]
+
+
+def test_plain_and_gzip_files(tmp_path: Path) -> None:
+    text = f"{ODOM}\n{FLASER}\r\n{ODOM}".encode()
+    (tmp_path / "a.log").write_bytes(text)
+    (tmp_path / "a.log.gz").write_bytes(gzip.compress(text))
+    plain, zipped = (list(carmen.read(tmp_path / name)) for name in ("a.log", "a.log.gz"))
+    assert plain == zipped
+    assert len(plain) == 3
+
+
+def test_a_gzip_file_that_is_cut_short_plays_up_to_the_cut(tmp_path: Path) -> None:
+    lines = "".join(f"{ODOM.replace('1.5', str(i * 0.37))}\n" for i in range(5000)).encode()
+    packed = gzip.compress(lines)
+    path = tmp_path / "cut.log.gz"
+    path.write_bytes(packed[: len(packed) // 2])
+    *good, last = carmen.read(path)
+    assert len(good) > 1000
+    assert isinstance(last, Malformed)
+    assert "cut short" in last.reason
+    assert sum(isinstance(record, Malformed) for record in good) <= 1
+
+
+def test_a_log_that_is_not_there() -> None:
+    with pytest.raises(LogError, match=r"nope\.log cannot be opened: No such file"):
+        list(carmen.read("nope.log"))
+
+
+def test_the_log_of_a_real_robot(intel_log: Path) -> None:
+    records = list(carmen.read(intel_log))
+    motions = [r for r in records if isinstance(r, Motion)]
+    assert len(motions) == 13_700
+    assert sum(isinstance(r, Rewritten) for r in records) == 841
+    assert sum(isinstance(r, Scan) for r in records) == 910
+    assert sum(isinstance(r, Malformed) for r in records) == 0
+    driven = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in zip(motions, motions[1:], strict=False))
+    assert driven == pytest.approx(534.082, abs=0.001)
+
+
+@pytest.mark.parametrize(("lines", "text"), [([], ""), ([3], "3"), ([3, 7, 8, 9, 12], "3, 7-9, 12"), ([1, 2], "1-2")])
+def test_line_numbers_in_short(lines: list[int], text: str) -> None:
+    assert line_ranges(lines) == text

@@ -1,0 +1,118 @@
+from typing import Annotated
+
+import pytest
+import robo
+from msgspec import Meta
+from robo import KEEP_ALL, Node, Publisher, subscribe, timer
+from robo.contract import contract_of, snake_case
+from robo.errors import ContractError, ParameterError
+from robo.loading import load_node_class
+from robo_messages import Message, Odometry, Point, Twist
+from robo_services.position_tracker import PositionTracker
+
+
+def test_the_contract_of_a_shipped_node_is_read_without_running_it() -> None:
+    contract = contract_of(PositionTracker)
+    assert contract.name == "position_tracker"
+    assert contract.description == "Track where the robot is and how far it has driven."
+    assert [(s.topic, s.message_type, s.depth, s.method) for s in contract.subscriptions] == [
+        ("odom", Odometry, KEEP_ALL, "on_odometry")
+    ]
+    assert [(p.topic, p.message_type) for p in contract.publishers] == [("current_position", Point)]
+    assert [(t.rate, t.method) for t in contract.timers] == [("log_rate", "report")]
+    assert [(p.name, p.default) for p in contract.parameters] == [("max_distance", 100.0), ("log_rate", 1.0)]
+
+
+def test_a_subclass_inherits_and_overrides() -> None:
+    class Faster(PositionTracker):
+        class Parameters(PositionTracker.Parameters):
+            log_rate: Annotated[float, Meta(gt=0)] = 10.0
+
+        @timer(rate="log_rate")
+        def report(self) -> None:
+            """Say nothing."""
+
+    contract = contract_of(Faster)
+    assert contract.name == "faster"
+    assert len(contract.timers) == 1
+    assert {p.name: p.default for p in contract.parameters} == {"max_distance": 100.0, "log_rate": 10.0}
+
+
+def test_a_callback_without_a_message_type_is_refused() -> None:
+    class Silent(Node):
+        def on_odometry(self, odometry) -> None:  # type: ignore[no-untyped-def]
+            """Take anything."""
+
+    subscribe("odom")(Silent.on_odometry)
+    with pytest.raises(ContractError, match=r"Silent\.on_odometry: annotate 'odometry'"):
+        contract_of(Silent)
+
+
+def test_a_type_without_a_name_is_refused() -> None:
+    class Foreign(Message):
+        pass
+
+    class Sender(Node):
+        out = Publisher(Foreign, "out")
+
+    with pytest.raises(ContractError, match=r"Sender\.out: .*Foreign has no message name"):
+        contract_of(Sender)
+
+
+def test_a_timer_that_names_no_parameter_is_refused() -> None:
+    class Ticker(Node):
+        @timer(rate="speed")
+        def tick(self) -> None:
+            """Tick."""
+
+    with pytest.raises(ContractError, match="names no parameter"):
+        contract_of(Ticker)
+    with pytest.raises(ContractError, match="positive"):
+        timer(rate=0.0)
+
+
+def test_depths_and_misuse() -> None:
+    with pytest.raises(ContractError, match="depth -1"):
+        subscribe("odom", depth=-1)
+    node = PositionTracker(namespace="r1")
+    with pytest.raises(ContractError, match="before the node has started"):
+        node.position.publish(Point())
+    with pytest.raises(RuntimeError, match="has not started"):
+        node.create_publisher(Twist, "x")
+
+
+def test_a_node_checks_its_values_when_it_is_made() -> None:
+    with pytest.raises(ParameterError, match="/r1/position_tracker: log_rate = -1"):
+        PositionTracker(namespace="r1", parameters={"log_rate": -1})
+    assert PositionTracker(namespace="r1", parameters={"log_rate": 2}).parameters.log_rate == 2.0
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"), [("PositionTracker", "position_tracker"), ("IMUDriver", "imu_driver"), ("A2B", "a2_b")]
+)
+def test_default_names(name: str, expected: str) -> None:
+    assert snake_case(name) == expected
+
+
+def test_services_are_found_by_name() -> None:
+    assert load_node_class("robo_services.position_tracker") is PositionTracker
+    assert load_node_class("robo_services.position_tracker:PositionTracker") is PositionTracker
+
+
+@pytest.mark.parametrize(
+    ("service", "message"),
+    [
+        ("robo_services.position_traker", "did you mean robo_services.position_tracker"),
+        ("nowhere", "there is no service 'nowhere'"),
+        ("robo_services.position_tracker:Tracker", "it has PositionTracker"),
+        ("robo_services.utils", "defines no node class"),
+    ],
+)
+def test_services_that_are_not_there(service: str, message: str) -> None:
+    with pytest.raises(ContractError, match=message):
+        load_node_class(service)
+
+
+def test_what_robo_exports() -> None:
+    for name in robo.__all__:
+        assert getattr(robo, name).__doc__ or name == "KEEP_ALL"

@@ -1,0 +1,154 @@
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+import pytest
+import robo
+from hypothesis import given
+from hypothesis import strategies as st
+from msgspec import Meta
+from robo import parameter_files
+from robo.errors import ContractError, ParameterError, ParameterFileError
+from robo.parameters import build, describe, parse_assignment, parse_value
+
+
+class Tuning(robo.Parameters):
+    rate: Annotated[float, Meta(gt=0, description="Hz")] = 10.0
+    name: str = "base"
+    count: Annotated[int, Meta(ge=1, le=5)] = 1
+    gains: list[float] = [1.0, 2.0]
+    enabled: bool = True
+
+
+def test_values_go_over_defaults_and_an_int_is_a_float() -> None:
+    tuning = build(Tuning, {"rate": 5, "gains": [1, 2.5]}, "/r1/base")
+    assert tuning.rate == 5.0
+    assert isinstance(tuning.rate, float)
+    assert tuning.gains == [1.0, 2.5]
+    assert tuning.name == "base"
+
+
+def test_every_mistake_is_named_with_what_was_expected() -> None:
+    with pytest.raises(ParameterError) as error:
+        build(Tuning, {"rate": 0, "nmae": "x", "count": 9, "enabled": "yes", "gains": [math.inf]}, "/r1/base")
+    text = str(error.value)
+    assert "rate = 0: expected float > 0.0 (Hz)" in text
+    assert "no parameter 'nmae'; did you mean name?" in text
+    assert "count = 9: expected int <= 5" in text
+    assert "enabled = 'yes': expected bool" in text
+    assert "gains = [inf]: expected a finite number" in text
+    assert len(text.splitlines()) == 5
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_nan_and_infinities_are_refused(value: float) -> None:
+    with pytest.raises(ParameterError, match=r"rate = (nan|-?inf)"):
+        build(Tuning, {"rate": value}, "x")
+
+
+@given(st.dictionaries(st.sampled_from(["rate", "name", "count", "x"]), st.none() | st.booleans() | st.text() | st.lists(st.floats())))  # fmt: skip
+def test_whatever_is_given_is_taken_or_refused_by_name(values: dict[str, Any]) -> None:
+    try:
+        tuning = build(Tuning, values, "node")
+    except ParameterError as error:
+        assert "node" in str(error)
+    else:
+        assert all(getattr(tuning, name) == value for name, value in values.items())
+
+
+def test_parameters_are_not_assigned_one_by_one() -> None:
+    with pytest.raises(AttributeError, match="cannot be assigned"):
+        Tuning().rate = 3.0
+
+
+def test_description() -> None:
+    infos = {info.name: info for info in describe(Tuning)}
+    assert list(infos) == ["rate", "name", "count", "gains", "enabled"]
+    assert infos["rate"].description == "Hz"
+    assert infos["rate"].constraints == {"gt": 0}
+    assert infos["count"].constraints == {"ge": 1, "le": 5}
+    assert infos["gains"].default == [1.0, 2.0]
+
+    class NoDefault(robo.Parameters):
+        rate: float
+
+    with pytest.raises(ContractError, match="rate has no default"):
+        describe(NoDefault)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("true", True), ("false", False), ("3", 3), ("-2.5", -2.5), ("1e3", 1000.0), ("no", "no"), ("hello", "hello"),
+        ("[1, 2.5]", [1, 2.5]), ("{a: 1}", {"a": 1}), ("'3'", "3"), ("", ""),
+    ],
+)  # fmt: skip
+def test_values_of_the_command_line(text: str, value: object) -> None:
+    assert parse_value(text) == value
+    assert type(parse_value(text)) is type(value)
+
+
+def test_assignments() -> None:
+    assert parse_assignment("rate:=2.0", Tuning) == ("rate", 2.0)
+    assert parse_assignment("name:=2.0", Tuning) == ("name", "2.0")
+    for bad in ("rate", "rate=2", ":=2"):
+        with pytest.raises(ParameterError, match="write name:=value"):
+            parse_assignment(bad)
+    with pytest.raises(ParameterError):
+        parse_value("[1, 2")
+
+
+FILE = """\
+/**:
+  ros__parameters:
+    use_sim_time: false
+    rate: 1.0
+tracker:
+  ros__parameters:
+    rate: 2.0
+/r1/tracker:
+  ros__parameters:
+    rate: 3.0
+r2:
+  tracker:
+    ros__parameters:
+      rate: 4.0
+/fleet/*:
+  rate: 5.0
+/**/guard:
+  rate: 6.0
+"""
+
+
+@pytest.mark.parametrize(
+    ("namespace", "node", "rate"),
+    [
+        ("", "other", 1.0), ("r9", "tracker", 2.0), ("r1", "tracker", 3.0), ("r2", "tracker", 4.0),
+        ("fleet", "any", 5.0), ("a/b", "guard", 6.0), ("", "guard", 6.0),
+    ],
+)  # fmt: skip
+def test_the_more_specific_entry_wins(tmp_path: Path, namespace: str, node: str, rate: float) -> None:
+    path = tmp_path / "params.yaml"
+    path.write_text(FILE)
+    values = parameter_files.load(path).values_for(namespace, node)
+    assert values == {"use_sim_time": False, "rate": rate}
+
+
+def test_order_in_the_file_does_not_matter(tmp_path: Path) -> None:
+    path = tmp_path / "params.yaml"
+    path.write_text("tracker: {rate: 2.0}\n/**: {rate: 1.0}\n")
+    assert parameter_files.load(path).values_for("r1", "tracker") == {"rate": 2.0}
+
+
+def test_mistakes_in_a_file_are_all_named_with_their_place(tmp_path: Path) -> None:
+    path = tmp_path / "params.yaml"
+    path.write_text("a: 1\nb:\n  ros__parameters: [1]\nc: {x: 1, x: 2}\n")
+    with pytest.raises(ParameterFileError) as error:
+        parameter_files.load(path)
+    lines = str(error.value).splitlines()
+    assert sorted(line.removeprefix(str(path)).split(": ")[0] for line in lines) == [":1:1", ":3:20", ":4:11"]
+
+
+def test_a_missing_file_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(ParameterFileError, match=r"nope\.yaml does not exist"):
+        parameter_files.load(tmp_path / "nope.yaml")
