@@ -4,32 +4,36 @@ import robo
 from robo_messages import String
 
 class Talker(robo.Node):
-chatter = robo.Publisher(String, "chatter")
+    chatter = robo.Publisher(String, "chatter")
 
-@robo.timer(rate=1.0)
-def speak(self) -> None:
-self.chatter.publish(String("hello"))
+    @robo.timer(rate=1.0)
+    def speak(self) -> None:
+        self.chatter.publish(String("hello"))
 
 if __name__ == "__main__":
-robo.run(Talker)
+    robo.run(Talker)
 """
 
-from robo.contract import Publisher, subscribe, timer
-from robo.errors import (
-    ContractError,
-    InvalidName,
-    ManifestError,
-    NetworkError,
-    ParameterError,
-    ParameterFileError,
-    RoboError,
-    UsageError,
-)
-from robo.node import Node, NodeStatus
-from robo.parameters import Parameters
-from robo.qos import KEEP_ALL
-from robo.runner import run
-from robo.session import Network, open_session
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from robo.contract import Publisher, subscribe, timer
+    from robo.errors import (
+        ContractError,
+        InvalidName,
+        ManifestError,
+        NetworkError,
+        ParameterError,
+        ParameterFileError,
+        RoboError,
+        UsageError,
+    )
+    from robo.node import Node, NodeStatus
+    from robo.parameters import Parameters
+    from robo.qos import KEEP_ALL
+    from robo.runner import run
+    from robo.session import Network, open_session
 
 __all__ = [
     "KEEP_ALL",
@@ -51,3 +55,22 @@ __all__ = [
     "subscribe",
     "timer",
 ]
+
+_HOMES = {
+    "contract": ("Publisher", "subscribe", "timer"),
+    "node": ("Node", "NodeStatus"),
+    "parameters": ("Parameters",),
+    "qos": ("KEEP_ALL",),
+    "runner": ("run",),
+    "session": ("Network", "open_session"),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    """Import what is asked for: the command line and a router need neither a node nor its imports."""
+    if name not in __all__:
+        raise AttributeError(f"module 'robo' has no attribute {name!r}")
+    value: object = getattr(importlib.import_module(f"robo.{_HOME.get(name, 'errors')}"), name)
+    globals()[name] = value
+    return value

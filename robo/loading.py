@@ -1,11 +1,9 @@
 """From the name of a service to its node class: `package.module` or `package.module:Class`."""
 
-import difflib
 import importlib
 import importlib.util
-import pkgutil
+import os
 import sys
-from pathlib import Path
 
 from robo.errors import ContractError
 from robo.node import Node
@@ -20,7 +18,7 @@ def load_node_class(service: str) -> type[Node]:
         ContractError: the module or the class is not there, or cannot be imported; says what comes close.
     """
     module_name, _, class_name = service.partition(":")
-    here = str(Path.cwd())
+    here = os.getcwd()
     if here not in sys.path:
         sys.path.insert(0, here)  # services of the folder one works in need no installation
     try:
@@ -60,6 +58,9 @@ def _among(classes: dict[str, type[Node]]) -> str:
 
 
 def _similar(module_name: str) -> str:
+    import difflib
+    import pkgutil
+
     package, _, _ = module_name.rpartition(".")
     try:
         spec = importlib.util.find_spec(package) if package else None

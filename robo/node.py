@@ -191,12 +191,16 @@ class Node:
 
     # -- life ----------------------------------------------------------------------------------
 
-    def start(self) -> None:
+    def start(self, session: zenoh.Session | None = None) -> None:
         """Join the network, make the declared endpoints and begin to run callbacks.
+
+        Args:
+            session: a session to use, if none was given when the node was made.
 
         Raises:
             NetworkError: the network cannot be reached.
         """
+        self._given_session = session or self._given_session
         self._session = self._given_session or open_session(Network.from_environment("router"))
         log_publisher = self.create_publisher(Log, self._log_topic())
         self._log_handler = log.BusHandler(log_publisher, self.full_name)

@@ -6,7 +6,6 @@
 Pure: from values to a Struct or to one error that names every mistake.
 """
 
-import difflib
 import math
 import typing
 from collections.abc import Mapping
@@ -58,6 +57,8 @@ def build(cls: type[P], values: Mapping[str, object], owner: str) -> P:
     converted: dict[str, object] = {}
     for name, value in values.items():
         if name not in types:
+            import difflib  # only mistakes need it
+
             close = difflib.get_close_matches(name, types, n=1)
             hint = f"did you mean {close[0]}?" if close else f"it has {', '.join(types) or 'none'}"
             mistakes.append(f"{owner} has no parameter {name!r}; {hint}")

@@ -62,32 +62,21 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
         RoboError: it cannot be built, or cannot join the network.
     """
     log.setup()
-    node: Node | None = None
-    interrupted = False
+    node = node_class(name=spec.name, namespace=spec.namespace, parameters=spec.parameters, remappings=spec.remappings)
 
     def stop(_number: int, _frame: "FrameType | None") -> None:
-        nonlocal interrupted
-        interrupted = True
-        if node is not None:
-            node.shutdown(node.exit_code)
+        node.shutdown(node.exit_code)
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, stop)
     session = open_session(Network.from_environment(spec.mode, spec.connect, spec.listen))
     try:
-        node = node_class(
-            name=spec.name,
-            namespace=spec.namespace,
-            parameters=spec.parameters,
-            remappings=spec.remappings,
-            session=session,
-        )
         unseen = wait_for_nodes(session, spec.needs, timeout=5.0)
         if unseen:
             node.logger.warning("starting although it does not see %s", ", ".join(sorted(unseen)))
-        with node:
-            if not interrupted:
-                node.wait()
+        node.start(session)
+        node.wait()
+        node.close()
         return node.exit_code
     finally:
         session.close()

@@ -6,13 +6,13 @@ Only plain data is read: no tags, no objects. Scalars follow YAML 1.2, so `no` a
 import math
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 import msgspec
 import yaml
 
-_INT = re.compile(r"[-+]?(0|[1-9][0-9_]*)\Z|0x[0-9a-fA-F]+\Z|0o[0-7]+\Z")
+_INT = re.compile(r"[-+]?[0-9]+\Z")
+_BASED_INT = re.compile(r"0x[0-9a-fA-F]+\Z|0o[0-7]+\Z")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?\Z")
 _SPECIAL = {
     "": None, "~": None, "null": None, "Null": None, "NULL": None,
@@ -136,7 +136,7 @@ def kind(tree: Tree) -> str:
     return "nothing" if tree.value is None else repr(tree.value)
 
 
-def parse(text: str, file: str | Path, problems: list[Problem], *, placeholders: bool = False) -> Tree | None:
+def parse(text: str, file: object, problems: list[Problem], *, placeholders: bool = False) -> Tree | None:
     """Read one YAML document. Mistakes are added to `problems`.
 
     With `placeholders`, `${name}` is one word everywhere. In YAML itself it is none within `[…]` and
@@ -220,7 +220,9 @@ def _resolve(text: str) -> object:
     if text in _SPECIAL:
         return _SPECIAL[text]
     if _INT.match(text):
-        return int(text.replace("_", ""), 0)
+        return int(text) if len(text) < 400 else text
+    if _BASED_INT.match(text):
+        return int(text, 0)
     if _FLOAT.match(text):
         return float(text)
     return text

@@ -1,12 +1,12 @@
 """Everything that tests send stays on free ports of loopback."""
 
-import os
 import socket
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import zenoh
+
 from robo.session import Network, open_session
 
 INTEL_LOG = Path(__file__).parents[2] / "shared" / "data" / "intel.log.gz"

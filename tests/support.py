@@ -32,16 +32,14 @@ class Inbox:
     def __init__(self, session: zenoh.Session, key: str) -> None:
         self._changed = threading.Condition()
         self.samples: list[zenoh.Sample] = []
+        self.messages: list[dict[str, Any]] = []
         self._subscriber = session.declare_subscriber(key, self._on_sample)
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         with self._changed:
             self.samples.append(sample)
+            self.messages.append(msgpack.unpackb(sample.payload.to_bytes()))
             self._changed.notify_all()
-
-    @property
-    def messages(self) -> list[dict[str, Any]]:
-        return [msgpack.unpackb(sample.payload.to_bytes()) for sample in list(self.samples)]
 
     def wait_for(self, count: int = 1, timeout: float = PATIENCE) -> list[dict[str, Any]]:
         """At least `count` messages."""
@@ -53,11 +51,13 @@ class Inbox:
     ) -> None:
         """Wait until the messages so far fulfil a condition."""
         with self._changed:
-            assert self._changed.wait_for(lambda: condition(self.messages), timeout), f"not within {timeout} s: {what}"
+            there = self._changed.wait_for(lambda: bool(self.messages) and condition(self.messages), timeout)
+            assert there, f"not within {timeout} s: {what}"
 
     def forget(self) -> None:
         with self._changed:
             self.samples.clear()
+            self.messages.clear()
 
     def close(self) -> None:
         self._subscriber.undeclare()

@@ -42,9 +42,10 @@ def print_topics(*, json: bool, connect: Sequence[str]) -> None:
 
 def print_messages(key: str, *, once: bool, json: bool, connect: Sequence[str]) -> None:
     """Print messages until Ctrl-C, or one."""
+    expression = key_of(key)
     with _open(connect) as session:
-        stream = Stream(session, key_of(key))
-        _hint(f"waiting for {key_of(key)} …")
+        stream = Stream(session, expression)
+        _hint(f"waiting for {expression} …")
         for sample in stream.samples():
             received = topics.read(sample)
             if json:
@@ -57,9 +58,10 @@ def print_messages(key: str, *, once: bool, json: bool, connect: Sequence[str]) 
 
 def print_rates(key: str, *, count: int | None, duration: float | None, json: bool, connect: Sequence[str]) -> None:
     """Print the rate of each topic once a second."""
+    expression = key_of(key)
     with _open(connect) as session:
-        stream = Stream(session, key_of(key))
-        _hint(f"waiting for {key_of(key)} …")
+        stream = Stream(session, expression)
+        _hint(f"waiting for {expression} …")
         meters: dict[str, RateMeter] = {}
         due = time.monotonic() + 1.0
         shown = 0

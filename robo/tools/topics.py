@@ -6,6 +6,7 @@ import statistics
 import threading
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 
 import msgspec
 import zenoh
@@ -168,8 +169,8 @@ class RateMeter:
         """
         if len(self._times) < 2:
             return None
-        gaps = [(b - a) * 1e-9 for a, b in zip(self._times, self._times[1:], strict=False)]
-        steps = [b - a - 1 for a, b in zip(self._numbers, self._numbers[1:], strict=False)]
+        gaps = [(b - a) * 1e-9 for a, b in pairwise(self._times)]
+        steps = [b - a - 1 for a, b in pairwise(self._numbers)]
         lost = sum(step for step in steps if step > 0)
         span = (self._times[-1] - self._times[0]) * 1e-9
         # Lost messages were published too: they count for the rate.

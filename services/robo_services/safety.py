@@ -64,7 +64,7 @@ def decide(seen: Seen, limits: Limits) -> Decision:
     scan, command = seen.scan, seen.command
     if scan is None:
         return _stop("no_scan", "no laser scan so far")
-    if seen.scan_age > limits.scan_timeout:
+    if not seen.scan_age <= limits.scan_timeout:  # so that NaN is stale too
         return _stop("stale_scan", f"the last laser scan is {seen.scan_age:.2f} s old")
     if not is_usable(scan):
         return _stop("invalid_scan", "the laser scan holds no valid range")
@@ -72,7 +72,7 @@ def decide(seen: Seen, limits: Limits) -> Decision:
         return _stop("no_command", "no command so far")
     if not is_finite(command):
         return _stop("invalid_command", "the command holds NaN or an infinity")
-    if seen.command_age > limits.command_timeout:
+    if not seen.command_age <= limits.command_timeout:
         return _stop("stale_command", f"the last command is {seen.command_age:.2f} s old")
     if seen.speed is not None and not seen.speed <= limits.max_speed * OVERSPEED:
         return _stop("overspeed", f"measured {seen.speed:.2f} m/s, more than max_speed = {limits.max_speed:g} m/s")

@@ -9,14 +9,12 @@ As YAML (m, rad):
 
 import math
 import random
-from pathlib import Path
 from typing import Annotated
 
 import msgspec
 from msgspec import Meta
 
 from robo import RoboError
-from robo.yaml_tree import Map, Problem, convert, parse
 from robo_services.kinematics import Pose2
 
 Segment = tuple[float, float, float, float]
@@ -70,14 +68,17 @@ ROOM = World(walls=((-5, -5, 5, -5), (5, -5, 5, 5), (5, 5, -5, 5), (-5, 5, -5, -
 """An empty room, 10 m x 10 m, around the origin: the world where none is given."""
 
 
-def load(path: str | Path) -> World:
+def load(path: str) -> World:
     """Read a world file.
 
     Raises:
         WorldError: it is missing, unreadable or has a mistake; says where.
     """
+    from robo.yaml_tree import Map, Problem, convert, parse  # a node without a world file carries no YAML
+
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        with open(path, encoding="utf-8") as file:
+            text = file.read()
     except (OSError, UnicodeDecodeError) as error:
         raise WorldError(f"world file {path} cannot be read: {error}") from None
     problems: list[Problem] = []

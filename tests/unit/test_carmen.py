@@ -1,10 +1,12 @@
 import gzip
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from robo_services import carmen
 from robo_services.carmen import LogError, Malformed, Motion, Record, Rewritten, Scan
 from robo_services.carmen_player import line_ranges
@@ -116,7 +118,7 @@ def test_the_log_of_a_real_robot(intel_log: Path) -> None:
     assert sum(isinstance(r, Rewritten) for r in records) == 841
     assert sum(isinstance(r, Scan) for r in records) == 910
     assert sum(isinstance(r, Malformed) for r in records) == 0
-    driven = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in zip(motions, motions[1:], strict=False))
+    driven = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(motions))
     assert driven == pytest.approx(534.082, abs=0.001)
 
 

@@ -1,8 +1,9 @@
 from typing import Annotated
 
 import pytest
-import robo
 from msgspec import Meta
+
+import robo
 from robo import KEEP_ALL, Node, Publisher, subscribe, timer
 from robo.contract import contract_of, snake_case
 from robo.errors import ContractError, ParameterError

@@ -6,7 +6,6 @@ from robo.endpoints import slots
 from robo.executor import TimerLoop, Turn
 from robo.qos import KEEP_ALL
 from robo_messages import Image, LaserScan, Odometry, PointCloud2, Twist
-
 from tests.support import eventually
 
 

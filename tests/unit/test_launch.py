@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from robo.cli.up import plan_text, split_words
 from robo.errors import ManifestError, UsageError
 from robo.launch import manifest, plan
@@ -20,8 +21,10 @@ def load(tmp_path: Path, text: str, *, groups: list[str] | None = None, **argume
 
 
 def mistakes(tmp_path: Path, text: str, **arguments: object) -> list[str]:
+    path = tmp_path / "m.yaml"
+    path.write_text(text)
     with pytest.raises(ManifestError) as error:
-        load(tmp_path, text, **arguments)
+        plan.load(path, arguments)
     return str(error.value).replace(f"{tmp_path}/", "").splitlines()
 
 
@@ -120,7 +123,7 @@ def test_scopes_do_not_leak(tmp_path: Path) -> None:
         "args: {speed: 1.0}\ngroups: {g: {nodes: {a: {service: s, params: {speed: '${speed}', x: '${outer}'}}}}}\n"
     )
     text = "args: {outer: 5}\ninclude: {file: inner.yaml, args: {speed: 2.0}}\n"
-    assert mistakes(tmp_path, text) == ["inner.yaml:2:75: ${outer} is not defined; known are robot_name, speed"]
+    assert mistakes(tmp_path, text) == ["inner.yaml:2:69: ${outer} is not defined; known are robot_name, speed"]
 
 
 def test_all_mistakes_come_at_once_each_with_its_place(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@ import logging
 import sys
 
 import pytest
+
 from robo.errors import UsageError
 from robo.log import ConsoleFormatter, NodeLogger, level_name, level_of
 

@@ -5,9 +5,10 @@ import sys
 import msgpack
 import msgspec
 import pytest
-import robo_messages
 from hypothesis import given
 from hypothesis import strategies as st
+
+import robo_messages
 from robo_messages import (
     Duration,
     Header,
@@ -177,4 +178,5 @@ def test_messages_need_nothing_but_msgspec() -> None:
     )
     result = subprocess.run([sys.executable, "-S", "-c", f"import sys; sys.path[:] = {sys.path!r}\n{code}"],
                             capture_output=True, text=True, check=True)  # fmt: skip
-    assert result.stdout.strip() == "['msgspec', 'robo_messages']"
+    # msgspec itself looks for typing_extensions and does without it.
+    assert result.stdout.replace(", 'typing_extensions'", "").strip() == "['msgspec', 'robo_messages']"

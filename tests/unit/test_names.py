@@ -1,6 +1,7 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from robo import names
 from robo.discovery import EndpointToken, NodeToken, parse_token
 from robo.errors import InvalidName

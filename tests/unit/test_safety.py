@@ -4,6 +4,7 @@ import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from robo_messages import LaserScan, Twist, Vector3
 from robo_services.safety import Decision, Limits, Seen, decide, nearest_in_sector
 
@@ -54,7 +55,8 @@ def test_a_free_way() -> None:
     ],
 )
 def test_doubt_stops_and_says_why(changes: dict[str, object], reason: str) -> None:
-    decision = decided(**changes)
+    seen = Seen(command=drive(), command_age=0.01, scan=scan(), scan_age=0.01, speed=0.0)
+    decision = decide(msgspec.structs.replace(seen, **changes), LIMITS)
     assert (decision.action, decision.reason, decision.twist) == ("stop", reason, Twist())
     assert decision.text
 

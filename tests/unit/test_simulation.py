@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from robo_services import world
 from robo_services.diff_drive import BaseLimits, DiffDrive
 from robo_services.kinematics import Pose2, advance, body_velocity, wheel_speeds
@@ -24,7 +25,7 @@ def test_a_full_circle_comes_back() -> None:
     pose = Pose2()
     for _ in range(1000):
         pose = advance(pose, 0.5, 0.2, math.tau / 0.2 / 1000)
-    assert (pose.x, pose.y) == (pytest.approx(0, abs=1e-9), pytest.approx(0, abs=1e-9))
+    assert (pose.x, pose.y) == pytest.approx((0, 0), abs=1e-9)
 
 
 @given(st.floats(-2, 2), st.floats(-3, 3), st.floats(0.001, 2), st.integers(1, 20))
@@ -33,21 +34,21 @@ def test_an_arc_is_exact_whatever_the_step(linear: float, angular: float, dt: fl
     many = Pose2(1.0, 2.0, 0.5)
     for _ in range(parts):
         many = advance(many, linear, angular, dt / parts)
-    assert (once.x, once.y) == (pytest.approx(many.x, abs=1e-5), pytest.approx(many.y, abs=1e-5))
+    assert (once.x, once.y) == pytest.approx((many.x, many.y), abs=1e-5)
     assert math.remainder(once.yaw - many.yaw, math.tau) == pytest.approx(0, abs=1e-9)
 
 
 @given(st.floats(-2, 2), st.floats(-3, 3), st.floats(0.1, 1))
 def test_wheels_and_body_agree(linear: float, angular: float, separation: float) -> None:
-    assert body_velocity(*wheel_speeds(linear, angular, separation), separation) == (
-        pytest.approx(linear, abs=1e-12), pytest.approx(angular, abs=1e-9),
-    )  # fmt: skip
+    assert body_velocity(*wheel_speeds(linear, angular, separation), separation) == pytest.approx(
+        (linear, angular), abs=1e-12
+    )
 
 
 def test_the_laser_sees_the_walls_of_a_room() -> None:
     ranges = laser(world.ROOM).scan(Pose2(1.0, 0.0, 0.0))
     ahead, left, behind = ranges[180], ranges[270], ranges[0]
-    assert (ahead, left, behind) == (pytest.approx(4.0), pytest.approx(5.0), pytest.approx(6.0))
+    assert (ahead, left, behind) == pytest.approx((4.0, 5.0, 6.0))
     assert ranges[225] == pytest.approx(4.0 / math.cos(math.pi / 4))
 
 
@@ -125,12 +126,12 @@ def test_nothing_is_driven_through() -> None:
 def test_acceleration_is_limited() -> None:
     base = DiffDrive(World(), LIMITS, Pose2())
     base.step(10.0, 10.0, 0.1)
-    assert (base.linear, base.angular) == (pytest.approx(0.2), pytest.approx(0.6))
+    assert (base.linear, base.angular) == pytest.approx((0.2, 0.6))
 
 
 @pytest.mark.parametrize("name", ["room.yaml", "hall.yaml"])
 def test_the_shipped_worlds_have_room_at_the_start(name: str) -> None:
-    surroundings = world.load(CONFIG / name)
+    surroundings = world.load(str(CONFIG / name))
     assert world.clearance(surroundings.segments(), surroundings.circles, 0.0, 0.0) > 1.0
 
 
@@ -138,7 +139,7 @@ def test_the_shipped_worlds_have_room_at_the_start(name: str) -> None:
     ("text", "messages"),
     [
         ("walls: [[0, 0, 1]]", ["w.yaml:1:9: walls[0]: expected array of length 4"]),
-        ("boxes:\n  - {center: [1, 2], size: [1, -2]}", ["w.yaml:2:31: boxes[0].size[1]: expected float > 0.0"]),
+        ("boxes:\n  - {center: [1, 2], size: [1, -2]}", ["w.yaml:2:32: boxes[0].size[1]: expected float > 0.0"]),
         ("wall: []\ncircle: []", ["w.yaml:1:1: unknown key 'wall'", "w.yaml:2:1: unknown key 'circle'"]),
         ("- 1", ["w.yaml:1:1: expected a map"]),
         ("a: [", ["w.yaml:"]),
@@ -148,7 +149,7 @@ def test_mistakes_in_a_world_have_a_place(tmp_path: Path, text: str, messages: l
     path = tmp_path / "w.yaml"
     path.write_text(text)
     with pytest.raises(WorldError) as error:
-        world.load(path)
+        world.load(str(path))
     for message in messages:
         assert message in str(error.value)
 

@@ -3,6 +3,7 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from robo_messages import Point, Pose, Quaternion
 from robo_services import utils
 from robo_services.limits import clamp, ramp
@@ -49,7 +50,7 @@ def test_distance_and_heading_lead_to_the_other_point(ax: float, ay: float, bx: 
     d, h = utils.distance(a, b), utils.heading(a, b)
     assert -math.pi < h <= math.pi
     assert d == utils.distance(b, a) >= 0
-    assert (ax + d * math.cos(h), ay + d * math.sin(h)) == (pytest.approx(bx, abs=1e-6), pytest.approx(by, abs=1e-6))
+    assert (ax + d * math.cos(h), ay + d * math.sin(h)) == pytest.approx((bx, by), abs=1e-6)
 
 
 @given(yaws)
@@ -70,14 +71,14 @@ def test_yaw_ignores_length() -> None:
 def test_frames_there_and_back(pose: Pose, x: float, y: float) -> None:
     point = Point(x, y, 1.0)
     back = utils.to_child(pose, utils.to_parent(pose, point))
-    assert (back.x, back.y, back.z) == (pytest.approx(x, abs=1e-6), pytest.approx(y, abs=1e-6), 1.0)
+    assert (back.x, back.y, back.z) == pytest.approx((x, y, 1.0), abs=1e-6)
 
 
 @given(poses, poses, metres, metres)
 def test_composed_poses_transform_like_one_after_the_other(a: Pose, b: Pose, x: float, y: float) -> None:
     once = utils.to_parent(utils.compose(a, b), Point(x, y))
     twice = utils.to_parent(a, utils.to_parent(b, Point(x, y)))
-    assert (once.x, once.y) == (pytest.approx(twice.x, abs=1e-5), pytest.approx(twice.y, abs=1e-5))
+    assert (once.x, once.y) == pytest.approx((twice.x, twice.y), abs=1e-5)
 
 
 @given(st.floats(-5, 5), st.floats(-5, 5), st.floats(0.001, 1), st.floats(0.1, 5), st.floats(0.1, 5))

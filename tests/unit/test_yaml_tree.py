@@ -3,6 +3,7 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from robo.yaml_tree import Map, Problem, Scalar, parse, plain
 
 
@@ -16,7 +17,7 @@ def test_scalars_follow_yaml_1_2() -> None:
     text = "[yes, no, on, true, False, 1:30, 0o17, 0x1f, 012, 1e3, 1_000, '3', .inf, ~, 2024-01-01]"
     value, problems = read(text)
     assert value == [
-        "yes", "no", "on", True, False, "1:30", 15, 31, "012", 1000.0, 1000, "3", math.inf, None, "2024-01-01",
+        "yes", "no", "on", True, False, "1:30", 15, 31, 12, 1000.0, "1_000", "3", math.inf, None, "2024-01-01",
     ]  # fmt: skip
     assert not problems
 

@@ -1,0 +1,133 @@
+"""`robo` in a terminal: what it prints, how it fails."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+import zenoh
+
+import robo as runtime
+from robo import Publisher, timer
+from robo_messages import LaserScan, String
+from tests.support import robo, run_robo
+
+
+class Beacon(runtime.Node):
+    """Publishes at a known rate."""
+
+    words = Publisher(String, "words")
+    scan = Publisher(LaserScan, "scan")
+
+    @timer(rate=20.0)
+    def tick(self) -> None:
+        self.words.publish(String("hello"))
+        self.scan.publish(LaserScan(ranges=[1.0, float("inf"), float("nan")]))
+
+
+def test_topics_are_listed(session: zenoh.Session, endpoint: str) -> None:
+    with Beacon(namespace="r1", session=session):
+        table = run_robo("topic", "list", "--connect", endpoint)
+        assert table.returncode == 0
+        assert [line.split()[:3] for line in table.stdout.splitlines() if "words" in line] == [
+            ["r1/words", "std/String", "/r1/beacon"]
+        ]
+        found = [
+            json.loads(line) for line in run_robo("topic", "list", "--json", "--connect", endpoint).stdout.splitlines()
+        ]
+        assert {"key": "r1/words", "types": ["std/String"], "publishers": ["/r1/beacon"], "subscribers": []} in found
+
+
+def test_echo_prints_messages(session: zenoh.Session, endpoint: str) -> None:
+    with Beacon(namespace="r1", session=session):
+        once = run_robo("topic", "echo", "/r1/words", "--once", "--connect", endpoint)
+        assert (once.returncode, once.stderr) == (0, "")
+        assert once.stdout == "# r1/words  std/String\n{data: hello}\n---\n"
+        line = run_robo("topic", "echo", "r1/scan", "--once", "--json", "--connect", endpoint).stdout
+        found = json.loads(line)
+        assert (found["key"], found["type"]) == ("r1/scan", "sensor/LaserScan")
+        assert found["message"]["ranges"] == [1.0, "inf", "nan"]
+        assert found["sequence_number"] > 0
+        assert found["time"] > 10**18
+
+
+def test_hz_measures_and_ends(session: zenoh.Session, endpoint: str) -> None:
+    with Beacon(namespace="r1", session=session):
+        result = run_robo("topic", "hz", "r1/words", "--json", "--duration", "1.5", "--connect", endpoint)
+        windows = [json.loads(line) for line in result.stdout.splitlines()]
+        assert windows
+        assert all({"key", "rate", "count", "min", "max", "std"} <= set(window) for window in windows)
+        assert 10 < windows[0]["rate"] < 30
+
+
+def test_a_reader_that_leaves_is_no_error(session: zenoh.Session, endpoint: str) -> None:
+    with Beacon(namespace="r1", session=session):
+        command = f"{sys.executable} -m robo topic echo r1/words --json --connect {endpoint} | head -n 1"
+        result = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=30, check=False)
+        assert json.loads(result.stdout)["message"] == {"data": "hello"}
+        assert result.stderr == ""
+
+
+def test_ctrl_c_is_quiet(session: zenoh.Session, endpoint: str) -> None:
+    with Beacon(namespace="r1", session=session), robo("topic", "echo", "r1/words", "--connect", endpoint) as echo:
+        echo.wait_for("hello")
+        echo.interrupt()
+        assert echo.wait() == 130
+        assert "Traceback" not in echo.output
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("topic", "list"), "Is a robot running there? `robo up` starts one"),
+        (("topic", "echo", "r1//odom"), "write its full name"),
+        (("up", "nowhere.yaml"), "there is no manifest 'nowhere.yaml'"),
+        (("up", "replay.yaml"), "replay.yaml needs log"),
+        (("up", "robot.yaml", "wrold:=x"), "did you mean world?"),
+        (("up", "robot.yaml", "contrl"), "there is no group 'contrl'"),
+        (("up", "--log-level", "loud"), "use debug, info, warn"),
+        (("up", "--dry-run", "params_file:=nowhere.yaml"), "nowhere.yaml does not exist"),
+        (("run", "robo_services.position_traker"), "did you mean robo_services.position_tracker?"),
+        (
+            ("run", "robo_services.position_tracker", "-p", "log_rate:=0"),
+            "log_rate = 0: expected float > 0.0 (reports per second, Hz",
+        ),
+        (("run", "robo_services.position_tracker", "-r", "odom=x"), "write from:=to"),
+        (("run", "robo_services.position_tracker", "--robot-name", "r-1"), "namespace 'r-1' has part 'r-1'"),
+    ],
+)
+def test_mistakes_are_told_and_never_a_traceback(words: tuple[str, ...], message: str, endpoint: str) -> None:
+    more = ("--connect", endpoint) if words[0] == "topic" else ()
+    result = run_robo(*words, *more)
+    assert result.returncode == 1
+    assert message in result.stderr
+    assert "Traceback" not in result.stderr
+    assert result.stdout == ""
+
+
+@pytest.mark.parametrize(
+    "words", [(), ("up",), ("topic",), ("topic", "echo"), ("topic", "hz"), ("topic", "list"), ("run",)]
+)
+def test_help(words: tuple[str, ...]) -> None:
+    result = run_robo(*words, "--help")
+    assert result.returncode == 0
+    assert "Usage: robo" in result.stdout
+    if words not in ((), ("topic",)):
+        assert "Examples:" in result.stdout
+
+
+def test_a_nodes_help_shows_its_contract() -> None:
+    for command in (["-m", "robo", "run", "robo_services.safety_monitor"], ["-m", "robo_services.safety_monitor"]):
+        result = subprocess.run([sys.executable, *command, "--help"], capture_output=True, text=True, check=True)
+        assert "robo run robo_services.safety_monitor" in result.stdout
+        for word in ("cmd_vel_raw", "sensor/LaserScan", "min_distance", "0.3"):
+            assert word in result.stdout
+
+
+def test_a_dry_run_prints_the_plan_and_starts_nothing() -> None:
+    text = run_robo("up", "--dry-run", "--robot-name", "r7")
+    assert text.returncode == 0
+    assert "/r7/safety_monitor" in text.stdout
+    plan = json.loads(run_robo("up", "--dry-run", "--json", "--robot-name", "r7").stdout)
+    assert plan["robot"] == "r7"
+    assert plan["processes"][0]["name"] == "diff_drive_sim"

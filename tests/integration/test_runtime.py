@@ -1,0 +1,325 @@
+"""Nodes in the test's own process, seen by a plain Zenoh client."""
+
+import threading
+import time
+from typing import Annotated
+
+import msgpack
+import pytest
+import zenoh
+from msgspec import Meta
+
+import robo
+from robo import KEEP_ALL, Node, Publisher, subscribe, timer
+from robo.codec import unpack_attachment
+from robo.discovery import ALL_TOKENS, EndpointToken, NodeToken, parse_token, wait_for_nodes
+from robo.errors import NetworkError
+from robo.session import Network, open_session
+from robo_messages import Image, String, Twist, Vector3
+from robo_services.position_tracker import PositionTracker
+from tests.support import Inbox, eventually
+
+
+class Echo(Node):
+    """Repeats what it hears."""
+
+    class Parameters(robo.Parameters):
+        prefix: str = ""
+        rate: Annotated[float, Meta(gt=0)] = 50.0
+
+    parameters: Parameters
+    out = Publisher(String, "out", depth=KEEP_ALL)
+    beat = Publisher(String, "~/beat")
+
+    def on_start(self) -> None:
+        self.stopped = False
+
+    @subscribe("in", depth=KEEP_ALL)
+    def on_text(self, text: String) -> None:
+        if text.data == "raise":
+            raise ValueError("asked to")
+        if text.data == "exit":
+            raise SystemExit(3)
+        self.out.publish(String(self.parameters.prefix + text.data))
+
+    @timer(rate="rate")
+    def tick(self) -> None:
+        self.beat.publish(String("beat"))
+
+    def on_stop(self) -> None:
+        self.stopped = True
+        self.out.publish(String("bye"))
+
+
+def texts(inbox: Inbox) -> list[str]:
+    return [message["data"] for message in inbox.messages]
+
+
+def test_a_node_answers_a_client_that_knows_nothing_of_robo(session: zenoh.Session, other: zenoh.Session) -> None:
+    with Echo(namespace="r1", parameters={"prefix": "> "}, session=session):
+        inbox = Inbox(other, "r1/out")
+        assert not wait_for_nodes(other, ["/r1/echo"], 10)
+        other.put("r1/in", msgpack.packb({"data": "hello"}))
+        other.put("r1/in", '{"data": "json"}', encoding="application/json")
+        other.put("r1/in", '{"data": "plain"}')
+        assert inbox.wait_for(3) == [{"data": "> hello"}, {"data": "> json"}, {"data": "> plain"}]
+        sample = inbox.samples[0]
+        assert str(sample.encoding) == "application/msgpack;std/String"
+        stamps = [unpack_attachment(s.attachment.to_bytes()) for s in inbox.samples if s.attachment is not None]
+        assert [stamp.sequence_number for stamp in stamps if stamp] == [1, 2, 3]
+        assert all(stamp is not None and abs(stamp.source_time - time.time_ns()) < 60e9 for stamp in stamps)
+
+
+def test_names_are_resolved_and_remapped(session: zenoh.Session, other: zenoh.Session) -> None:
+    options = {"in": "/elsewhere/in", "out": "renamed"}
+    with Echo(name="twin", namespace="a/b", remappings=options, session=session):
+        inbox, beats = Inbox(other, "a/b/renamed"), Inbox(other, "a/b/twin/beat")
+        assert not wait_for_nodes(other, ["/a/b/twin"], 10)
+        other.put("elsewhere/in", msgpack.packb({"data": "x"}))
+        assert inbox.wait_for(1) == [{"data": "x"}]
+        beats.wait_for(2)
+
+
+def test_garbage_changes_nothing_but_a_counter_and_one_line(
+    session: zenoh.Session, other: zenoh.Session, caplog: pytest.LogCaptureFixture
+) -> None:
+    with Echo(namespace="r1", session=session) as node:
+        inbox, log = Inbox(other, "r1/out"), Inbox(other, "r1/log")
+        assert not wait_for_nodes(other, ["/r1/echo"], 10)
+        garbage = [b"", b"\xc1", b"\x00" * 100, b"{nope", msgpack.packb({"data": 5}), msgpack.packb({"date": "x"})]
+        for payload in garbage * 3:
+            other.put("r1/in", payload)
+        other.put("r1/in", msgpack.packb({"data": "still here"}))
+        assert inbox.wait_for(1) == [{"data": "still here"}]
+        assert node.status.malformed == {"r1/in": 18}
+        eventually(lambda: node.status.received == {"r1/in": 1}, "the message is counted")
+        lines = [r.getMessage() for r in caplog.records if "malformed" in r.getMessage()]
+        assert len(lines) == 1
+        assert "malformed message on r1/in" in lines[0]
+        (record,) = log.wait_for(1)
+        assert (record["name"], record["level"]) == ("/r1/echo", 30)
+
+
+def test_counters_can_be_asked_for_by_any_client(session: zenoh.Session, other: zenoh.Session) -> None:
+    with Echo(namespace="r1", session=session):
+        assert not wait_for_nodes(other, ["/r1/echo"], 10)
+        (reply,) = other.get("@robo/r1/status/echo", timeout=10)
+        assert reply.ok is not None
+        status = msgpack.unpackb(reply.ok.payload.to_bytes())
+        assert status["node"] == "/r1/echo"
+        assert status["malformed"] == {"r1/in": 0}
+
+
+def test_a_callback_that_raises_is_counted_and_the_node_goes_on(session: zenoh.Session, other: zenoh.Session) -> None:
+    with Echo(namespace="r1", session=session) as node:
+        inbox = Inbox(other, "r1/out")
+        assert not wait_for_nodes(other, ["/r1/echo"], 10)
+        for text in ("raise", "raise", "fine"):
+            other.put("r1/in", msgpack.packb({"data": text}))
+        assert inbox.wait_for(1) == [{"data": "fine"}]
+        assert node.status.callback_errors == 2
+
+
+def test_a_callback_may_end_the_node(session: zenoh.Session, other: zenoh.Session) -> None:
+    node = Echo(namespace="r1", session=session)
+    with node:
+        assert not wait_for_nodes(other, ["/r1/echo"], 10)
+        other.put("r1/in", msgpack.packb({"data": "exit"}))
+        assert node.wait(10)
+    assert node.exit_code == 3
+    assert node.stopped
+
+
+def test_tokens_tell_of_a_node_and_vanish_with_it(session: zenoh.Session, other: zenoh.Session) -> None:
+    def tokens() -> list[NodeToken | EndpointToken | None]:
+        return [parse_token(str(r.ok.key_expr)) for r in other.liveliness().get(ALL_TOKENS, timeout=5) if r.ok]
+
+    with Echo(namespace="r1", session=session):
+        assert not wait_for_nodes(other, ["/r1/echo"], 10)
+        found = tokens()
+        endpoints = {(t.kind, t.topic, t.type_name) for t in found if isinstance(t, EndpointToken)}
+        assert endpoints == {
+            ("pub", "r1/log", "system/Log"),
+            ("pub", "r1/out", "std/String"),
+            ("pub", "r1/echo/beat", "std/String"),
+            ("sub", "r1/in", "std/String"),
+        }
+        (node,) = [t for t in found if isinstance(t, NodeToken)]
+        assert node.full_name == "/r1/echo"
+        assert node.class_name.endswith("test_runtime:Echo")
+    eventually(lambda: tokens() == [], "all tokens are gone")
+    assert wait_for_nodes(other, ["/r1/echo"], 0.01) == {"/r1/echo"}
+
+
+def test_keep_all_loses_nothing_and_drains_at_the_end(session: zenoh.Session, endpoint: str) -> None:
+    count = 20_000
+    got: list[str] = []
+
+    class Slow(Node):
+        @subscribe("flood", depth=KEEP_ALL)
+        def on_text(self, text: String) -> None:
+            got.append(text.data)
+
+    sender = open_session(Network(mode="peer", connect=(endpoint,)))
+    with Echo(namespace="src", session=sender) as source:
+        with Slow(namespace="r1", session=session):
+            assert not wait_for_nodes(sender, ["/r1/slow"], 10)
+            publisher = source.create_publisher(String, "/r1/flood", depth=KEEP_ALL)
+            eventually(lambda: publisher.has_subscribers, "the subscription is seen")
+            for number in range(count):
+                publisher.publish(String(str(number)))
+            for _ in sender.get("@robo/r1/status/slow", timeout=20):
+                pass  # a query follows the messages: who answers it has received them
+        assert got == [str(number) for number in range(count)]
+    sender.close()
+
+
+def test_a_slow_callback_gets_the_newest_and_holds_up_nobody(session: zenoh.Session, other: zenoh.Session) -> None:
+    ages: list[float] = []
+    slow_ages: list[float] = []
+    entered, enough = threading.Event(), threading.Event()
+
+    class Busy(Node):
+        @subscribe("slow", depth=1)
+        def on_slow(self, twist: Twist) -> None:
+            slow_ages.append(time.monotonic() - twist.linear.x)
+            entered.set()
+            time.sleep(0.02)
+            if len(slow_ages) > 20:
+                enough.set()
+
+    class Quick(Node):
+        @subscribe("quick", depth=1)
+        def on_quick(self, twist: Twist) -> None:
+            ages.append(time.monotonic() - twist.linear.x)
+
+    with Busy(session=session), Quick(session=session), Echo(name="src", session=other) as source:
+        assert not wait_for_nodes(other, ["/busy", "/quick"], 10)
+        slow, quick = source.create_publisher(Twist, "slow"), source.create_publisher(Twist, "quick")
+        eventually(lambda: slow.has_subscribers and quick.has_subscribers, "both are seen")
+        end = time.monotonic() + 20
+        while not enough.is_set():
+            assert time.monotonic() < end
+            now = Twist(Vector3(x=time.monotonic()))
+            slow.publish(now)
+            quick.publish(now)
+            enough.wait(0.0005)
+    assert entered.is_set()
+    # The slow callback sees what came just before it began, not what waited since its last run began.
+    assert sorted(slow_ages[2:])[len(slow_ages) // 2] < 0.01
+    assert sorted(ages)[len(ages) // 2] < 0.01
+    assert len(ages) > 10 * len(slow_ages)
+
+
+def test_one_callback_at_a_time(session: zenoh.Session, other: zenoh.Session) -> None:
+    inside, most, done = 0, 0, threading.Event()
+
+    class Counter(Node):
+        @subscribe("a")
+        def on_a(self, _: String) -> None:
+            self.work()
+
+        @subscribe("b")
+        def on_b(self, _: String) -> None:
+            self.work()
+
+        @timer(rate=500.0)
+        def tick(self) -> None:
+            self.work()
+
+        def work(self) -> None:
+            nonlocal inside, most
+            inside += 1
+            most = max(most, inside)
+            time.sleep(0.0005)
+            inside -= 1
+            if sum(self.status.received.values()) > 50:
+                done.set()
+
+    with Counter(session=session) as node, Echo(name="src", session=other) as source:
+        assert not wait_for_nodes(other, ["/counter"], 10)
+        a, b = source.create_publisher(String, "a"), source.create_publisher(String, "b")
+        end = time.monotonic() + 20
+        while not done.is_set():
+            assert time.monotonic() < end
+            a.publish(String("x"))
+            b.publish(String("x"))
+            done.wait(0.0005)
+        assert all(count > 5 for count in node.status.received.values())
+    assert most == 1
+
+
+def test_endpoints_made_while_running(session: zenoh.Session, other: zenoh.Session) -> None:
+    got: list[bytes] = []
+    arrived = threading.Event()
+
+    def on_image(image: Image) -> None:
+        got.append(bytes(image.data))
+        arrived.set()
+
+    with Echo(session=session) as node, Echo(name="src", session=other) as source:
+        subscription = node.create_subscription(Image, "camera", on_image, depth=2)
+        publisher = source.create_publisher(Image, "camera")
+        eventually(lambda: publisher.has_subscribers, "the subscription is seen")
+        publisher.publish(Image(data=memoryview(b"\x01" * 1_000_000)))
+        assert arrived.wait(10)
+        assert got == [b"\x01" * 1_000_000]
+        eventually(lambda: subscription.received == 1, "the image is counted")
+        with pytest.raises(TypeError, match="camera takes sensor/Image, not String"):
+            publisher.publish(String("no"))  # type: ignore[arg-type]
+
+
+def test_main_runs_beside_callbacks_and_ends_the_node(session: zenoh.Session) -> None:
+    class Script(Node):
+        def main(self) -> None:
+            assert self.sleep(0.01)
+            self.shutdown(4)
+            assert not self.sleep(60)
+
+    class Broken(Node):
+        def main(self) -> None:
+            raise ValueError("broken")
+
+    for cls, code in ((Script, 4), (Broken, 1)):
+        with cls(session=session) as node:
+            assert node.wait(10)
+        assert node.exit_code == code
+
+
+def test_the_tracker_in_the_tests_own_process(session: zenoh.Session, other: zenoh.Session) -> None:
+    with PositionTracker(namespace="r1", parameters={"max_distance": 5}, session=session):
+        inbox, log = Inbox(other, "r1/current_position"), Inbox(other, "r1/log")
+        assert not wait_for_nodes(other, ["/r1/position_tracker"], 10)
+        for x, y in ((0.0, 0.0), (3.0, 4.0), (float("nan"), 0.0), (3.0, 3.0), (9.0, 3.0)):
+            other.put("r1/odom", msgpack.packb({"pose": {"pose": {"position": {"x": x, "y": y}}}}))
+        positions = inbox.wait_for(4)
+        assert [p["z"] for p in positions] == [0.0, 5.0, 6.0, 12.0]
+        assert positions[-1] == {"x": 9.0, "y": 3.0, "z": 12.0}
+        log.wait_until(lambda ms: any("more than max_distance" in m["msg"] for m in ms), "the warning")
+        assert sum("max_distance" in m["msg"] for m in log.messages) == 1
+
+
+def test_nobody_there_is_a_clear_error(endpoint: str) -> None:
+    with pytest.raises(NetworkError, match=r"no connection at tcp/127\.0\.0\.1:\d+"):
+        open_session(Network(mode="client", connect=(endpoint,), timeout=0.2))
+    with pytest.raises(NetworkError, match="an endpoint looks like"):
+        open_session(Network(mode="client", connect=("nonsense",), timeout=0.2))
+
+
+def test_routers_hand_the_meeting_point_over(endpoint: str) -> None:
+    network = Network(mode="router", listen=(endpoint,), connect=(endpoint,))
+    first, second, third = (open_session(network) for _ in range(3))
+    client = open_session(Network(mode="client", connect=(endpoint,)))
+    inbox = Inbox(client, "x")
+
+    def reaches() -> bool:
+        third.put("x", msgpack.packb({}))
+        return bool(inbox.samples)
+
+    eventually(reaches, "the third reaches the client through the first")
+    first.close()
+    eventually(lambda: len(second.info.routers_zid()) == 1, "the other two have found each other again")
+    inbox.forget()
+    eventually(reaches, "the client has found the new holder of the port")
+    for session in (client, second, third):
+        session.close()
