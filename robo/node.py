@@ -20,7 +20,7 @@ from robo.executor import TimerLoop, Turn
 from robo.parameters import Parameters as AnyParameters
 from robo.parameters import build
 from robo.qos import DEFAULT_DEPTH
-from robo.session import Network, open_session
+from robo.session import Network, close_session, open_session
 from robo_messages import Log, Message, Time
 
 M = TypeVar("M", bound=Message)
@@ -255,7 +255,7 @@ class Node:
         for publisher in self._publishers:
             publisher.undeclare()
         if self._given_session is None:
-            self._session.close()
+            close_session(self._session)
         self._session = None
 
     def __enter__(self) -> Node:

@@ -11,7 +11,7 @@ import threading
 import msgspec
 
 from robo.errors import RoboError
-from robo.session import Network, open_session
+from robo.session import Network, close_session, open_session
 
 NETWORK_VARIABLE = "ROBO_ROUTER"
 
@@ -28,7 +28,7 @@ def main() -> None:
         print(f"ERROR {error}", file=sys.stderr)
         sys.exit(1)
     ended.wait()
-    session.close()
+    close_session(session)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from robo import log
 from robo.discovery import wait_for_nodes
 from robo.errors import RoboError
 from robo.node import Node
-from robo.session import Mode, Network, open_session
+from robo.session import Mode, Network, close_session, open_session
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -79,4 +79,4 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
         node.close()
         return node.exit_code
     finally:
-        session.close()
+        close_session(session)

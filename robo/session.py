@@ -6,6 +6,7 @@ its own router. **Tools** are clients of a router.
 """
 
 import atexit
+import logging
 import os
 import re
 from collections.abc import Sequence
@@ -111,5 +112,17 @@ def open_session(network: Network) -> zenoh.Session:
             f"no connection at {where}: {_SOURCE.sub('', str(error))}\n"
             "  Is a robot running there? `robo up` starts one; --connect names another place."
         ) from None
-    atexit.register(session.close)
+    atexit.register(close_session, session)
     return session
+
+
+def close_session(session: zenoh.Session) -> None:
+    """Leave the network; safe to call twice.
+
+    A peer that hangs can keep Zenoh from closing in time. The process is about to end then, and its
+    links end with it, so this is logged and no error.
+    """
+    try:
+        session.close()
+    except zenoh.ZError as error:
+        logging.getLogger("robo.session").info("the session did not close cleanly: %s", error)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from robo.session import Network, open_session
+from robo.session import Network, close_session, open_session
 
 INTEL_LOG = Path(__file__).parents[2] / "shared" / "data" / "intel.log.gz"
 
@@ -31,7 +31,7 @@ def session(endpoint: str) -> Iterator[zenoh.Session]:
     """The meeting point of a test's own network: a router."""
     opened = open_session(Network(mode="router", listen=(endpoint,)))
     yield opened
-    opened.close()
+    close_session(opened)
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def other(session: zenoh.Session, endpoint: str) -> Iterator[zenoh.Session]:
     del session  # it has to be there first
     opened = open_session(Network(mode="peer", connect=(endpoint,)))
     yield opened
-    opened.close()
+    close_session(opened)
 
 
 def free_port() -> int:

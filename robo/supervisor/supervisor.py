@@ -24,7 +24,7 @@ from robo.errors import NetworkError
 from robo.launch.plan import Plan, ProcessPlan
 from robo.router import NETWORK_VARIABLE
 from robo.runner import SPEC_VARIABLE, NodeSpec
-from robo.session import Network, open_session
+from robo.session import Network, close_session, open_session
 from robo.supervisor.console import Console
 from robo.supervisor.process import Child, describe_exit
 
@@ -109,7 +109,7 @@ class Supervisor:
                 router.cancel()
             await self._stop_router()
             if watcher is not None:
-                await asyncio.to_thread(watcher.close)
+                await asyncio.to_thread(close_session, watcher)
             shutil.rmtree(self._folder, ignore_errors=True)
         self._summarize()
         return self._result()
@@ -174,10 +174,12 @@ class Supervisor:
         member = self._members.get(token.full_name)
         if member is None:
             return
-        if token.pid == member.child.pid or token.host != discovery.hostname():
+        if token.pid == member.child.pid and token.host == discovery.hostname():
             member.ready = True
             self._changed.set()
-        else:
+        elif self._announced:
+            self._console.warn(f"another {token.full_name} has come up (process {token.pid} on {token.host})")
+        else:  # the newcomer gives way
             self._console.warn(
                 f"{token.full_name} runs already (process {token.pid}); stop it or choose another --robot-name"
             )

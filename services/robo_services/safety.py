@@ -113,8 +113,8 @@ def nearest_in_sector(scan: LaserScan, direction: float, sector: float) -> float
 
 def is_usable(scan: LaserScan) -> bool:
     """Whether a scan says anything: its angles are numbers and some range is not NaN."""
-    angles = (scan.angle_min, scan.angle_increment, scan.range_max)
-    return not any(map(math.isnan, angles)) and any(r == r for r in scan.ranges) and math.isfinite(sum(angles[:2]))
+    last = scan.angle_min + len(scan.ranges) * scan.angle_increment
+    return math.isfinite(last) and not math.isnan(scan.range_max) and any(r == r for r in scan.ranges)
 
 
 def is_finite(twist: Twist) -> bool:

@@ -11,7 +11,7 @@ import psutil
 import pytest
 import zenoh
 
-from robo.session import Network, open_session
+from robo.session import Network, close_session, open_session
 from tests.support import Inbox, eventually, robo, run_robo
 
 pytestmark = pytest.mark.timeout(120)
@@ -24,7 +24,7 @@ def client(endpoint: str) -> Iterator[zenoh.Session]:
     try:
         yield session
     finally:
-        session.close()
+        close_session(session)
 
 
 def test_the_reference_robot_comes_alive_and_stops_cleanly(endpoint: str, tmp_path: Path) -> None:
@@ -57,7 +57,8 @@ def test_a_real_log_is_tracked_to_the_millimetre(endpoint: str, intel_log: Path)
     with robo(*words) as replay, client(endpoint) as plain:
         positions, odometry = Inbox(plain, "r1/current_position"), Inbox(plain, "r1/odom")
         assert replay.wait(60) == 0
-        eventually(lambda: len(positions.messages) >= 13_700, "all positions have arrived", 5)
+        for inbox in (positions, odometry):
+            inbox.wait_for(13_700, 10)
         last = positions.messages[-1]
         assert last["z"] == pytest.approx(534.082, abs=0.01)
         assert (last["x"], last["y"]) == pytest.approx((-0.322783, -0.0967671))

@@ -14,7 +14,7 @@ from robo import KEEP_ALL, Node, Publisher, subscribe, timer
 from robo.codec import unpack_attachment
 from robo.discovery import ALL_TOKENS, EndpointToken, NodeToken, parse_token, wait_for_nodes
 from robo.errors import NetworkError
-from robo.session import Network, open_session
+from robo.session import Network, close_session, open_session
 from robo_messages import Image, String, Twist, Vector3
 from robo_services.position_tracker import PositionTracker
 from tests.support import Inbox, eventually
@@ -321,5 +321,6 @@ def test_routers_hand_the_meeting_point_over(endpoint: str) -> None:
     eventually(lambda: len(second.info.routers_zid()) == 1, "the other two have found each other again")
     inbox.forget()
     eventually(reaches, "the client has found the new holder of the port")
+    inbox.close()
     for session in (client, second, third):
-        session.close()
+        close_session(session)
