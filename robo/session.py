@@ -9,6 +9,7 @@ import atexit
 import logging
 import os
 import re
+import threading
 from collections.abc import Sequence
 from typing import Literal
 
@@ -32,6 +33,8 @@ RENDEZVOUS = "tcp/127.0.0.1:7447"
 
 _SOURCE = re.compile(r" at \S+\.rs:\d+\.?")
 """Where in Zenoh's own source an error was raised: no help to users."""
+
+_logger = logging.getLogger("robo.session")
 
 _RETRY = {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5}
 
@@ -112,17 +115,42 @@ def open_session(network: Network) -> zenoh.Session:
             f"no connection at {where}: {_SOURCE.sub('', str(error))}\n"
             "  Is a robot running there? `robo up` starts one; --connect names another place."
         ) from None
-    atexit.register(close_session, session)
+    _open.append(session)
     return session
+
+
+_open: list[zenoh.Session] = []
+
+CLOSE_TIMEOUT = 1.0
+"""How long to wait for a session to close, s. Zenoh itself waits 10 s for links that do not answer,
+and a link that is just being dialled does not."""
 
 
 def close_session(session: zenoh.Session) -> None:
     """Leave the network; safe to call twice.
 
-    A peer that hangs can keep Zenoh from closing in time. The process is about to end then, and its
-    links end with it, so this is logged and no error.
+    What was published has left before. A link that keeps Zenoh from closing in time ends with the
+    process, so this is logged and no error.
     """
+    if session not in _open:
+        return
+    _open.remove(session)
+    closing = threading.Thread(target=_close, args=(session,), name="robo-close", daemon=True)
+    closing.start()
+    closing.join(CLOSE_TIMEOUT)
+    if closing.is_alive():
+        _logger.info("the session did not close within %g s", CLOSE_TIMEOUT)
+
+
+def _close(session: zenoh.Session) -> None:
     try:
         session.close()
     except zenoh.ZError as error:
-        logging.getLogger("robo.session").info("the session did not close cleanly: %s", error)
+        _logger.info("the session did not close cleanly: %s", error)
+
+
+@atexit.register
+def _close_all() -> None:
+    """A session that nobody closed would keep the process from exiting."""
+    while _open:
+        close_session(_open[-1])
