@@ -18,6 +18,19 @@ HANDLERS: dict[str, Any] = {
 }
 
 
+def open_plain(listen: str, connect: str) -> zenoh.Session:
+    """A session with the settings that zenoh-python comes with, on the same link."""
+    config = zenoh.Config()
+    for key, value in (
+        ("mode", "peer"),
+        ("listen/endpoints", [listen] if listen else []),
+        ("connect/endpoints", [connect] if connect else []),
+        ("scouting/multicast/enabled", False),
+    ):
+        config.insert_json5(key, msgspec.json.encode(value).decode())
+    return zenoh.open(config)
+
+
 def echo(session: zenoh.Session, variant: str, sample: Message) -> None:
     """Answer every ping with a pong, for ever."""
     encode, decode = msgspec.msgpack.Encoder().encode, msgspec.msgpack.Decoder(type(sample)).decode

@@ -13,15 +13,24 @@ import msgspec
 
 def main() -> None:
     role, variant, kind, listen, connect, amount = sys.argv[1:7]
-    from benchmarks import raw, with_robo
+    from benchmarks import raw
     from benchmarks.workloads import message
-    from robo.session import Network, open_session
 
-    session = open_session(
-        Network(mode="peer", listen=tuple(filter(None, [listen])), connect=tuple(filter(None, [connect])))
-    )
+    settings, _, variant = variant.partition(" ")
+    if settings == "raw":  # as zenoh-python comes
+        session = raw.open_plain(listen, connect)
+    else:  # with robo's settings
+        from robo.session import Network, open_session
+
+        session = open_session(
+            Network(mode="peer", listen=tuple(filter(None, [listen])), connect=tuple(filter(None, [connect])))
+        )
     sample = message(kind)
-    robo = variant.startswith("robo")
+    robo = settings.startswith("robo")
+    if robo:
+        from benchmarks import with_robo
+
+        variant = settings
     if role == "echo":
         say("ready")
         if robo:

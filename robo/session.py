@@ -16,10 +16,11 @@ from typing import Literal
 import msgspec
 
 os.environ.setdefault(
-    # One receiving thread, and what else Zenoh does on its network threads: two threads fewer in each
-    # process and less latency than its default (measured: benchmarks/).
+    # All of Zenoh's network work on two threads: it wakes fewer of them for a message than by default
+    # (measured in benchmarks/). Two, because a subscription that keeps everything may block one while
+    # its callback needs the other to send.
     "ZENOH_RUNTIME",
-    "(rx:(worker_threads:1),acc:(handover:net),tx:(handover:net))",
+    "(rx:(worker_threads:2),acc:(handover:rx),tx:(handover:rx),net:(handover:rx))",
 )
 
 import zenoh
@@ -91,6 +92,10 @@ def zenoh_config(network: Network) -> zenoh.Config:
     }
     if router:
         settings |= {"listen/retry": _RETRY, "listen/timeout_ms": -1, "listen/exit_on_failure": False}
+    if all(endpoint.startswith("unixsock-stream/") for endpoint in network.connect + network.listen):
+        # Between processes of one machine: a longer queue keeps both ends busy, and without priorities
+        # there is one queue to look into. Over a slow link it would hold old messages.
+        settings |= {"transport/unicast/qos/enabled": False, "transport/link/tx/queue/size/data": 16}
     for key, value in settings.items():
         try:
             config.insert_json5(key, msgspec.json.encode(value).decode())
