@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import threading
+import time
 
 import msgspec
 
@@ -14,6 +15,9 @@ from robo.errors import RoboError
 from robo.session import Network, close_session, open_session
 
 NETWORK_VARIABLE = "ROBO_ROUTER"
+
+LINGER = 0.5
+"""How long a router goes on after its robot has ended, s: for what is on the way to slow readers."""
 
 
 def main() -> None:
@@ -28,6 +32,8 @@ def main() -> None:
         print(f"ERROR {error}", file=sys.stderr)
         sys.exit(1)
     ended.wait()
+    # Zenoh does not tell when its queues are empty, and closing empties them the short way.
+    time.sleep(LINGER)
     close_session(session)
 
 

@@ -22,16 +22,16 @@ from robo import discovery, names
 from robo.discovery import NodeToken
 from robo.errors import NetworkError
 from robo.launch.plan import Plan, ProcessPlan
-from robo.router import NETWORK_VARIABLE
+from robo.router import LINGER, NETWORK_VARIABLE
 from robo.runner import SPEC_VARIABLE, NodeSpec
 from robo.session import Network, close_session, open_session
 from robo.supervisor.console import Console
 from robo.supervisor.process import Child, describe_exit
 
-PATIENCE = 1.2
+PATIENCE = 1.0
 """How long a process may take to end when asked, s, before it is told again and then killed."""
 
-STOP_LIMIT = 2.4
+STOP_LIMIT = 2.0
 """How long the stop of a whole launch may take, s, before all that still run are killed."""
 
 
@@ -274,7 +274,7 @@ class Supervisor:
     async def _stop_router(self) -> None:
         if self._router.running:
             ended = asyncio.create_task(self._router.wait())
-            await self._router.stop(ended, patience=0.4)
+            await self._router.stop(ended, patience=LINGER + 0.5)
 
     # -- afterwards ------------------------------------------------------------------------------------
 
