@@ -34,7 +34,8 @@ def main() -> None:
     ended.wait()
     # Zenoh does not tell when its queues are empty, and closing empties them the short way.
     time.sleep(LINGER)
-    close_session(session)
+    if not close_session(session):
+        os._exit(0)
 
 
 if __name__ == "__main__":

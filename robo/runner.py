@@ -1,5 +1,7 @@
 """Running one node as a process: by hand with options, or under a supervisor with a finished spec."""
 
+import logging
+import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -79,4 +81,7 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
         node.close()
         return node.exit_code
     finally:
-        close_session(session)
+        if not close_session(session):
+            logging.shutdown()
+            sys.stdout.flush()
+            os._exit(node.exit_code)

@@ -89,6 +89,9 @@ def zenoh_config(network: Network) -> zenoh.Config:
         "connect/exit_on_failure": not router,
         # A process that hangs or whose cable is cut is given up after this long.
         "transport/link/tx/lease": 2000,
+        # Zenoh sends what is larger than this through shared memory, and each process that takes part
+        # holds 20 MB of it. By default (3 kB) laser scans would, and gain nothing.
+        "transport/shared_memory/transport_optimization/message_size_threshold": 65_536,
     }
     if router:
         settings |= {"listen/retry": _RETRY, "listen/timeout_ms": -1, "listen/exit_on_failure": False}
@@ -126,25 +129,31 @@ def open_session(network: Network) -> zenoh.Session:
 
 _open: list[zenoh.Session] = []
 
-CLOSE_TIMEOUT = 1.0
+CLOSE_TIMEOUT = 0.6
 """How long to wait for a session to close, s. Zenoh itself waits 10 s for links that do not answer,
 and a link that is just being dialled does not."""
 
 
-def close_session(session: zenoh.Session) -> None:
+def close_session(session: zenoh.Session) -> bool:
     """Leave the network; safe to call twice.
 
     What was published has left before. A link that keeps Zenoh from closing in time ends with the
     process, so this is logged and no error.
+
+    Returns:
+        Whether it closed in time. Where it did not, a process had better end with `os._exit`:
+        Python would wait for Zenoh at exit.
     """
     if session not in _open:
-        return
+        return True
     _open.remove(session)
     closing = threading.Thread(target=_close, args=(session,), name="robo-close", daemon=True)
     closing.start()
     closing.join(CLOSE_TIMEOUT)
     if closing.is_alive():
         _logger.info("the session did not close within %g s", CLOSE_TIMEOUT)
+        return False
+    return True
 
 
 def _close(session: zenoh.Session) -> None:
