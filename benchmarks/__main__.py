@@ -1,15 +1,16 @@
 """`python -m benchmarks`: measure, print, and write RESULTS.md.
 
-Each round runs every variant once, one after the other, so that a slow minute of the machine hits
-all alike; figures are medians over the rounds, with the smallest and largest. Both ends are processes
-of their own on one unix socket, with the same message types and the same encoder. `raw` is zenoh-python
-with the settings that it comes with, used in each of the ways it offers; `tuned` the same with robo's
-settings.
+Messages are timed in short blocks, the variants in turn and in an order that changes, so that a slow
+second of the machine hits all alike; figures are medians over the rounds, with the smallest and
+largest. Both ends are processes of their own on one unix socket, with the same message types and the
+same encoder. `raw` is zenoh-python with the settings that it comes with, used in each of the ways it
+offers; `tuned` the same with robo's settings.
 """
 
 import argparse
 import os
 import platform
+import random
 import socket
 import statistics
 import subprocess
@@ -17,9 +18,10 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from importlib.metadata import version
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import msgspec
 import psutil
@@ -33,6 +35,11 @@ TUNED_TRIPS = ("tuned ring", "tuned callback")
 RAW_FLOODS = ("raw fifo-block", "raw callback-block", "raw callback-drop", "raw ring-drop")
 TUNED_FLOODS = ("tuned fifo-block", "tuned fifo-stamped")
 REFERENCE = ("velocity_controller", "position_tracker", "safety_monitor", "diff_drive_sim")
+BLOCK, WARM_UP = 100, 10
+"""Round trips of a block, and those before them that do not count."""
+FLOOD_MS = 250
+"""How long a block of one-way messages lasts, ms."""
+N = TypeVar("N", int, float)
 ROBO_FLOODS = ("robo", "robo-keep-all")
 
 
@@ -51,6 +58,41 @@ class Spread(NamedTuple):
         return f"{self.median:{form}} ({self.low:{form}}-{self.high:{form}})"
 
 
+class Worker:
+    """A process at one end of a measurement (see `benchmarks.worker`)."""
+
+    def __init__(self, module: str, *arguments: str) -> None:
+        command = [sys.executable, "-m", f"benchmarks.{module}", *arguments]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._answer()
+
+    def ask(self, number: int) -> bytes:
+        """Its answer to a number, JSON."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(b"%d\n" % number)
+        self._process.stdin.flush()
+        return self._answer()
+
+    def resident(self) -> int:
+        """Its memory, bytes."""
+        size: int = psutil.Process(self._process.pid).memory_info().rss
+        return size
+
+    def _answer(self) -> bytes:
+        assert self._process.stdout is not None
+        line = self._process.stdout.readline()
+        if not line:
+            raise SystemExit(f"a worker ended with {self._process.wait()}: {self._process.args!r}")
+        return line
+
+    def __enter__(self) -> "Worker":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+
 class Bench:
     """Starts workers that meet on one unix socket."""
 
@@ -58,65 +100,24 @@ class Bench:
         self._folder = folder
         self._number = 0
 
-    def round_trip(self, variant: str, kind: str, count: int) -> tuple[float, float]:
-        """p50 and p99 of a round trip, µs."""
+    def pair(self, stack: ExitStack, server: str, client: str, variant: str, kind: str) -> tuple[Worker, Worker]:
+        """Both ends of a measurement, ready."""
         endpoint = self._endpoint()
-        echo = _worker("echo", variant, kind, endpoint, "", 0)
-        _answer(echo)
-        ping = _worker("ping", variant, kind, "", endpoint, count)
-        times = sorted(msgspec.json.decode(_answer(ping), type=list[int]))
-        _end(ping, echo)
-        return times[len(times) // 2] / 1e3, times[len(times) * 99 // 100] / 1e3
-
-    def one_way(self, variant: str, kind: str, seconds: float) -> float:
-        """Messages per second that reached the other end's callback."""
-        endpoint = self._endpoint()
-        sink = _worker("sink", variant, kind, endpoint, "", 0)
-        _answer(sink)
-        source = _worker("flood", variant, kind, "", endpoint, seconds)
-        _answer(source)
-        _end(source)
-        assert sink.stdin is not None
-        sink.stdin.write(b"\n")
-        sink.stdin.flush()
-        received = msgspec.json.decode(_answer(sink), type=int)
-        _end(sink)
-        return received / seconds
+        listening = stack.enter_context(Worker("worker", server, variant, kind, endpoint, ""))
+        return listening, stack.enter_context(Worker("worker", client, variant, kind, "", endpoint))
 
     def memory(self, variant: str) -> float:
         """Resident memory of a process that has joined and waits, MB."""
         endpoint = self._endpoint()
-        other = _worker("echo", "raw ring", "twist", endpoint, "", 0)
-        _answer(other)
-        command = [sys.executable, "-m", "benchmarks.memory", variant, endpoint]
-        worker = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        _answer(worker)
-        size: int = psutil.Process(worker.pid).memory_info().rss
-        _end(worker, other)
-        return size / 1e6
+        with (
+            Worker("worker", "echo", "raw ring", "twist", endpoint, ""),
+            Worker("memory", variant, endpoint) as worker,
+        ):
+            return worker.resident() / 1e6
 
     def _endpoint(self) -> str:
         self._number += 1
         return f"unixsock-stream/{self._folder}/{self._number}.sock"
-
-
-def _worker(role: str, variant: str, kind: str, listen: str, connect: str, amount: float) -> "subprocess.Popen[bytes]":
-    command = [sys.executable, "-m", "benchmarks.worker", role, variant, kind, listen, connect]
-    return subprocess.Popen([*command, str(amount)], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-
-
-def _answer(worker: "subprocess.Popen[bytes]") -> bytes:
-    assert worker.stdout is not None
-    line = worker.stdout.readline()
-    if not line:
-        raise SystemExit(f"a worker ended with {worker.wait()}: {worker.args!r}")
-    return line
-
-
-def _end(*workers: "subprocess.Popen[bytes]") -> None:
-    for worker in workers:
-        worker.kill()
-        worker.communicate()
 
 
 def measure(rounds: int, variants: Sequence[str], once: Callable[[str], float], what: str) -> dict[str, list[float]]:
@@ -130,15 +131,38 @@ def measure(rounds: int, variants: Sequence[str], once: Callable[[str], float], 
     return found
 
 
-def trips_table(bench: Bench, rounds: int, count: int, kind: str) -> list[str]:
+def in_blocks(rounds: int, blocks: int, variants: Sequence[str], block: Callable[[str], None], what: str) -> None:
+    """Run a block of every variant, in an order that changes, `blocks` times a round."""
+    order = list(variants)
+    shuffle = random.Random(0).shuffle
+    for index in range(rounds):
+        for _ in range(blocks):
+            shuffle(order)
+            for variant in order:
+                block(variant)
+        print(f"  {what}: round {index + 1} of {rounds}", file=sys.stderr)
+
+
+def trips_table(bench: Bench, rounds: int, blocks: int, kind: str) -> list[str]:
+    variants = (*RAW_TRIPS, *TUNED_TRIPS, "robo")
+    times: dict[str, list[int]] = {variant: [] for variant in variants}
+    with ExitStack() as stack:
+        pings = {variant: bench.pair(stack, "echo", "ping", variant, kind)[1] for variant in variants}
+
+        def block(variant: str) -> None:
+            trips = msgspec.json.decode(pings[variant].ask(WARM_UP + BLOCK), type=list[int])
+            times[variant] += trips[WARM_UP:]
+
+        for ping in pings.values():
+            ping.ask(300)
+        in_blocks(rounds, blocks, variants, block, f"round trip of {kind}")
+    found: dict[str, list[float]] = {}
     tails: dict[str, list[float]] = {}
-
-    def once(variant: str) -> float:
-        p50, p99 = bench.round_trip(variant, kind, count)
-        tails.setdefault(variant, []).append(p99)
-        return p50
-
-    found = measure(rounds, (*RAW_TRIPS, *TUNED_TRIPS, "robo"), once, f"round trip of {kind}")
+    for variant, all_times in times.items():
+        for one in _batches(all_times, blocks * BLOCK):
+            ordered = sorted(one)
+            found.setdefault(variant, []).append(ordered[len(ordered) // 2] / 1e3)
+            tails.setdefault(variant, []).append(ordered[len(ordered) * 99 // 100] / 1e3)
     medians = {variant: statistics.median(values) for variant, values in found.items()}
     best = min(medians[variant] for variant in RAW_TRIPS)
     tuned = min(medians[variant] for variant in TUNED_TRIPS)
@@ -152,9 +176,22 @@ def trips_table(bench: Bench, rounds: int, count: int, kind: str) -> list[str]:
     return [*lines, ""]
 
 
-def floods_table(bench: Bench, rounds: int, seconds: float) -> list[str]:
+def floods_table(bench: Bench, rounds: int, blocks: int) -> list[str]:
     variants = (*RAW_FLOODS, *TUNED_FLOODS, *ROBO_FLOODS)
-    found = measure(rounds, variants, lambda variant: bench.one_way(variant, "twist", seconds), "one way")
+    rates: dict[str, list[float]] = {variant: [] for variant in variants}
+    with ExitStack() as stack:
+        pairs = {variant: bench.pair(stack, "sink", "flood", variant, "twist") for variant in variants}
+
+        def block(variant: str) -> None:
+            sink, source = pairs[variant]
+            before = _settled(sink)
+            source.ask(FLOOD_MS)
+            rates[variant].append((_settled(sink) - before) / FLOOD_MS * 1e3)
+
+        in_blocks(rounds, blocks, variants, block, "one way")
+    found = {
+        variant: [statistics.mean(one) for one in _batches(all_rates, blocks)] for variant, all_rates in rates.items()
+    }
     medians = {variant: statistics.median(values) for variant, values in found.items()}
     best = max(medians[variant] for variant in RAW_FLOODS)
     stamped = medians["tuned fifo-stamped"]
@@ -171,6 +208,18 @@ def floods_table(bench: Bench, rounds: int, seconds: float) -> list[str]:
         m = medians[variant]
         lines.append(f"| {variant} | {Spread.of(values).text(',.0f')} | {m / best:.2f} | {m / stamped:.2f} |")
     return [*lines, ""]
+
+
+def _settled(sink: Worker) -> int:
+    """How many messages a sink has received, once no more are on the way."""
+    count = -1
+    while count != (count := msgspec.json.decode(sink.ask(0), type=int)):
+        time.sleep(0.01)
+    return count
+
+
+def _batches(values: list[N], size: int) -> list[list[N]]:
+    return [values[start : start + size] for start in range(0, len(values), size)]
 
 
 def memory_table(bench: Bench, rounds: int) -> list[str]:
@@ -243,7 +292,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5, help="rounds of each measurement (default 5)")
     parser.add_argument("--quick", action="store_true", help="one short round; writes no results")
     options = parser.parse_args()
-    rounds, count, seconds = (1, 500, 0.5) if options.quick else (options.rounds, 3000, 2.0)
+    rounds, trip_blocks, flood_blocks = (1, 4, 2) if options.quick else (options.rounds, 20, 8)
     with tempfile.TemporaryDirectory(prefix="robo-bench-") as folder:
         bench = Bench(folder)
         lines = [
@@ -256,8 +305,8 @@ def main() -> None:
             "",
         ]
         for kind in ("twist", "odometry", "scan"):
-            lines += trips_table(bench, rounds, count, kind)
-        lines += floods_table(bench, rounds, seconds)
+            lines += trips_table(bench, rounds, trip_blocks, kind)
+        lines += floods_table(bench, rounds, flood_blocks)
         lines += memory_table(bench, rounds)
         lines += start_table(rounds)
         lines += laser.table(rounds)

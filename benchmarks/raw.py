@@ -45,41 +45,54 @@ def echo(session: zenoh.Session, variant: str, sample: Message) -> None:
         put(encode(decode(receive().payload.to_bytes())))
 
 
-def round_trips(session: zenoh.Session, variant: str, sample: Message, count: int) -> list[int]:
-    """The time of `count` round trips, ns."""
-    encode, decode = msgspec.msgpack.Encoder().encode, msgspec.msgpack.Decoder(type(sample)).decode
-    publisher = session.declare_publisher(PING)
-    put, now = publisher.put, time.perf_counter_ns
-    times: list[int] = []
-    if variant == "callback":
-        done = threading.Event()
-        sent = 0
+class Pinger:
+    """Measures round trips."""
 
-        def on_pong(pong: zenoh.Sample) -> None:
-            nonlocal sent
-            decode(pong.payload.to_bytes())
-            times.append(now() - sent)
-            if len(times) == count:
-                done.set()
-                return
+    def __init__(self, session: zenoh.Session, variant: str, sample: Message) -> None:
+        self._encode, self._decode = msgspec.msgpack.Encoder().encode, msgspec.msgpack.Decoder(type(sample)).decode
+        self._sample = sample
+        self._publisher = session.declare_publisher(PING)
+        self._times: list[int] = []
+        self._wanted = self._sent = 0
+        self._done = threading.Event()
+        if variant == "callback":
+            session.declare_subscriber(PONG, self._on_pong)
+            self.round_trips = self._by_callback
+        else:
+            self._subscriber = session.declare_subscriber(PONG, HANDLERS[variant]())
+            self.round_trips = self._by_loop
+        wait_for_match(self._publisher)
+
+    def _by_loop(self, count: int) -> list[int]:
+        """The time of `count` round trips, ns."""
+        encode, decode, receive = self._encode, self._decode, self._subscriber.handler.recv
+        put, now, sample = self._publisher.put, time.perf_counter_ns, self._sample
+        times: list[int] = []
+        for _ in range(count):
             sent = now()
             put(encode(sample))
-
-        session.declare_subscriber(PONG, on_pong)
-        wait_for_match(publisher)
-        sent = now()
-        put(encode(sample))
-        done.wait()
+            decode(receive().payload.to_bytes())
+            times.append(now() - sent)
         return times
-    subscriber = session.declare_subscriber(PONG, HANDLERS[variant]())
-    receive = subscriber.handler.recv
-    wait_for_match(publisher)
-    for _ in range(count):
-        sent = now()
-        put(encode(sample))
-        decode(receive().payload.to_bytes())
-        times.append(now() - sent)
-    return times
+
+    def _by_callback(self, count: int) -> list[int]:
+        self._times, self._wanted = [], count
+        self._done.clear()
+        self._ping()
+        self._done.wait()
+        return self._times
+
+    def _ping(self) -> None:
+        self._sent = time.perf_counter_ns()
+        self._publisher.put(self._encode(self._sample))
+
+    def _on_pong(self, pong: zenoh.Sample) -> None:
+        self._decode(pong.payload.to_bytes())
+        self._times.append(time.perf_counter_ns() - self._sent)
+        if len(self._times) == self._wanted:
+            self._done.set()
+        else:
+            self._ping()
 
 
 class Sink:
@@ -108,37 +121,38 @@ class Sink:
         threading.Thread(target=loop, daemon=True).start()
 
 
-def flood(session: zenoh.Session, variant: str, sample: Message, seconds: float) -> int:
-    """Send as fast as possible; returns how many were sent.
+class Source:
+    """Sends as fast as possible.
 
     `…-stamped` sends what robo sends: sequence number and time as an attachment, and the encoding.
     """
-    if variant.endswith("-stamped"):
-        return _flood_stamped(session, sample, seconds)
-    control = zenoh.CongestionControl.BLOCK if variant.endswith("-block") else zenoh.CongestionControl.DROP
-    publisher = session.declare_publisher(FLOOD, congestion_control=control)
-    wait_for_match(publisher)
-    put, encode = publisher.put, msgspec.msgpack.Encoder().encode
-    end, sent = time.monotonic() + seconds, 0
-    while time.monotonic() < end:
-        for _ in range(100):
-            put(encode(sample))
-        sent += 100
-    return sent
 
+    def __init__(self, session: zenoh.Session, variant: str, sample: Message) -> None:
+        self._sample = sample
+        self._stamped = variant.endswith("-stamped")
+        drop = variant.endswith("-drop")
+        self._publisher = session.declare_publisher(
+            FLOOD,
+            congestion_control=zenoh.CongestionControl.DROP if drop else zenoh.CongestionControl.BLOCK,
+            encoding="application/msgpack;geometry/Twist" if self._stamped else None,
+        )
+        wait_for_match(self._publisher)
 
-def _flood_stamped(session: zenoh.Session, sample: Message, seconds: float) -> int:
-    publisher = session.declare_publisher(
-        FLOOD, congestion_control=zenoh.CongestionControl.BLOCK, encoding="application/msgpack;geometry/Twist"
-    )
-    wait_for_match(publisher)
-    put, encode, pack, now = publisher.put, msgspec.msgpack.Encoder().encode, struct.Struct("<qq").pack, time.time_ns
-    end, sent = time.monotonic() + seconds, 0
-    while time.monotonic() < end:
-        for _ in range(100):
-            sent += 1
-            put(encode(sample), attachment=pack(sent, now()))
-    return sent
+    def flood(self, seconds: float) -> int:
+        """Returns how many were sent."""
+        put, encode, sample = self._publisher.put, msgspec.msgpack.Encoder().encode, self._sample
+        pack, now = struct.Struct("<qq").pack, time.time_ns
+        end, sent = time.monotonic() + seconds, 0
+        while time.monotonic() < end:
+            if self._stamped:
+                for _ in range(100):
+                    sent += 1
+                    put(encode(sample), attachment=pack(sent, now()))
+                continue
+            for _ in range(100):
+                put(encode(sample))
+            sent += 100
+        return sent
 
 
 def wait_for_match(publisher: zenoh.Publisher) -> None:

@@ -17,7 +17,7 @@ class Bench(robo.Node):
     """An empty node: endpoints are made while running, for a type that is chosen while running."""
 
 
-def echo(session: zenoh.Session, sample: Message) -> None:
+def echo(session: zenoh.Session, _variant: str, sample: Message) -> None:
     """Answer every ping with a pong, for ever."""
     with Bench(name="echo", session=session) as node:
         pong = node.create_publisher(type(sample), PONG)
@@ -25,29 +25,38 @@ def echo(session: zenoh.Session, sample: Message) -> None:
         node.wait()
 
 
-def round_trips(session: zenoh.Session, sample: Message, count: int) -> list[int]:
-    """The time of `count` round trips, ns."""
-    times: list[int] = []
-    done = threading.Event()
-    now, sent = time.perf_counter_ns, 0
-    with Bench(name="ping", session=session) as node:
-        ping = node.create_publisher(type(sample), PING)
+class Pinger:
+    """Measures round trips."""
 
-        def on_pong(_: Message) -> None:
-            nonlocal sent
-            times.append(now() - sent)
-            if len(times) == count:
-                done.set()
-                return
-            sent = now()
-            ping.publish(sample)
+    def __init__(self, session: zenoh.Session, _variant: str, sample: Message) -> None:
+        self._sample = sample
+        self._times: list[int] = []
+        self._wanted = self._sent = 0
+        self._done = threading.Event()
+        node = Bench(name="ping", session=session)
+        node.start()
+        self._ping_topic = node.create_publisher(type(sample), PING)
+        node.create_subscription(type(sample), PONG, self._on_pong)
+        wait_for_match(self._ping_topic.zenoh_publisher)
 
-        node.create_subscription(type(sample), PONG, on_pong)
-        wait_for_match(ping.zenoh_publisher)
-        sent = now()
-        ping.publish(sample)
-        done.wait()
-    return times
+    def round_trips(self, count: int) -> list[int]:
+        """The time of `count` round trips, ns."""
+        self._times, self._wanted = [], count
+        self._done.clear()
+        self._ping()
+        self._done.wait()
+        return self._times
+
+    def _ping(self) -> None:
+        self._sent = time.perf_counter_ns()
+        self._ping_topic.publish(self._sample)
+
+    def _on_pong(self, _: Message) -> None:
+        self._times.append(time.perf_counter_ns() - self._sent)
+        if len(self._times) == self._wanted:
+            self._done.set()
+        else:
+            self._ping()
 
 
 class Sink:
@@ -63,12 +72,19 @@ class Sink:
         self.count += 1
 
 
-def flood(session: zenoh.Session, variant: str, sample: Message, seconds: float) -> int:
-    """Send as fast as possible; returns how many were sent."""
-    with Bench(name="source", session=session) as node:
-        publisher = node.create_publisher(type(sample), FLOOD, depth=DEPTHS[variant])
-        wait_for_match(publisher.zenoh_publisher)
-        publish = publisher.publish
+class Source:
+    """Sends as fast as possible."""
+
+    def __init__(self, session: zenoh.Session, variant: str, sample: Message) -> None:
+        self._sample = sample
+        node = Bench(name="source", session=session)
+        node.start()
+        self._publisher = node.create_publisher(type(sample), FLOOD, depth=DEPTHS[variant])
+        wait_for_match(self._publisher.zenoh_publisher)
+
+    def flood(self, seconds: float) -> int:
+        """Returns how many were sent."""
+        publish, sample = self._publisher.publish, self._sample
         end, sent = time.monotonic() + seconds, 0
         while time.monotonic() < end:
             for _ in range(100):

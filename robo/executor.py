@@ -7,8 +7,7 @@ callback holds up neither another node's subscription nor the network.
 How a channel and `depth` go together (measured in `benchmarks/`): Zenoh delivers a batch of up to a
 thousand small messages at once. A ring of ten slots would lose most of a batch although the callback
 could keep up, so the ring has room for several (see `endpoints.slots`), and `depth` is enforced here:
-after a callback that was slow (`SLOW`), or after much work (`STALE`), all but the newest `depth` are
-dropped.
+who has not caught up for `STALE` goes on with the newest `depth`.
 """
 
 import threading
@@ -27,12 +26,9 @@ from robo_messages import Message
 
 M = TypeVar("M", bound=Message)
 
-SLOW = 0.001
-"""A callback that takes longer than this, s, has messages cut back to the newest `depth` behind it."""
-
-STALE = 0.01
-"""So have quick callbacks after this much work together, s: no message waits much longer than this
-behind others that nobody asked to keep."""
+STALE = 0.02
+"""A callback that has not caught up with its topic for this long, s, gets the newest `depth` next: no
+message waits much longer behind others that nobody asked to keep."""
 
 
 class Turn:
@@ -47,9 +43,7 @@ class Turn:
         waiting: deque[threading.Lock] = deque()
         try_lock, unlock = lock.acquire, lock.release
 
-        def acquire() -> None:
-            if try_lock(False):
-                return
+        def wait() -> None:
             gate = threading.Lock()
             gate.acquire()
             waiting.append(gate)
@@ -61,18 +55,28 @@ class Turn:
             gate.acquire()  # opened by the holder before us, who leaves the lock locked for us
 
         def release() -> None:
-            if waiting:
-                waiting.popleft().release()
-            else:
+            while not waiting:
                 unlock()
+                # Who came between the look and the unlocking waits to be handed the turn.
+                if not waiting or not try_lock(False):
+                    return
+            waiting.popleft().release()
 
-        # Closures: they run for every message, and attribute look-ups would double their time.
-        self.acquire: Callable[[], None] = acquire
-        """Wait for the turn."""
-        self.release: Callable[[], None] = release
-        """Pass the turn on to who has waited longest, if anybody waits."""
+        # Closures, and taking it in two steps: this runs for every message, and attribute look-ups
+        # and a call more would double its time.
+        self.try_acquire: Callable[[bool], bool] = try_lock
+        """`try_acquire(False)` takes the turn if it is free, and says whether it did."""
+        self.wait: Callable[[], None] = wait
+        """Take the turn after all who have waited longer."""
         self.waiting = waiting
         """Who waits, in order; empty is false."""
+        self.release: Callable[[], None] = release
+        """Pass the turn on to who has waited longest, if anybody waits."""
+
+    def acquire(self) -> None:
+        """Wait for the turn."""
+        if not self.try_acquire(False):
+            self.wait()
 
     def __enter__(self) -> None:
         self.acquire()
@@ -135,14 +139,15 @@ class SubscriptionLoop(Generic[M]):
         recv, try_recv = self._handler.recv, self._handler.try_recv
         decode, callback = self._decoder.fast, self._callback
         turn, backlog, keep_all = self._turn, self._backlog, self._depth == KEEP_ALL
-        others = turn.waiting
+        take_turn, wait_turn, pass_turn, others = turn.try_acquire, turn.wait, turn.release, turn.waiting
         holding = False
         try:
             while True:
                 sample = recv()
-                turn.acquire()
+                if not take_turn(False):
+                    wait_turn()
                 holding = True
-                caught_up = before = monotonic()
+                caught_up = monotonic()
                 while True:
                     try:
                         callback(decode(sample.payload.to_bytes()))
@@ -150,26 +155,22 @@ class SubscriptionLoop(Generic[M]):
                     except BaseException as error:  # whatever it is, it must not end this thread
                         self._handle(error, sample)
                     if others:
-                        turn.release()
-                        turn.acquire()
+                        pass_turn()
+                        wait_turn()
                     more = backlog.popleft() if backlog else try_recv()
                     if more is None:
                         break
                     sample = more
-                    if keep_all:
-                        continue
-                    now = monotonic()
-                    if now - before > SLOW or now - caught_up > STALE:
+                    if not keep_all and monotonic() - caught_up > STALE:
                         backlog.appendleft(sample)
                         self._cut_back()
                         sample = backlog.popleft()
-                        caught_up = now
-                    before = now
-                turn.release()
+                        caught_up = monotonic()
+                pass_turn()
                 holding = False
         except zenoh.ZError:  # undeclared, and nothing is left in the channel
             if holding:
-                turn.release()
+                pass_turn()
 
     def _cut_back(self) -> None:
         """Move what has piled up in the channel into the backlog, which keeps the newest `depth`."""

@@ -7,15 +7,18 @@ whoever reads the process list. Otherwise the arguments are those of the node's 
 import os
 import sys
 
-import msgspec
-
-from robo.errors import RoboError
-from robo.loading import load_node_class
-from robo.runner import SPEC_VARIABLE, NodeSpec, run, run_spec
+from robo import lean
 
 
 def main() -> None:
     """Run the node, and exit with its exit code."""
+    lean.import_msgspec()
+    import msgspec
+
+    from robo.errors import RoboError
+    from robo.loading import load_node_class
+    from robo.runner import SPEC_VARIABLE, NodeSpec, run, run_spec
+
     service, *arguments = sys.argv[1:]
     finished = os.environ.pop(SPEC_VARIABLE, None)
     try:
