@@ -21,11 +21,15 @@ def main() -> None:
         say_ready()
         session.close()
         return
+    from robo.lean import import_msgspec
+
+    import_msgspec()  # as in the process of a node
     from robo.loading import load_node_class
     from robo.session import Network, open_session
 
+    parameters = {"world": "config/room.yaml"} if variant.endswith("sim") else {}
     joined = open_session(Network(mode="peer", connect=(endpoint,)))
-    with load_node_class(variant)(session=joined):
+    with load_node_class(variant)(session=joined, parameters=parameters):
         time.sleep(0.5)  # its timers tick: what they allocate belongs to the node
         say_ready()
     joined.close()

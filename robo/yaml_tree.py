@@ -6,7 +6,7 @@ Only plain data is read: no tags, no objects. Scalars follow YAML 1.2, so `no` a
 import math
 import re
 from collections.abc import Iterator
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 import yaml
@@ -28,6 +28,12 @@ T = TypeVar("T")
 
 MAX_NODES = 200_000
 """A file that unfolds to more than this (aliases of aliases) is refused."""
+
+MAX_LENGTH = 500_000
+"""A file of more characters than this is refused: a mistake, and slow to read."""
+
+MAX_DEPTH = 100
+"""A file that nests lists and maps deeper than this is refused."""
 
 
 class Position(NamedTuple):
@@ -149,67 +155,125 @@ def parse(text: str, file: object, problems: list[Problem], *, placeholders: boo
     if placeholders:
         # Characters that mean nothing to YAML stand in for the braces: positions stay what they are.
         text = _PLACEHOLDER.sub(f"${_OPEN}\\1{_CLOSE}", text)
+    if len(text) > MAX_LENGTH:
+        problems.append(
+            Problem(Position(name, 1, 1), f"longer than {MAX_LENGTH:,} characters; is this the right file?")
+        )
+        return None
+    builder = _Builder(name, problems)
     try:
-        root = yaml.compose(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        # Events, not PyYAML's own tree: that one descends without a limit and crashes on deep files.
+        for event in yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+            builder.take(event)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = Position(name, mark.line + 1, mark.column + 1) if mark else Position(name, 1, 1)
         problems.append(Problem(where, f"not valid YAML: {error.problem or error}"))
         return None
     except yaml.YAMLError as error:
-        problems.append(Problem(Position(name, 1, 1), f"not valid YAML: {error}"))
+        problems.append(Problem(Position(name, 1, 1), f"not valid YAML: {str(error).strip()}"))
         return None
-    except RecursionError:
-        problems.append(Problem(Position(name, 1, 1), "nested too deeply"))
+    except _Unreadable as error:
+        problems.append(Problem(error.position, str(error)))
         return None
-    if root is None:
-        return Map((), Position(name, 1, 1))
-    try:
-        return _Builder(name, problems).build(root)
-    except RecursionError:
-        problems.append(Problem(Position(name, 1, 1), "nested too deeply"))
-    except _TooLarge:
-        problems.append(Problem(Position(name, 1, 1), f"unfolds to more than {MAX_NODES:,} values; check its aliases"))
-    return None
+    return builder.root or Map((), Position(name, 1, 1))
 
 
-class _TooLarge(Exception):
-    pass
+class _Unreadable(Exception):
+    def __init__(self, position: Position, text: str) -> None:
+        super().__init__(text)
+        self.position = position
+
+
+class _Open:
+    """A list or map whose end is still to come."""
+
+    def __init__(self, position: Position, anchor: str | None, *, is_map: bool) -> None:
+        self.position = position
+        self.anchor = anchor
+        self.is_map = is_map
+        self.count = 1
+        self.items: list[Tree] = []
+        self.entries: dict[str, Entry] = {}
+        self.key: tuple[str | None, Position] | None = None
+        """In a map, the key whose value comes next; None for its name where it is no word."""
 
 
 class _Builder:
     def __init__(self, file: str, problems: list[Problem]) -> None:
+        self.root: Tree | None = None
         self._file = file
         self._problems = problems
-        self._count = 0
+        self._stack: list[_Open] = []
+        self._anchors: dict[str, tuple[Tree, int]] = {}
+        self._text = ""
+        """The last scalar as written: a key stays what it is, be it a number or `true`."""
 
-    def build(self, node: yaml.Node) -> Tree:
-        self._count += 1
-        if self._count > MAX_NODES:
-            raise _TooLarge
-        position = self._position(node)
-        if isinstance(node, yaml.ScalarNode):
-            return Scalar(_restore(node.value) if node.style else _resolve(_restore(node.value)), position)
-        if isinstance(node, yaml.SequenceNode):
-            return Items(tuple(self.build(item) for item in node.value), position)
-        assert isinstance(node, yaml.MappingNode)
-        entries: dict[str, Entry] = {}
-        for key_node, value_node in node.value:
-            where = self._position(key_node)
-            if not isinstance(key_node, yaml.ScalarNode):
-                self._problems.append(Problem(where, "a key must be a word, not a list or map"))
-                continue
-            key = _restore(key_node.value)
-            value = self.build(value_node)
-            if key in entries:
-                first = entries[key].position.line
-                self._problems.append(Problem(where, f"{key!r} stands twice; it is already in line {first}"))
-                continue
-            entries[key] = Entry(key, where, value)
-        return Map(tuple(entries.values()), position)
+    def take(self, event: yaml.Event) -> None:
+        """The next event of the file."""
+        if isinstance(event, yaml.DocumentStartEvent) and self.root is not None:
+            raise _Unreadable(self._position(event), "a second document begins here; one file holds one")
+        if isinstance(event, yaml.ScalarEvent):
+            text = self._text = _restore(event.value)
+            plain_style = event.style in (None, "") and event.tag in (None, "!")
+            self._finish(Scalar(_resolve(text) if plain_style else text, self._position(event)), 1, event.anchor)
+        elif isinstance(event, (yaml.SequenceStartEvent, yaml.MappingStartEvent)):
+            if len(self._stack) >= MAX_DEPTH:
+                raise _Unreadable(self._position(event), f"nested more than {MAX_DEPTH} levels deep")
+            is_map = isinstance(event, yaml.MappingStartEvent)
+            self._stack.append(_Open(self._position(event), event.anchor, is_map=is_map))
+        elif isinstance(event, (yaml.SequenceEndEvent, yaml.MappingEndEvent)):
+            done = self._stack.pop()
+            whole: Tree = (
+                Map(tuple(done.entries.values()), done.position)
+                if done.is_map
+                else Items(tuple(done.items), done.position)
+            )
+            self._finish(whole, done.count, done.anchor)
+        elif isinstance(event, yaml.AliasEvent):
+            if event.anchor not in self._anchors:
+                raise _Unreadable(
+                    self._position(event), f"alias *{event.anchor} names nothing that is complete before it"
+                )
+            tree, count = self._anchors[event.anchor]
+            self._text = str(tree.value) if isinstance(tree, Scalar) else ""
+            self._finish(tree, count, None)
 
-    def _position(self, node: yaml.Node) -> Position:
-        return Position(self._file, node.start_mark.line + 1, node.start_mark.column + 1)
+    def _finish(self, tree: Tree, count: int, anchor: str | None) -> None:
+        """Put a complete value where it belongs."""
+        if anchor is not None:
+            self._anchors[anchor] = (tree, count)
+        if not self._stack:
+            self.root = tree
+            return
+        parent = self._stack[-1]
+        parent.count += count
+        if parent.count > MAX_NODES:
+            text = f"unfolds to more than {MAX_NODES:,} values; check its aliases"
+            raise _Unreadable(Position(self._file, 1, 1), text)
+        if not parent.is_map:
+            parent.items.append(tree)
+        elif parent.key is None:
+            parent.key = self._key(tree)
+        else:
+            (name, where), parent.key = parent.key, None
+            if name is None:
+                return
+            if name in parent.entries:
+                first = parent.entries[name].position.line
+                self._problems.append(Problem(where, f"{name!r} stands twice; it is already in line {first}"))
+                return
+            parent.entries[name] = Entry(name, where, tree)
+
+    def _key(self, tree: Tree) -> tuple[str | None, Position]:
+        if not isinstance(tree, Scalar):
+            self._problems.append(Problem(tree.position, "a key must be a word, not a list or map"))
+            return None, tree.position
+        return self._text, tree.position
+
+    def _position(self, event: yaml.Event) -> Position:
+        mark: Any = event.start_mark
+        return Position(self._file, mark.line + 1, mark.column + 1)
 
 
 def _restore(text: str) -> str:

@@ -1,4 +1,5 @@
 import math
+import time
 
 import pytest
 from hypothesis import given
@@ -71,3 +72,30 @@ def test_any_text_is_read_or_refused_with_a_place(text: str) -> None:
     value, problems = read(text)
     assert problems or value is not None or text.strip() in ("", "~", "null") or value is None
     assert all(problem.position.line >= 1 for problem in problems)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("[" * 100_000, "nested more than 100 levels"),
+        ("- " * 100_000, "nested more than 100 levels"),
+        ("\n".join(" " * n + "a:" for n in range(1000)), "nested more than 100 levels"),
+        ("a: 1\n" * 200_000, "longer than 500,000 characters"),
+        ("a: &a [*a]", "alias *a names nothing"),
+        ("a: 1\n---\nb: 2", "second document"),
+    ],
+)
+def test_hostile_files_end_in_one_clear_message(text: str, expected: str) -> None:
+    problems: list[Problem] = []
+    begin = time.monotonic()
+    assert parse(text, "f", problems) is None
+    assert time.monotonic() - begin < 2
+    assert len(problems) == 1
+    assert expected in problems[0].text
+
+
+def test_keys_stay_as_they_are_written() -> None:
+    problems: list[Problem] = []
+    tree = parse("1.0: a\ntrue: b\n0x10: c\n&x k: *x", "f", problems)
+    assert tree is not None
+    assert plain(tree) == {"1.0": "a", "true": "b", "0x10": "c", "k": "k"}
