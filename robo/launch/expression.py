@@ -189,7 +189,7 @@ class _Parser:
         try:
             return self._look_up(name)
         except KeyError as error:
-            raise self.error(str(error.args[0]), token)
+            raise self.error(str(error.args[0]), token) from None
 
     def _accept(self, text: str) -> bool:
         if self.token.text == text and self.token.kind != "text":
