@@ -14,6 +14,11 @@ _CHUNK = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 RULE = "letters, digits and _, not starting with a digit"
 
 
+def is_word(name: str) -> bool:
+    """Whether a name is one chunk: letters, digits and `_`, not starting with a digit."""
+    return _CHUNK.match(name) is not None
+
+
 def check_node_name(name: str) -> str:
     """A node's name: one chunk.
 

@@ -1,15 +1,18 @@
 """The command line of a single node: `python -m robo_services.position_tracker --robot-name r1 …`."""
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
+
+import msgspec
 
 from robo import parameter_files
 from robo.contract import Contract, contract_of
 from robo.errors import UsageError
 from robo.node import Node
 from robo.parameters import parse_assignment
-from robo.runner import NodeSpec
+from robo.runner import SPEC_VARIABLE, NodeSpec
 
 
 def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
@@ -22,22 +25,30 @@ def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
     """
     contract = contract_of(node_class)
     options = _parser(node_class, contract).parse_args(arguments)
-    name = options.name or contract.name
-    namespace = options.robot_name
-    values: dict[str, object] = {}
+    launched = _launched()
+    name = options.name or launched.name
+    namespace = options.robot_name if options.robot_name is not None else launched.namespace
+    values: dict[str, object] = dict(launched.parameters)
     for path in options.params_file:
         file = parameter_files.load(path)
-        values |= file.values_for(namespace or "", name)
+        values |= file.values_for(namespace or "", name or contract.name)
     given = [parse_assignment(text, node_class.Parameters) for text in options.param]
-    return NodeSpec(
+    return msgspec.structs.replace(
+        launched,
         service=f"{node_class.__module__}:{node_class.__qualname__}",
-        name=options.name,
+        name=name,
         namespace=namespace,
         parameters=values | dict(given),
-        remappings=dict(map(_remapping, options.remap)),
-        connect=tuple(options.connect),
-        listen=tuple(options.listen),
+        remappings=launched.remappings | dict(map(_remapping, options.remap)),
+        connect=tuple(options.connect) or launched.connect,
+        listen=tuple(options.listen) or launched.listen,
     )
+
+
+def _launched() -> NodeSpec:
+    """What a launch has said of the command that runs this node; options stand above it."""
+    given = os.environ.pop(SPEC_VARIABLE, None)
+    return msgspec.json.decode(given, type=NodeSpec) if given else NodeSpec()
 
 
 def _parser(node_class: type[Node], contract: Contract) -> argparse.ArgumentParser:

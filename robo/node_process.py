@@ -20,12 +20,14 @@ def main() -> None:
     from robo.runner import SPEC_VARIABLE, NodeSpec, run, run_spec
 
     service, *arguments = sys.argv[1:]
-    finished = os.environ.pop(SPEC_VARIABLE, None)
+    given = os.environ.get(SPEC_VARIABLE)
     try:
         node_class = load_node_class(service)
-        if finished is None:
+        spec = msgspec.json.decode(given, type=NodeSpec) if given else NodeSpec()
+        if spec.service != service:  # run by hand, or by a command of a launch
             run(node_class, arguments)
-        code = run_spec(node_class, msgspec.json.decode(finished, type=NodeSpec))
+        del os.environ[SPEC_VARIABLE]  # not for what the node starts
+        code = run_spec(node_class, spec)
     except RoboError as error:
         print(f"ERROR {error}", file=sys.stderr)
         code = 1

@@ -10,6 +10,7 @@ A key names nodes: `name`, `/ns/name`, or a pattern in which `*` is one part of 
 number. Where several entries match, the more specific one wins, whatever their order.
 """
 
+import difflib
 import re
 from pathlib import Path
 
@@ -29,8 +30,15 @@ class ParameterEntry(msgspec.Struct, frozen=True):
     """As written, namespaces joined: `/**`, `tracker`, `/r1/tracker`."""
     values: dict[str, object]
     positions: dict[str, Position]
+    """Where each name stands."""
+    places: dict[str, Position]
     """Where each value stands."""
     position: Position
+
+    @property
+    def names_one_node(self) -> bool:
+        """Whether it means a node by its name, and no pattern of nodes."""
+        return "*" not in self.pattern.rpartition("/")[2]
 
     def matches(self, namespace: str, node: str) -> bool:
         """Whether the pattern means the node of this name in this namespace."""
@@ -70,13 +78,28 @@ def load(path: str | Path) -> ParameterFile:
     Raises:
         ParameterFileError: it is missing, unreadable, or has mistakes; names all of them.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ParameterFileError(f"parameter file {path} does not exist") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ParameterFileError(f"parameter file {path} cannot be read: {error}") from None
     problems: list[Problem] = []
+    file = read(_text_of(path), path, problems)
+    if problems:
+        raise ParameterFileError("\n".join(map(str, problems)))
+    return file
+
+
+def load_into(path: str | Path, asked: Position, problems: list[Problem]) -> ParameterFile | None:
+    """Read a parameter file that a manifest asks for; mistakes are added to `problems`.
+
+    Returns:
+        None where it is missing or unreadable, which is a mistake at the place that asked.
+    """
+    try:
+        return read(_text_of(path), path, problems)
+    except ParameterFileError as error:
+        problems.append(Problem(asked, str(error)))
+        return None
+
+
+def read(text: str, path: str | Path, problems: list[Problem]) -> ParameterFile:
+    """The parameter file of a text; mistakes are added to `problems` and what they hit is left out."""
     entries: list[ParameterEntry] = []
     tree = parse(text, path, problems)
     if isinstance(tree, Map):
@@ -84,9 +107,27 @@ def load(path: str | Path) -> ParameterFile:
             _collect("", entry, entries, problems)
     elif tree is not None:
         problems.append(Problem(tree.position, "expected a map from node names to their parameters"))
-    if problems:
-        raise ParameterFileError("\n".join(map(str, problems)))
     return ParameterFile(str(path), tuple(sorted(entries, key=lambda entry: entry.specificity)))
+
+
+def _text_of(path: str | Path) -> str:
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        hint = _similar(Path(path))
+        raise ParameterFileError(f"parameter file {path} does not exist{hint}") from None
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        raise ParameterFileError(f"parameter file {path} cannot be read: {error}") from None
+
+
+def _similar(path: Path) -> str:
+    """What is there instead, for a message."""
+    try:
+        known = sorted(other.name for other in path.parent.iterdir() if other.suffix in (".yaml", ".yml"))
+    except OSError:
+        return f"; there is no folder {path.parent}" if not path.parent.is_dir() else ""
+    close = difflib.get_close_matches(path.name, known, n=1)
+    return f"; did you mean {close[0]}?" if close else ""
 
 
 def _collect(prefix: str, entry: Entry, entries: list[ParameterEntry], problems: list[Problem]) -> None:
@@ -117,5 +158,6 @@ def _entry(pattern: str, values: Map, position: Position) -> ParameterEntry:
         pattern,
         {entry.key: plain(entry.value) for entry in values},
         {entry.key: entry.position for entry in values},
+        {entry.key: entry.value.position for entry in values},
         position,
     )

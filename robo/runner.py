@@ -24,8 +24,8 @@ SPEC_VARIABLE = "ROBO_NODE"
 class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):
     """All that a node's process needs to know, resolved."""
 
-    service: str
-    """`package.module:Class` or `package.module`."""
+    service: str = ""
+    """`package.module:Class` or `package.module`; empty for a command that may run any node."""
     name: str | None = None
     namespace: str | None = None
     parameters: dict[str, object] = {}

@@ -21,6 +21,8 @@ _SPECIAL = {
     ".inf": math.inf, ".Inf": math.inf, ".INF": math.inf, "+.inf": math.inf, "-.inf": -math.inf,
 }  # fmt: skip
 
+_TAGS = (None, "!", "tag:yaml.org,2002:str", "tag:yaml.org,2002:seq", "tag:yaml.org,2002:map")
+
 _OPEN, _CLOSE = "\ue000", "\ue001"
 _PLACEHOLDER = re.compile(r"\$\{([^{}\n]*)\}")
 
@@ -63,6 +65,14 @@ class Scalar(msgspec.Struct, frozen=True):
     value: object
     """None, bool, int, float or str."""
     position: Position
+    inset: int | None = 0
+    """Columns from `position` to its text: 1 in quotes; None where it runs over several lines."""
+
+    def place(self, offset: int) -> Position:
+        """Where the character at an offset of the text stands."""
+        if self.inset is None:
+            return self.position
+        return self.position._replace(column=self.position.column + self.inset + offset)
 
 
 class Items(msgspec.Struct, frozen=True):
@@ -139,7 +149,13 @@ def kind(tree: Tree) -> str:
         return "a map"
     if isinstance(tree, Items):
         return "a list"
-    return "nothing" if tree.value is None else repr(tree.value)
+    return "nothing" if tree.value is None else shown(tree.value)
+
+
+def shown(value: object) -> str:
+    """A value as a message shows it: cut where it is long."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}…"
 
 
 def parse(text: str, file: object, problems: list[Problem], *, placeholders: bool = False) -> Tree | None:
@@ -211,12 +227,20 @@ class _Builder:
 
     def take(self, event: yaml.Event) -> None:
         """The next event of the file."""
+        tag = getattr(event, "tag", None)
+        if tag not in _TAGS:
+            text = f"tag {tag} is not read here; write plain values"
+            raise _Unreadable(self._position(event), text)
         if isinstance(event, yaml.DocumentStartEvent) and self.root is not None:
             raise _Unreadable(self._position(event), "a second document begins here; one file holds one")
         if isinstance(event, yaml.ScalarEvent):
             text = self._text = _restore(event.value)
-            plain_style = event.style in (None, "") and event.tag in (None, "!")
-            self._finish(Scalar(_resolve(text) if plain_style else text, self._position(event)), 1, event.anchor)
+            is_plain = event.style in (None, "") and event.tag is None
+            start: Any = event.start_mark
+            end: Any = event.end_mark
+            inset = None if end.line != start.line else 0 if is_plain else 1
+            scalar = Scalar(resolve_scalar(text) if is_plain else text, self._position(event), inset)
+            self._finish(scalar, 1, event.anchor)
         elif isinstance(event, (yaml.SequenceStartEvent, yaml.MappingStartEvent)):
             if len(self._stack) >= MAX_DEPTH:
                 raise _Unreadable(self._position(event), f"nested more than {MAX_DEPTH} levels deep")
@@ -280,7 +304,8 @@ def _restore(text: str) -> str:
     return text.replace(_OPEN, "{").replace(_CLOSE, "}") if _OPEN in text else text
 
 
-def _resolve(text: str) -> object:
+def resolve_scalar(text: str) -> object:
+    """What a plain word means in YAML 1.2: null, true, 3, 0.5, or itself."""
     if text in _SPECIAL:
         return _SPECIAL[text]
     if _INT.match(text):

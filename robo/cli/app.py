@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from robo.errors import RoboError
+from robo.errors import ManifestError, RoboError, UsageError
 
 
 def examples(*lines: str) -> str:
@@ -48,14 +48,23 @@ def errors() -> Iterator[None]:
     try:
         yield
     except RoboError as error:
-        typer.echo(f"error: {error}", err=True)
-        raise typer.Exit(1) from None
+        typer.echo(_described(error), err=True)
+        raise typer.Exit(2 if isinstance(error, UsageError) else 1) from None
     except KeyboardInterrupt:
         raise typer.Exit(130) from None
     except BrokenPipeError:
         # What Python would still flush at exit has no reader either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise typer.Exit from None
+
+
+def _described(error: RoboError) -> str:
+    """An error for people; the mistakes of a manifest each with their line."""
+    if not isinstance(error, ManifestError) or not hasattr(error, "faults"):
+        return f"error: {error}"
+    from robo.launch.faults import as_text
+
+    return as_text(error.faults)
 
 
 def version(wanted: bool) -> None:
@@ -80,7 +89,9 @@ def root(
         "robo up simulation.yaml --robot-name r2",
         "robo up replay.yaml log:=run.log.gz rate:=2.0",
         "robo up robot.yaml control tracking use_sim:=false",
-        "robo up --dry-run",
+        "robo up -p velocity_controller.linear_velocity:=0.3",
+        "robo up fleet.yaml robots:=5 --dry-run",
+        "robo up simulation.yaml --show-args",
     )
 )
 def up(
@@ -89,8 +100,18 @@ def up(
         typer.Argument(metavar="[MANIFEST] [GROUP]... [NAME:=VALUE]...", help="What to start.", show_default=False),
     ] = None,
     robot_name: RobotName = None,
+    param: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-p",
+            "--param",
+            metavar="NODE.NAME:=VALUE",
+            help="Set a parameter of a node; NAME:=VALUE of all that have it.",
+        ),
+    ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the plan and start nothing.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="With --dry-run: print the plan as JSON.")] = False,
+    show_args: Annotated[bool, typer.Option("--show-args", help="List the manifest's arguments.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print the plan, the arguments or the faults as JSON.")] = False,
     connect: Connect = None,
     listen: Listen = None,
     log_level: Annotated[
@@ -101,9 +122,11 @@ def up(
     """Start a robot and keep it in the foreground until Ctrl-C.
 
     MANIFEST is looked for as a path, then in ./launch, then among those that ship with robo
-    (robot.yaml, simulation.yaml, replay.yaml); robot.yaml by default. GROUPs start only these.
+    (robot.yaml, simulation.yaml, real_robot.yaml, replay.yaml, fleet.yaml); robot.yaml by default.
+    GROUPs start only these.
 
-    Exit code: 0 ended by itself or by SIGTERM, 1 a mistake or a node that failed, 130 Ctrl-C.
+    Exit code: 0 ended by itself or by SIGTERM, 1 a mistake in a file or a node that failed, 2 words
+    that make no sense, 130 Ctrl-C.
     """
     with errors():
         from robo.cli.up import run_up
@@ -111,13 +134,59 @@ def up(
         code = run_up(
             words or [],
             robot_name=robot_name,
+            parameters=param or [],
             dry_run=dry_run,
+            show_args=show_args,
             json=json,
             connect=connect or [],
             listen=listen or [],
             log_level=log_level,
         )
     raise typer.Exit(code)
+
+
+@app.command(
+    epilog=examples(
+        "robo check launch/robot.yaml",
+        "robo check launch/*.yaml --json",
+        "robo check fleet.yaml robots:=5",
+        "robo check robot.yaml --graph mermaid",
+    )
+)
+def check(
+    words: Annotated[
+        list[str], typer.Argument(metavar="FILE... [NAME:=VALUE]...", help="Manifests to check.", show_default=False)
+    ],
+    robot_name: RobotName = None,
+    json: Annotated[bool, typer.Option("--json", help="Print faults and notes as JSON.")] = False,
+    graph: Annotated[
+        str | None, typer.Option("--graph", metavar="FORM", help="Draw nodes and topics: mermaid, dot or json.")
+    ] = None,
+) -> None:
+    """Check manifests and how their nodes are wired, without starting anything.
+
+    Beside every mistake that `robo up` would refuse: two types on one topic, subscriptions that
+    nothing feeds, remappings of names that a node does not have, parameters that no node declares,
+    promises about topics that nobody keeps.
+
+    Exit code: 0 fine, 1 faults, 2 words that make no sense.
+    """
+    with errors():
+        from robo.cli.check import run_check
+
+        code = run_check(words, robot_name=robot_name, json=json, graph=graph)
+    raise typer.Exit(code)
+
+
+@app.command(epilog=examples("robo schema manifest > robo.schema.json", "robo schema geometry/Twist"))
+def schema(
+    name: Annotated[str, typer.Argument(metavar="manifest|TYPE", help="What to describe.", show_default=False)],
+) -> None:
+    """Print the JSON Schema of manifests, by which editors complete them, or of a message type."""
+    with errors():
+        from robo.cli.check import print_schema
+
+        print_schema(name)
 
 
 @app.command(add_help_option=False, context_settings={"ignore_unknown_options": True})

@@ -25,6 +25,7 @@ _TOKEN = re.compile(
     )""",
     re.VERBOSE,
 )
+_REFERENCE = re.compile(r"\$\{([^{}]*)\}")
 _ORDER: dict[str, Callable[[Any, Any], bool]] = {
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
 }  # fmt: skip
@@ -153,7 +154,7 @@ class _Parser:
         if token.kind == "number":
             return float(token.text) if re.search(r"[.eE]", token.text) else int(token.text[:300])
         if token.kind == "text":
-            return token.text[1:-1]
+            return self._filled(token)
         if token.kind == "reference":
             return self._known(token.text[2:-1], token)
         if token.kind == "name" and token.text not in ("and", "or", "in", "not"):
@@ -189,7 +190,12 @@ class _Parser:
         try:
             return self._look_up(name)
         except KeyError as error:
-            raise self.error(str(error.args[0]), token) from None
+            quotes = f"; a text stands in quotes: '{name}'" if token.kind == "name" else ""
+            raise self.error(f"{error.args[0]}{quotes}", token) from None
+
+    def _filled(self, token: _Token) -> str:
+        """A text, with the `${name}` in it replaced: who comes from a shell writes '${mode}' == 'fast'."""
+        return _REFERENCE.sub(lambda match: as_text(self._known(match[1], token)), token.text[1:-1])
 
     def _accept(self, text: str) -> bool:
         if self.token.text == text and self.token.kind != "text":
@@ -205,3 +211,10 @@ class _Parser:
         self._depth += 1
         if self._depth > _MAX_DEPTH:
             raise self.error(f"nested more than {_MAX_DEPTH} levels deep")
+
+
+def as_text(value: object) -> str:
+    """A value within longer text."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return "" if value is None else str(value)

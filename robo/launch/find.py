@@ -1,12 +1,20 @@
 """Where manifests are looked for."""
 
 import difflib
+import os
 from pathlib import Path
 
 from robo.errors import ManifestError
 
 SHARE = Path(__file__).resolve().parent.parent / "share"
 """The manifests and parameter files that ship with robo."""
+
+
+def nearby(path: Path) -> str:
+    """A path as people want to read it: relative where it lies in the current folder."""
+    whole = os.path.abspath(path)
+    here = os.getcwd().rstrip("/") + "/"
+    return whole.removeprefix(here)
 
 
 def find_manifest(name: str, beside: Path | None = None) -> Path:
@@ -20,11 +28,11 @@ def find_manifest(name: str, beside: Path | None = None) -> Path:
     """
     folders = [beside or Path.cwd(), Path.cwd() / "launch", SHARE / "launch"]
     for folder in folders:
-        path = folder / name
-        if path.is_file():
-            return path
+        path = nearby(folder / name)
+        if os.path.isfile(path):
+            return Path(path)
     known = sorted({p.name for folder in folders[1:] if folder.is_dir() for p in folder.glob("*.yaml")})
     close = difflib.get_close_matches(name, known, n=1)
     hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(known)}"
-    tried = "\n".join(f"  {folder / name}" for folder in folders)
-    raise ManifestError(f"there is no manifest {name!r}; {hint}\nLooked for:\n{tried}")
+    looked = ", ".join(dict.fromkeys(str(folder) for folder in folders))
+    raise ManifestError(f"there is no manifest {name!r}; {hint} (looked in {looked})")

@@ -1,61 +1,258 @@
 """`${name}`: values put into a manifest.
 
-A scalar that is nothing but one `${name}` takes the value with its type, so `${use_sim}` stays a
-bool; within longer text the value becomes text. `$${` stands for a literal `${`.
+    ${speed}                   an argument, or a name that a loop gives
+    ${env:NAME}                an environment variable; ${env:NAME:-default} where it may be unset
+    ${dir} ${file}             the folder of this manifest, and the manifest itself
+    ${workspace}               the folder that the command was given in
+    ${share:package}           the folder `share` of an installed package
+    ${anon:prefix}             prefix and a random end, the same in all of one launch
+    $${                        a literal ${
+
+A value that is nothing but one `${name}` takes the value with its type, so `${use_sim}` stays a bool;
+within longer text the value becomes text.
 """
 
 import difflib
+import importlib.machinery
+import importlib.util
+import os
 import re
+import secrets
 from collections.abc import Mapping
+from pathlib import Path
 
-from robo.yaml_tree import Entry, Items, Problem, Scalar, Tree
+from robo.launch.expression import ExpressionError, as_text, evaluate
+from robo.launch.manifest import Condition
+from robo.names import is_word
+from robo.yaml_tree import Entry, Items, Position, Problem, Scalar, Tree, resolve_scalar, shown
 
 _PATTERN = re.compile(r"\$\$\{|\$\{([^}]*)\}|\$\{")
 
 
-def substitute(tree: Tree, values: Mapping[str, object], problems: list[Problem]) -> object:
-    """The tree as plain data with every `${name}` in its values replaced."""
-    if isinstance(tree, Scalar):
-        return substitute_scalar(tree, values, problems)
-    if isinstance(tree, Items):
-        return [substitute(item, values, problems) for item in tree.items]
-    return {entry.key: substitute(entry.value, values, problems) for entry in tree}
+class Word(str):
+    """Text from outside of YAML, from a command line or the environment: its use decides its type."""
+
+    __slots__ = ()
 
 
-def substitute_entries(
-    entries: tuple[Entry, ...], values: Mapping[str, object], problems: list[Problem]
-) -> dict[str, object]:
-    """A map's entries as plain data with every `${name}` in its values replaced."""
-    return {entry.key: substitute(entry.value, values, problems) for entry in entries}
+def settled(value: object) -> object:
+    """A value of which nothing says the type: a Word means what it would mean in YAML."""
+    return resolve_scalar(str(value)) if isinstance(value, Word) else value
 
 
-def substitute_scalar(scalar: Scalar, values: Mapping[str, object], problems: list[Problem]) -> object:
-    """The scalar's value with every `${name}` replaced; unknown names are mistakes."""
-    text = scalar.value
-    if not isinstance(text, str) or "${" not in text:
-        return text
+class _Broken:
+    """Stands for a value that could not be worked out; why has been said already."""
 
-    def value_of(match: re.Match[str]) -> object:
-        if match.group(0) == "$${":
+
+BROKEN = _Broken()
+
+
+class _BrokenOperand(Exception):
+    """A condition uses a value that could not be worked out."""
+
+
+class Scope:
+    """The names that can be used in one place of a manifest, and where mistakes go."""
+
+    def __init__(
+        self, file: Path, values: Mapping[str, object], problems: list[Problem], anonymous: dict[str, str]
+    ) -> None:
+        """
+        Args:
+            file: the manifest.
+            values: by name.
+            problems: where mistakes are added.
+            anonymous: by prefix, the name that `${anon:prefix}` gave in this launch.
+        """
+        self.file = file
+        self.values = values
+        self.problems = problems
+        self._anonymous = anonymous
+
+    @property
+    def folder(self) -> Path:
+        """What relative paths of this manifest are relative to."""
+        return self.file.parent
+
+    def inner(self, values: Mapping[str, object]) -> "Scope":
+        """This scope with more names."""
+        return Scope(self.file, {**self.values, **values}, self.problems, self._anonymous)
+
+    def complain(self, position: Position, text: str) -> None:
+        """Add a mistake."""
+        self.problems.append(Problem(position, text))
+
+    def look_up(self, name: str) -> object:
+        """The value of a name, or of what stands within `${}`.
+
+        Raises:
+            KeyError: there is none; its text says so.
+        """
+        kind, colon, rest = name.partition(":")
+        if colon:
+            return self._function(kind, rest)
+        if name in self.values:
+            return self.values[name]
+        places = {"dir": self.folder.absolute, "file": self.file.absolute, "workspace": Path.cwd}
+        if name in places:
+            return str(places[name]())
+        known = sorted({*self.values, *places})
+        close = difflib.get_close_matches(name, known, n=1)
+        hint = f"did you mean ${{{close[0]}}}?" if close else f"known are {', '.join(known)}"
+        raise KeyError(f"${{{name}}} is not defined; {hint}")
+
+    def _function(self, kind: str, rest: str) -> object:
+        if kind == "env":
+            variable, default_given, default = rest.partition(":-")
+            value = os.environ.get(variable)
+            if value is not None:
+                return Word(value)
+            if default_given:
+                return Word(default)
+            raise KeyError(f"environment variable {variable} is not set; set it, or write ${{env:{variable}:-default}}")
+        if kind == "share":
+            return str(_share_folder(rest))
+        if kind == "anon":
+            if not is_word(rest):
+                raise KeyError(f"${{anon:{rest}}}: the prefix is a name: letters, digits and _")
+            return self._anonymous.setdefault(rest, f"{rest}_{secrets.token_hex(4)}")
+        raise KeyError(f"${{{kind}:…}} is not known; there are ${{env:NAME}}, ${{share:package}} and ${{anon:prefix}}")
+
+    # -- values ----------------------------------------------------------------------------------
+
+    def raw(self, scalar: Scalar) -> object:
+        """The value of a scalar; a Word where it comes from outside, BROKEN where it has a mistake."""
+        text = scalar.value
+        if not isinstance(text, str) or "${" not in text:
+            return text
+        whole = _PATTERN.fullmatch(text)
+        if whole is not None:
+            return self._piece(whole, scalar)
+        pieces = [self._piece(match, scalar) for match in _PATTERN.finditer(text)]
+        if BROKEN in pieces:
+            return BROKEN
+        rest = iter(pieces)
+        return _PATTERN.sub(lambda _: as_text(next(rest)), text)
+
+    def value(self, scalar: Scalar) -> object:
+        """The value of a scalar with its type, BROKEN where it has a mistake."""
+        return settled(self.raw(scalar))
+
+    def text(self, scalar: Scalar) -> str | None:
+        """The value of a scalar as text, None where it has a mistake."""
+        value = self.raw(scalar)
+        return None if value is BROKEN else as_text(value)
+
+    def path(self, scalar: Scalar) -> str | None:
+        """The value of a scalar as a path, None where it has a mistake.
+
+        What is put *into* a path stays below where it is put: only a value that is the whole path,
+        or its beginning, may lead elsewhere.
+        """
+        text = scalar.value
+        for match in _PATTERN.finditer(text) if isinstance(text, str) else ():
+            if match.group() == text or match.group(1) is None:
+                continue
+            problems = len(self.problems)
+            piece = as_text(self._piece(match, scalar))
+            del self.problems[problems:]
+            if ".." in re.split(r"[/\\]", piece) or (match.start() and piece.startswith("/")):
+                where = scalar.place(match.start())
+                self.complain(where, f"{match.group()} is {piece!r}, which leads out of the folder that is meant")
+                return None
+        found = self.text(scalar)
+        if found is not None and "\0" in found:
+            self.complain(scalar.position, "a path cannot hold a zero character")
+            return None
+        return found
+
+    def plain(self, tree: Tree) -> object:
+        """A tree as plain data with every `${name}` replaced; BROKEN where any of it has a mistake."""
+        if isinstance(tree, Scalar):
+            return self.value(tree)
+        if isinstance(tree, Items):
+            items = [self.plain(item) for item in tree.items]
+            return BROKEN if BROKEN in items else items
+        values = {entry.key: self.plain(entry.value) for entry in tree}
+        return BROKEN if BROKEN in values.values() else values
+
+    def texts(self, entries: tuple[Entry, ...]) -> dict[str, str]:
+        """Single values by key, as text; those with mistakes are left out."""
+        return {
+            entry.key: text
+            for entry in entries
+            if isinstance(entry.value, Scalar) and (text := self.text(entry.value)) is not None
+        }
+
+    def check_names(self, tree: Tree) -> None:
+        """Complain of every `${name}` that nothing defines, and of nothing else."""
+        if isinstance(tree, Scalar):
+            for match in _PATTERN.finditer(tree.value) if isinstance(tree.value, str) else ():
+                if match[1] is not None and ":" not in match[1]:
+                    self._piece(match, tree)
+        elif isinstance(tree, Items):
+            for item in tree.items:
+                self.check_names(item)
+        else:
+            for entry in tree:
+                self.check_names(entry.value)
+
+    def _piece(self, match: re.Match[str], scalar: Scalar) -> object:
+        if match.group() == "$${":
             return "${"
         name = match.group(1)
-        if name is None:
-            problems.append(Problem(scalar.position, f"{text!r}: '${{' is never closed; write $${{ for a literal one"))
-            return ""
-        if name in values:
-            return values[name]
-        close = difflib.get_close_matches(name, values, n=1)
-        known = f"did you mean ${{{close[0]}}}?" if close else f"known are {', '.join(sorted(values)) or 'none'}"
-        problems.append(Problem(scalar.position, f"${{{name}}} is not defined; {known}"))
-        return ""
+        try:
+            if name is None:
+                raise KeyError(f"{shown(scalar.value)}: '${{' is never closed; write $${{ for a literal one")
+            return self.look_up(name)
+        except KeyError as error:
+            self.complain(scalar.place(match.start()), str(error.args[0]))
+            return BROKEN
 
-    whole = _PATTERN.fullmatch(text)
-    if whole is not None:
-        return value_of(whole)
-    return _PATTERN.sub(lambda match: _as_text(value_of(match)), text)
+    # -- conditions ------------------------------------------------------------------------------
+
+    def holds(self, condition: Condition) -> bool:
+        """Whether a condition is met. One with a mistake is, so that what it guards is checked too."""
+        when = self.truth(condition.when, default=True)
+        return self.truth(condition.unless, default=False) is False and when
+
+    def truth(self, scalar: Scalar | None, *, default: bool) -> bool:
+        """The value of an expression; `default` where there is none or it has a mistake."""
+        if scalar is None:
+            return default
+        if isinstance(scalar.value, bool):
+            return scalar.value
+        if not isinstance(scalar.value, str):
+            self.complain(scalar.position, f"expected true, false or an expression, not {shown(scalar.value)}")
+            return default
+        try:
+            return evaluate(scalar.value, self._operand)
+        except _BrokenOperand:
+            return default
+        except ExpressionError as error:
+            self.complain(scalar.place(error.offset), f"{shown(scalar.value)}: {error}")
+            return default
+
+    def _operand(self, name: str) -> object:
+        value = settled(self.look_up(name))
+        if value is BROKEN:
+            raise _BrokenOperand
+        return value
 
 
-def _as_text(value: object) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return "" if value is None else str(value)
+def _share_folder(package: str) -> Path:
+    if not is_word(package):
+        raise KeyError(f"${{share:{package}}}: name a Python package, for example ${{share:robo}}")
+    try:
+        spec = importlib.util.find_spec(package)
+    except (ImportError, ValueError):
+        spec = None
+    # A package of the folder one works in needs no installation.
+    spec = spec or importlib.machinery.PathFinder.find_spec(package, [str(Path.cwd())])
+    if spec is None or not spec.submodule_search_locations:
+        raise KeyError(f"${{share:{package}}}: there is no package {package!r}; is it installed here?")
+    folders = [Path(place) / "share" for place in spec.submodule_search_locations]
+    for folder in folders:
+        if folder.is_dir():
+            return folder
+    raise KeyError(f"${{share:{package}}}: package {package!r} has no folder {folders[0]}")

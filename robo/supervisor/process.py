@@ -39,11 +39,16 @@ class Child:
         """The exit code, negative for a signal; None before the end."""
         return self._process.returncode if self._process is not None else None
 
-    async def start(self, command: Sequence[str], environment: Mapping[str, str]) -> None:
-        """Start the process."""
+    async def start(self, command: Sequence[str], environment: Mapping[str, str], *, cwd: str | None = None) -> None:
+        """Start the process.
+
+        Raises:
+            OSError: the program or the folder is not there, or may not be used.
+        """
         self._process = await asyncio.create_subprocess_exec(
             *command,
             env=environment,
+            cwd=cwd,
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
@@ -68,17 +73,23 @@ class Child:
             pump.cancel()
         return code
 
-    def signal(self, number: signal.Signals) -> None:
+    def send(self, number: signal.Signals) -> None:
         """Send a signal to the whole group."""
         if self.running:
             assert self._process is not None
             with suppress(ProcessLookupError):
                 os.killpg(self._process.pid, number)
 
-    async def stop(self, ended: "asyncio.Future[int] | asyncio.Task[int]", *, patience: float) -> None:
-        """Ask the process to end, then insist: INT, TERM after `patience` s, KILL after half as long again."""
-        for number, seconds in ((signal.SIGINT, patience), (signal.SIGTERM, patience / 2), (signal.SIGKILL, 5.0)):
-            self.signal(number)
+    async def stop(
+        self,
+        ended: "asyncio.Future[int] | asyncio.Task[int]",
+        *,
+        patience: float,
+        first: signal.Signals = signal.SIGINT,
+    ) -> None:
+        """Ask the process to end, then insist: TERM after `patience` s, KILL after half as long again."""
+        for number, seconds in ((first, patience), (signal.SIGTERM, patience / 2), (signal.SIGKILL, 5.0)):
+            self.send(number)
             done, _ = await asyncio.wait([ended], timeout=seconds)
             if done:
                 return

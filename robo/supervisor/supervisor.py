@@ -21,40 +21,18 @@ import zenoh
 from robo import discovery, names
 from robo.discovery import NodeToken
 from robo.errors import NetworkError
-from robo.launch.plan import Plan, ProcessPlan
+from robo.launch.plan import Plan, ProcessPlan, StopPlan
 from robo.router import LINGER, NETWORK_VARIABLE
 from robo.runner import SPEC_VARIABLE, NodeSpec
 from robo.session import Network, close_session, open_session
 from robo.supervisor.console import Console
+from robo.supervisor.log_files import LogFiles, log_folder
+from robo.supervisor.member import Member
 from robo.supervisor.process import Child, describe_exit
 
-PATIENCE = 1.0
-"""How long a process may take to end when asked, s, before it is told again and then killed."""
-
 STOP_LIMIT = 2.0
-"""How long the stop of a whole launch may take, s, before all that still run are killed."""
-
-
-class Member:
-    """A process of the plan and what has become of it."""
-
-    def __init__(self, plan: ProcessPlan, child: Child) -> None:
-        self.plan = plan
-        self.child = child
-        self.ready = False
-        self.ended: asyncio.Task[int] | None = None
-        self.asked_to_stop = False
-
-    @property
-    def waiting(self) -> bool:
-        """Whether it has not been started."""
-        return self.ended is None
-
-    @property
-    def failed(self) -> bool:
-        """Whether it ended by itself and badly."""
-        code = self.child.returncode
-        return code is not None and code != 0 and not self.asked_to_stop
+"""How long the stop of a launch may take, s, before all that still run are killed, unless the manifest
+gives single processes more."""
 
 
 class Supervisor:
@@ -74,13 +52,17 @@ class Supervisor:
         self._folder = Path(tempfile.mkdtemp(prefix="robo-"))
         self._socket = f"unixsock-stream/{self._folder}/router.sock"
         self._router_network = msgspec.structs.replace(router, listen=(self._socket, *router.listen))
+        self._log_files = LogFiles(log_folder(plan.robot))
         self._members: dict[str, Member] = {}
         for process in plan.processes:
-            label = label_of(plan, process)
-            self._members[process.full_name] = Member(process, Child(label, partial(console.line, label)))
+            member = Member(process, label_of(plan, process), partial(self._show, process.log.output))
+            member.on_ready = self._notice_change
+            self._members[process.full_name] = member
+        self._starts = 0
         self._router = Child("router", lambda line: console.line("robo", f"router: {line}"))
         self._stop = asyncio.Event()
         self._changed = asyncio.Event()
+        self._restarts: set[asyncio.Task[None]] = set()
         self._exit_code: int | None = None
         self._stop_requests = 0
         self._announced = False
@@ -111,6 +93,7 @@ class Supervisor:
             if watcher is not None:
                 await asyncio.to_thread(close_session, watcher)
             shutil.rmtree(self._folder, ignore_errors=True)
+            self._log_files.close()
         self._summarize()
         return self._result()
 
@@ -129,28 +112,55 @@ class Supervisor:
             await self._start_router()
 
     async def _start_those_that_can(self) -> None:
-        """Start every process whose needs are ready."""
-        for index, member in enumerate(self._members.values()):
-            if member.waiting and all(self._members[need].ready for need in member.plan.needs):
-                await member.child.start(*self._command(member.plan, index))
-                member.ended = asyncio.create_task(member.child.wait())
-                member.ended.add_done_callback(lambda _: self._changed.set())
+        """Start every process whose needs are met."""
+        for member in self._members.values():
+            if member.waiting and all(self._members[n].reached(until) for n, until in member.plan.needs.items()):
+                await self._start(member)
 
-    def _command(self, plan: ProcessPlan, index: int) -> tuple[list[str], dict[str, str]]:
+    async def _start(self, member: Member) -> None:
+        problem = await member.start(self._variables(member.plan))
+        if problem is not None:
+            self._console.warn(problem)
+        if member.ended is not None and member.running:
+            member.ended.add_done_callback(lambda _: self._changed.set())
+
+    def _variables(self, plan: ProcessPlan) -> dict[str, str]:
+        """The environment of a process. A command learns its name and its network there, in any language."""
+        self._starts += 1
         spec = NodeSpec(
-            service=plan.service,
+            service=plan.service or "",
             name=plan.name,
             namespace=plan.namespace,
             parameters={name: said.value for name, said in plan.parameters.items()},
             remappings=plan.remap,
-            needs=plan.needs,
+            needs=tuple(name for name, until in plan.needs.items() if until == "ready" and self._shows_token(name)),
             mode="peer",
             connect=(self._socket,),
-            listen=(f"unixsock-stream/{self._folder}/{index}.sock",),
+            # A name of its own for each start: what was killed leaves its socket behind.
+            listen=(f"unixsock-stream/{self._folder}/{self._starts}.sock",),
         )
         variables = {SPEC_VARIABLE: msgspec.json.encode(spec).decode(), "ROBO_SUPERVISED": "1"}
-        command = [sys.executable, "-m", "robo.node_process", plan.service, plan.full_name]
-        return command, self._environment | variables | plan.env
+        if plan.service is None:
+            variables |= {"ROBO_NAMESPACE": plan.namespace, "ROBO_CONNECT": self._socket}
+        if plan.log.level is not None:
+            variables["ROBO_LOG_LEVEL"] = plan.log.level
+        return self._environment | variables | plan.env
+
+    def _shows_token(self, name: str) -> bool:
+        return self._members[name].plan.ready.when == "node"
+
+    def _notice_change(self) -> None:
+        self._changed.set()
+
+    def _show(self, output: str, label: str, text: str) -> None:
+        """One line of a process's output, to where the manifest wants it."""
+        if output != "file":
+            self._console.line(label, text)
+        if output != "screen":
+            try:
+                self._log_files.line(label, text)
+            except OSError as error:
+                self._console.warn(f"log file of {label}: {error}")
 
     async def _watch_tokens(self, loop: asyncio.AbstractEventLoop) -> zenoh.Session | None:
         """Learn from liveliness tokens which nodes are ready."""
@@ -174,9 +184,8 @@ class Supervisor:
         member = self._members.get(token.full_name)
         if member is None:
             return
-        if token.pid == member.child.pid and token.host == discovery.hostname():
-            member.ready = True
-            self._changed.set()
+        if token.host == discovery.hostname() and member.owns(token.pid):
+            member.notice_token()
         elif self._announced:
             self._console.warn(f"another {token.full_name} has come up (process {token.pid} on {token.host})")
         else:  # the newcomer gives way
@@ -189,41 +198,66 @@ class Supervisor:
 
     async def _supervise(self) -> None:
         """React to what happens until the launch is to end."""
-        reported: set[str] = set()
+        seen: set[asyncio.Task[int]] = set()
         while not self._stop.is_set():
             self._changed.clear()
-            for name, member in self._members.items():
-                if member.ended is not None and member.ended.done() and name not in reported:
-                    reported.add(name)
-                    self._on_exit(member)
+            for member in self._members.values():
+                if member.ended is not None and member.ended.done() and member.ended not in seen:
+                    seen.add(member.ended)
+                    self._on_exit(member, member.ended.result())
             await self._start_those_that_can()
             self._announce()
-            running = [m for m in self._members.values() if m.child.running]
-            if not running and not any(self._may_start(m) for m in self._members.values()):
+            if not any(self._goes_on(m) for m in self._members.values()):
                 self._finish(None)
             if not self._stop.is_set():
                 await self._changed.wait()
 
-    def _on_exit(self, member: Member) -> None:
-        code = member.child.returncode
-        assert code is not None
-        text = f"{member.child.name} ended with {describe_exit(code)}"
+    def _on_exit(self, member: Member, code: int) -> None:
+        member.exit_code = code
+        text = f"{member.label} ended with {describe_exit(code)}"
+        if member.wants_restart():
+            delay = member.plan.restart.delay
+            self._console.warn(
+                f"{text}; starting it again in {delay:g} s ({member.restarts} of {member.plan.restart.max})"
+            )
+            member.restarting = True
+            task = asyncio.create_task(self._restart(member, delay))
+            self._restarts.add(task)
+            task.add_done_callback(self._restarts.discard)
+            return
         (self._console.warn if code else self._console.say)(text)
+        if member.restarts and member.restarts >= member.plan.restart.max:
+            self._console.warn(
+                f"{member.label} stays down: {member.restarts} restarts in {member.plan.restart.window:g} s"
+            )
         for other in self._members.values():
-            if other.waiting and member.plan.full_name in other.plan.needs and not member.ready:
-                self._console.warn(f"{other.child.name} is not started: it needs {member.child.name}")
+            until = other.plan.needs.get(member.plan.full_name)
+            if other.waiting and until is not None and not member.reached(until):
+                self._console.warn(f"{other.label} is not started: it needs {member.label} {until}")
         if member.plan.required:
             self._finish(1 if code else 0)
 
+    async def _restart(self, member: Member, delay: float) -> None:
+        await asyncio.sleep(delay)
+        if not self._stop.is_set():
+            await self._start(member)
+            self._changed.set()
+
+    def _goes_on(self, member: Member) -> bool:
+        """Whether a process runs, or will."""
+        return member.running or member.restarting or (member.waiting and self._may_start(member))
+
     def _may_start(self, member: Member) -> bool:
         """Whether a process that waits can still be started."""
-        return member.waiting and all(
-            self._members[need].ready or self._members[need].child.running or self._may_start(self._members[need])
-            for need in member.plan.needs
+        return all(
+            self._members[need].may_reach(until)
+            or (self._members[need].waiting and self._may_start(self._members[need]))
+            for need, until in member.plan.needs.items()
         )
 
     def _announce(self) -> None:
-        if self._announced or not all(m.ready for m in self._members.values()):
+        # What has done its work and ended well is as good as ready.
+        if self._announced or not all(m.ready or m.reached("completed") for m in self._members.values()):
             return
         self._announced = True
         seconds = time.monotonic() - self._begin
@@ -231,6 +265,8 @@ class Supervisor:
         count = len(self._members)
         nodes = "1 node" if count == 1 else f"{count} nodes"
         self._console.say(f"{self._plan.robot} is ready: {nodes} in {seconds:.2f} s, at {where}; Ctrl-C stops")
+        if any(m.plan.log.output != "screen" for m in self._members.values()):
+            self._console.say(f"log files are in {self._log_files.folder}")
 
     # -- stop ----------------------------------------------------------------------------------------
 
@@ -251,25 +287,47 @@ class Supervisor:
 
     async def _stop_all(self) -> None:
         """Stop processes, each after those that need it; all at once where nothing needs another."""
-        limit = asyncio.get_running_loop().call_later(STOP_LIMIT, self._kill_all)
+        for restart in list(self._restarts):
+            restart.cancel()
+        limit = asyncio.get_running_loop().call_later(self._stop_limit(), self._kill_all)
         stopping: dict[str, asyncio.Task[None]] = {}
-        while running := {n: m for n, m in self._members.items() if m.child.running}:
+        while running := {n: m for n, m in self._members.items() if m.running}:
             needed = {need for member in running.values() for need in member.plan.needs}
             for name, member in running.items():
-                if name not in stopping and (name not in needed):
+                if name not in stopping and name not in needed:
                     assert member.ended is not None
+                    assert member.child is not None
                     member.asked_to_stop = True
-                    stopping[name] = asyncio.create_task(member.child.stop(member.ended, patience=PATIENCE))
+                    stop = member.child.stop(
+                        member.ended,
+                        patience=member.plan.stop.timeout,
+                        first=signal.Signals[f"SIG{member.plan.stop.signal}"],
+                    )
+                    stopping[name] = asyncio.create_task(stop)
             await asyncio.wait([m.ended for m in running.values() if m.ended], return_when=asyncio.FIRST_COMPLETED)
         await asyncio.gather(*stopping.values())
         limit.cancel()
 
+    def _stop_limit(self) -> float:
+        """All that the manifest grants to those that stop one after the other."""
+        spans: dict[str, float] = {}
+
+        def span(name: str) -> float:
+            if name not in spans:
+                member = self._members[name]
+                spans[name] = 1.5 * member.plan.stop.timeout + max(map(span, member.plan.needs), default=0.0)
+            return spans[name]
+
+        granted = any(m.plan.stop.timeout > StopPlan().timeout for m in self._members.values())
+        return max(STOP_LIMIT, *map(span, self._members)) if granted else STOP_LIMIT
+
     def _kill_all(self) -> None:
         for member in self._members.values():
-            if member.child.running:
-                self._console.warn(f"{member.child.name} does not end; killing it")
+            if member.running:
+                assert member.child is not None
+                self._console.warn(f"{member.label} does not end; killing it")
                 member.asked_to_stop = True
-                member.child.signal(signal.SIGKILL)
+                member.child.send(signal.SIGKILL)
 
     async def _stop_router(self) -> None:
         if self._router.running:
@@ -281,9 +339,8 @@ class Supervisor:
     def _summarize(self) -> None:
         """Repeat why processes failed: their own last words may have scrolled away."""
         for member in self._members.values():
-            code = member.child.returncode
-            if member.failed and code is not None:
-                self._console.warn(f"{member.child.name} failed: {describe_exit(code)}")
+            if member.failed and member.exit_code is not None and member.child is not None:
+                self._console.warn(f"{member.label} failed: {describe_exit(member.exit_code)}")
                 for line in list(member.child.last_lines)[-5:]:
                     self._console.warn(f"  {line}")
 
@@ -305,7 +362,7 @@ def run(plan: Plan, router: Network, *, log_level: str | None = None) -> int:
         The exit code for the command.
     """
     console = Console(sorted({label_of(plan, p) for p in plan.processes}))
-    environment = dict(os.environ) | {"PYTHONUNBUFFERED": "1"}
+    environment = dict(os.environ) | {"PYTHONUNBUFFERED": "1", "PATH": search_path()}
     if log_level is not None:
         environment["ROBO_LOG_LEVEL"] = log_level
     return asyncio.run(_run(plan, router, console, environment))
@@ -313,6 +370,11 @@ def run(plan: Plan, router: Network, *, log_level: str | None = None) -> int:
 
 async def _run(plan: Plan, router: Network, console: Console, environment: Mapping[str, str]) -> int:
     return await Supervisor(plan, router, console, environment).run()
+
+
+def search_path() -> str:
+    """Where the programs of a launch are looked for: `python` and `robo` are those that run here."""
+    return os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
 
 
 def label_of(plan: Plan, process: ProcessPlan) -> str:

@@ -84,7 +84,7 @@ def test_ctrl_c_is_quiet(session: zenoh.Session, endpoint: str) -> None:
         (("up", "nowhere.yaml"), "there is no manifest 'nowhere.yaml'"),
         (("up", "replay.yaml"), "replay.yaml needs log"),
         (("up", "robot.yaml", "wrold:=x"), "did you mean world?"),
-        (("up", "robot.yaml", "contrl"), "there is no group 'contrl'"),
+        (("up", "robot.yaml", "contrl"), "has no group 'contrl'; did you mean control?"),
         (("up", "--log-level", "loud"), "use debug, info, warn"),
         (("up", "--dry-run", "params_file:=nowhere.yaml"), "nowhere.yaml does not exist"),
         (("run", "robo_services.position_traker"), "did you mean robo_services.position_tracker?"),
@@ -99,7 +99,7 @@ def test_ctrl_c_is_quiet(session: zenoh.Session, endpoint: str) -> None:
 def test_mistakes_are_told_and_never_a_traceback(words: tuple[str, ...], message: str, endpoint: str) -> None:
     more = ("--connect", endpoint) if words[0] == "topic" else ()
     result = run_robo(*words, *more)
-    assert result.returncode == 1
+    assert result.returncode in (1, 2)
     assert message in result.stderr
     assert "Traceback" not in result.stderr
     assert result.stdout == ""

@@ -156,14 +156,14 @@ def test_a_node_that_cannot_start_is_named_again_at_the_end(endpoint: str, tmp_p
     manifest = tmp_path / "m.yaml"
     manifest.write_text(
         "groups:\n  g:\n    nodes:\n"
-        "      tracker: {service: robo_services.position_tracker, params: {log_rate: -1}}\n"
-        "      after: {service: robo_services.position_tracker, needs: {tracker: ready}}\n"
+        "      player: {service: robo_services.carmen_player, params: {log: nowhere.log}}\n"
+        "      after: {service: robo_services.position_tracker, needs: {player: ready}}\n"
     )
     result = run_robo("up", str(manifest), "--listen", endpoint)
     assert result.returncode == 1
-    assert "after is not started: it needs tracker" in result.stdout
-    assert "tracker failed: exit code 1" in result.stdout
-    assert "log_rate = -1: expected float > 0.0" in result.stdout
+    assert "after is not started: it needs player" in result.stdout
+    assert "player failed: exit code 1" in result.stdout
+    assert "nowhere.log" in result.stdout
     assert "Traceback" not in result.stdout + result.stderr
 
 

@@ -63,8 +63,12 @@ def test_alias_bombs_and_deep_nesting_end_in_an_error() -> None:
 
 
 def test_nothing_but_plain_data_is_made() -> None:
-    value, _ = read("!!python/object/apply:os.getcwd []")
-    assert value == []
+    value, problems = read("a: !!python/object/apply:os.getcwd []")
+    assert value is None
+    assert str(problems[0]).startswith(
+        "f.yaml:1:4: tag tag:yaml.org,2002:python/object/apply:os.getcwd is not read here"
+    )
+    assert read("a: !!str 5")[0] == {"a": "5"}
 
 
 @given(st.text())

@@ -1,0 +1,108 @@
+"""`robo check` and `robo schema`."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+import robo_messages
+from robo.cli.up import is_manifest, print_json
+from robo.errors import ManifestError, UsageError
+from robo.launch import arguments, faults, reader, resolve
+from robo.launch.check import Findings, check, ends_of
+from robo.launch.find import find_manifest
+from robo.launch.graph import FORMATS, draw
+from robo.launch.schema import manifest_schema
+from robo.launch.substitution import Word
+from robo.yaml_tree import Position, Problem
+
+
+def run_check(words: Sequence[str], *, robot_name: str | None, json: bool, graph: str | None) -> int:
+    """Check manifests.
+
+    Returns:
+        0 where they are fine, 1 where they have faults.
+
+    Raises:
+        UsageError: the words make no sense.
+    """
+    files = [word for word in words if ":=" not in word]
+    given: dict[str, object] = {
+        name: Word(value) for name, assign, value in (word.partition(":=") for word in words) if assign
+    }
+    for word in files:
+        if not is_manifest(word):
+            raise UsageError(f"{word!r} is no manifest and no name:=value")
+    if not files:
+        raise UsageError("name a manifest, for example robo check robot.yaml")
+    if graph is not None and graph not in FORMATS:
+        raise UsageError(f"--graph {graph}: use one of {', '.join(FORMATS)}")
+    if graph is not None and len(files) > 1:
+        raise UsageError("--graph draws one manifest")
+    found: list[Problem] = []
+    notes: list[Problem] = []
+    for word in files:
+        findings, drawing = _check_one(word, given, robot_name, graph)
+        found += findings.faults
+        notes += findings.notes
+        if drawing is not None and not json:
+            print(drawing)
+    if json:
+        print_json({"faults": faults.as_data(found), "notes": faults.as_data(notes)})
+    else:
+        _report(files, found, notes, to_stderr=graph is not None)
+    return 1 if found else 0
+
+
+def _check_one(
+    word: str, given: dict[str, object], robot_name: str | None, graph: str | None
+) -> tuple[Findings, str | None]:
+    try:
+        file = find_manifest(word)
+    except ManifestError as error:
+        return Findings((Problem(arguments.COMMAND_LINE, str(error)),), ()), None
+    resolution = resolve.resolve(file, given, robot=robot_name, stand_ins=True)
+    findings = check(resolution)
+    absent = _absent(file, given)
+    if absent:
+        text = f"checked without {', '.join(absent)}; give {absent[0]}:=VALUE to check with it"
+        note = Problem(Position(str(file), 1, 1), text)
+        findings = Findings(findings.faults, (*findings.notes, note))
+    return findings, draw(resolution.plan, ends_of(resolution), graph) if graph is not None else None
+
+
+def _absent(file: Path, given: dict[str, object]) -> list[str]:
+    try:
+        manifest = reader.read(file.read_text(encoding="utf-8"), file, [])
+    except (OSError, UnicodeDecodeError):
+        return []  # said as a fault already
+    return arguments.missing(manifest, given) if manifest is not None else []
+
+
+def _report(files: Sequence[str], found: Sequence[Problem], notes: Sequence[Problem], *, to_stderr: bool) -> None:
+    out = sys.stderr if to_stderr else sys.stdout
+    if found:
+        print(faults.as_text(found), file=out)
+    if notes:
+        print(faults.as_notes(notes, "note"), file=out)
+    what = files[0] if len(files) == 1 else f"{len(files)} manifests"
+    count = "fine" if not found else "1 fault" if len(found) == 1 else f"{len(found)} faults"
+    more = "" if not notes else ", 1 note" if len(notes) == 1 else f", {len(notes)} notes"
+    print(f"{what}: {count}{more}", file=out)
+
+
+def print_schema(name: str) -> None:
+    """The JSON Schema of manifests, or of a message type.
+
+    Raises:
+        UsageError: there is no such type.
+    """
+    if name == "manifest":
+        schema: object = manifest_schema()
+    else:
+        try:
+            schema = robo_messages.json_schema(name)
+        except robo_messages.UnknownType as error:
+            raise UsageError(f"{error.args[0]}; or write manifest") from None
+    print(msgspec.json.format(msgspec.json.encode(schema)).decode())

@@ -1,0 +1,129 @@
+"""The arguments of a manifest: what is given over what is declared, each with its type."""
+
+import difflib
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from robo.launch.expression import as_text
+from robo.launch.manifest import Arg, Manifest
+from robo.launch.substitution import BROKEN, Scope, Word, settled
+from robo.yaml_tree import Position, shown
+
+ROBOT_NAME = "robot_name"
+DEFAULT_ROBOT = "my_robot"
+COMMAND_LINE = Position("command line", 1, 1)
+
+
+class Given:
+    """Values for arguments, from one place."""
+
+    def __init__(
+        self, values: Mapping[str, object], folder: Path, position: Position, places: Mapping[str, Position] = {}
+    ) -> None:
+        """
+        Args:
+            values: by name.
+            folder: what relative paths among them are relative to.
+            position: where they are given.
+            places: where each is given, if known.
+        """
+        self.values = values
+        self.folder = folder
+        self._position = position
+        self._places = places
+
+    def place(self, name: str) -> Position:
+        """Where a value is given."""
+        return self._places.get(name, self._position)
+
+
+def evaluate(manifest: Manifest, given: Given, scope: Scope, *, stand_ins: bool = False) -> dict[str, object]:
+    """The value of every argument of a manifest.
+
+    Args:
+        manifest: declares them; an argument's default may use those before it.
+        given: what is given.
+        scope: the manifest's; takes the mistakes.
+        stand_ins: an argument that has to be given and is not gets a value of its type, for a check.
+    """
+    _refuse_unknown(manifest, given, scope)
+    values: dict[str, object] = {ROBOT_NAME: as_text(given.values.get(ROBOT_NAME, DEFAULT_ROBOT))}
+    for arg in manifest.args:
+        inner = scope.inner(values)
+        choices = [inner.value(choice) for choice in arg.choices]
+        if arg.name in given.values:
+            values[arg.name] = _typed(arg, given.values[arg.name], choices, given.folder, given.place(arg.name), inner)
+        elif arg.default is not None:
+            default = inner.raw(arg.default)
+            values[arg.name] = _typed(arg, default, choices, inner.folder, arg.default.position, inner)
+        elif stand_ins:
+            values[arg.name] = _stand_in(arg, choices)
+        else:
+            about = f" ({arg.description})" if arg.description else ""
+            text = f"{manifest.file.name} needs {arg.name}{about}; give it as {arg.name}:=VALUE"
+            scope.complain(arg.position, text)
+            values[arg.name] = BROKEN
+    return values
+
+
+def missing(manifest: Manifest, given: Mapping[str, object]) -> list[str]:
+    """The names of the arguments that have to be given and are not."""
+    return [arg.name for arg in manifest.args if arg.default is None and arg.name not in given]
+
+
+def _refuse_unknown(manifest: Manifest, given: Given, scope: Scope) -> None:
+    declared = [arg.name for arg in manifest.args]
+    for name in given.values:
+        if name not in declared and name != ROBOT_NAME:
+            close = difflib.get_close_matches(name, declared, n=1)
+            hint = f"did you mean {close[0]}?" if close else f"it has {', '.join(declared) or 'none'}"
+            scope.complain(given.place(name), f"{manifest.file.name} has no argument {name!r}; {hint}")
+
+
+def _typed(
+    arg: Arg, value: object, choices: Sequence[object], folder: Path, position: Position, scope: Scope
+) -> object:
+    """A value as the type of its argument; BROKEN, with a mistake added, where it does not fit."""
+    if value is BROKEN:
+        return BROKEN
+    found = _convert(arg, value, folder)
+    if found is BROKEN:
+        hint = "; write true or false" if arg.type == "bool" else ""
+        scope.complain(position, f"argument {arg.name}: {shown(value)} is no {arg.type}{hint}")
+        return BROKEN
+    if not choices:
+        return found
+    for choice in choices:
+        if found == choice or as_text(found) == as_text(choice):
+            return choice
+    texts = [as_text(choice) for choice in choices]
+    close = difflib.get_close_matches(as_text(found), texts, n=1)
+    hint = f"; did you mean {close[0]}?" if close else ""
+    scope.complain(position, f"argument {arg.name}: {shown(value)} is none of {', '.join(texts)}{hint}")
+    return BROKEN
+
+
+def _convert(arg: Arg, value: object, folder: Path) -> object:
+    if arg.type in ("str", "choice"):
+        return str(value) if isinstance(value, Word) else as_text(value) if arg.type == "str" else value
+    if arg.type == "path":
+        text = as_text(value)
+        if text.startswith("~/"):
+            text = os.path.expanduser(text)
+        return os.path.abspath(folder / text) if text else ""
+    plain = settled(value)
+    if arg.type == "bool":
+        return plain if isinstance(plain, bool) else BROKEN
+    if isinstance(plain, bool) or not isinstance(plain, (int, float)):
+        return BROKEN
+    if arg.type == "float":
+        return float(plain) if isinstance(plain, float) or abs(plain) < sys.float_info.max else BROKEN
+    return plain if isinstance(plain, int) else BROKEN
+
+
+def _stand_in(arg: Arg, choices: Sequence[object]) -> object:
+    if choices:
+        return choices[0]
+    return {"int": 1, "float": 1.0, "bool": False}.get(arg.type, f"<{arg.name}>")

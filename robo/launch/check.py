@@ -1,0 +1,199 @@
+"""Wiring faults: what a plan and the contracts of its node classes say of each other.
+
+Pure, from a `Resolution` to findings: two types on one topic, a subscription that nothing feeds, a
+remapping of a name that the node does not have, a promise about a topic that nobody keeps.
+"""
+
+import difflib
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Literal
+
+import msgspec
+
+import robo_messages
+from robo import names
+from robo.launch.contracts import Endpoint
+from robo.launch.faults import in_order
+from robo.launch.plan import ProcessPlan, TopicPlan
+from robo.launch.resolve import Resolution
+from robo.yaml_tree import Position, Problem
+
+
+class End(msgspec.Struct, frozen=True):
+    """One end of a topic: a node that publishes or subscribes it."""
+
+    node: str
+    kind: Literal["publishes", "subscribes"]
+    key: str
+    type: str
+    topic: str
+    """As the node itself calls it, before remapping."""
+
+    def __str__(self) -> str:
+        renamed = "" if self.key.endswith(self.topic.strip("/")) else f" (its {self.topic})"
+        return f"{self.node} {self.kind} {self.type}{renamed}"
+
+
+class Findings(msgspec.Struct, frozen=True):
+    """What a check has found."""
+
+    faults: tuple[Problem, ...]
+    notes: tuple[Problem, ...]
+    """Worth knowing, and often as intended."""
+
+
+def ends_of(resolution: Resolution) -> list[End]:
+    """Every end of every topic, in the order of the plan."""
+    ends: list[End] = []
+    for process in resolution.plan.processes:
+        ends += (_end(process, "publishes", e) for e in _declared(resolution, process, "publishes"))
+        ends += (_end(process, "subscribes", e) for e in _declared(resolution, process, "subscribes"))
+    return ends
+
+
+def check(resolution: Resolution) -> Findings:
+    """Everything that is wrong with a manifest, and what else is worth knowing."""
+    faults = [*resolution.problems, *resolution.loose]
+    notes: list[Problem] = []
+    ends = ends_of(resolution)
+    by_key: dict[str, list[End]] = {}
+    for end in ends:
+        by_key.setdefault(end.key, []).append(end)
+    silent = _that_may_publish(resolution)
+    all_known = all(p.service is None or p.full_name in resolution.contracts for p in resolution.plan.processes)
+    promised = {topic.key: topic for topic in resolution.plan.topics}
+    for key, found in by_key.items():
+        faults += _type_clashes(key, found, resolution)
+        if not all_known:
+            continue  # a node class that could not be read may be the other end
+        notes += _unread(key, found, promised, resolution)
+        for problem in _unfed(key, found, ends, promised, resolution):
+            (notes if silent else faults).append(problem if not silent else _may_be_fed(problem, silent))
+    faults += _unknown_remaps(resolution)
+    for topic in resolution.plan.topics:
+        faults += _promise(topic, by_key, may_be_served=bool(silent) or not all_known)
+    for entry in resolution.unmatched:
+        present = [name.rpartition("/")[2] for name in resolution.positions]
+        close = difflib.get_close_matches(entry.pattern.rpartition("/")[2], present, n=1)
+        hint = f"; did you mean {close[0]}?" if close else ""
+        problem = Problem(entry.position, f"{entry.pattern} matches no node of this launch{hint}")
+        # A file may serve several launches: that a node is not in this one is no fault.
+        (faults if close or not entry.names_one_node else notes).append(problem)
+    return Findings(in_order(faults), in_order(notes))
+
+
+def _declared(
+    resolution: Resolution, process: ProcessPlan, kind: Literal["publishes", "subscribes"]
+) -> Iterable[Endpoint]:
+    written = process.publishes if kind == "publishes" else process.subscribes
+    yield from (Endpoint(topic, type_) for topic, type_ in written.items())
+    contract = resolution.contracts.get(process.full_name)
+    if contract is not None:
+        yield from contract.publishers if kind == "publishes" else contract.subscriptions
+
+
+def _end(process: ProcessPlan, kind: Literal["publishes", "subscribes"], endpoint: Endpoint) -> End:
+    key = names.resolve(endpoint.topic, namespace=process.namespace, node=process.name, remappings=process.remap)
+    return End(process.full_name, kind, key, endpoint.type, endpoint.topic)
+
+
+def _type_clashes(key: str, ends: Sequence[End], resolution: Resolution) -> Iterable[Problem]:
+    first = ends[0]
+    for other in ends[1:]:
+        if other.type != first.type:
+            where = resolution.positions[first.node]
+            text = f"two types on {key}: {other}, but {first} (in {where})"
+            yield Problem(resolution.positions[other.node], text)
+
+
+def _unfed(
+    key: str,
+    ends: Sequence[End],
+    all_ends: Sequence[End],
+    promised: Mapping[str, TopicPlan],
+    resolution: Resolution,
+) -> Iterable[Problem]:
+    if any(end.kind == "publishes" for end in ends) or (key in promised and promised[key].external):
+        return
+    for end in ends:
+        candidates = [o for o in all_ends if o.kind == "publishes" and o.type == end.type]
+        names_ = [other.key for other in candidates]
+        close = difflib.get_close_matches(key, names_, n=1, cutoff=0.0) if candidates else []
+        if close:
+            other = candidates[names_.index(close[0])]
+            hint = f"; {other.node} publishes this type on {other.key}: remap one of them"
+        else:
+            hint = "; start a node that does, or promise it: topics: {" + end.topic + ": {external: true}}"
+        yield Problem(resolution.positions[end.node], f"nothing publishes {key}, which {end}{hint}")
+
+
+def _may_be_fed(problem: Problem, silent: Sequence[str]) -> Problem:
+    nodes = ", ".join(silent)
+    return problem._replace(text=f"{problem.text} (unless {nodes} does: say it with publishes: {{topic: type}})")
+
+
+def _unread(
+    key: str, ends: Sequence[End], promised: Mapping[str, TopicPlan], resolution: Resolution
+) -> Iterable[Problem]:
+    if any(end.kind == "subscribes" for end in ends) or key in promised:
+        return
+    for end in ends:
+        yield Problem(resolution.positions[end.node], f"nobody reads {key}, which {end}")
+
+
+def _that_may_publish(resolution: Resolution) -> list[str]:
+    """Commands that do not say what they publish."""
+    return [
+        process.full_name
+        for process in resolution.plan.processes
+        if process.service is None and not process.publishes and not process.subscribes
+    ]
+
+
+def _unknown_remaps(resolution: Resolution) -> Iterable[Problem]:
+    """Remappings of names that the node does not have; of a group, that none of its nodes has."""
+    used: set[Position] = set()
+    unused: dict[tuple[Position, str], list[ProcessPlan]] = {}
+    topics: dict[str, list[str]] = {}
+    for process in resolution.plan.processes:
+        declared = [*_declared(resolution, process, "publishes"), *_declared(resolution, process, "subscribes")]
+        own = topics[process.full_name] = [endpoint.topic for endpoint in declared]
+        keys = {names.resolve(topic, namespace=process.namespace, node=process.name) for topic in own}
+        silent = not own and process.full_name not in resolution.contracts
+        for old, origin in resolution.remaps.get(process.full_name, {}).items():
+            if silent or names.resolve(old, namespace=process.namespace, node=process.name) in keys:
+                used.add(origin.position)
+            else:
+                unused.setdefault((origin.position, old), []).append(process)
+    for (position, old), processes in unused.items():
+        if position in used:
+            continue
+        known = list(dict.fromkeys(topic for process in processes for topic in topics[process.full_name]))
+        close = difflib.get_close_matches(old, known, n=1)
+        hint = f"did you mean {close[0]}?" if close else f"there is {', '.join(known) or 'none'}"
+        first = processes[0]
+        if len(processes) == 1:
+            owner = f"{first.full_name} ({first.service or 'a command'}) has no"
+        else:
+            owner = f"none of {', '.join(process.full_name for process in processes)} has a"
+        yield Problem(position, f"remap {old} to {first.remap[old]}: {owner} topic {old!r}; {hint}")
+
+
+def _promise(topic: TopicPlan, by_key: Mapping[str, Sequence[End]], *, may_be_served: bool) -> Iterable[Problem]:
+    file, line, column = topic.source.rsplit(":", 2)
+    position = Position(file, int(line), int(column))
+    ends = by_key.get(topic.key, ())
+    if not topic.external and not may_be_served and not any(end.kind == "publishes" for end in ends):
+        close = difflib.get_close_matches(topic.key, list(by_key), n=1)
+        hint = f"; did you mean {close[0]}?" if close else "; if it comes from outside, say external: true"
+        yield Problem(position, f"nobody publishes {topic.key}, which is promised here{hint}")
+    if topic.type is None:
+        return
+    for end in ends:
+        if end.type != topic.type:
+            yield Problem(position, f"{topic.key} is promised as {topic.type}, but {end}")
+    known = robo_messages.type_names()
+    if topic.type not in known and not any(end.type == topic.type for end in ends):
+        close = difflib.get_close_matches(topic.type, known, n=1, cutoff=0.75)
+        if close:
+            yield Problem(position, f"{topic.key}: there is no type {topic.type!r}; did you mean {close[0]}?")

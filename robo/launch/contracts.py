@@ -1,0 +1,142 @@
+"""What the node classes of a plan promise, and whether they take their parameters.
+
+Node classes are imported in a process of their own, so that what they import stays out of the
+supervisor's memory, and a module that crashes is a message.
+"""
+
+import os
+import pickle
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import msgspec
+import psutil
+
+from robo.errors import ContractError, ParameterError
+from robo.launch.substitution import Word, settled
+
+
+class Question(msgspec.Struct, frozen=True):
+    """A node class, and values for its parameters; those it does not have are passed over."""
+
+    service: str
+    values: dict[str, object]
+
+
+class Endpoint(msgspec.Struct, frozen=True):
+    """A topic that a node class declares."""
+
+    topic: str
+    type: str
+
+
+class NodeContract(msgspec.Struct, frozen=True, kw_only=True):
+    """A node class's contract as plain data."""
+
+    name: str
+    publishers: tuple[Endpoint, ...]
+    subscriptions: tuple[Endpoint, ...]
+    parameters: dict[str, str]
+    """Types by name."""
+
+
+class Answer(msgspec.Struct, frozen=True, kw_only=True):
+    """What came of a question."""
+
+    error: str | None = None
+    """Why there is no contract."""
+    contract: NodeContract | None = None
+    mistakes: dict[str, str] = {}
+    """By name, why a value is refused."""
+
+
+def typed(value: object, parameter_type: str | None) -> object:
+    """A parameter's value: what comes from outside of YAML stays text where the parameter is text."""
+    return str(value) if isinstance(value, Word) and parameter_type == "str" else settled(value)
+
+
+def examine(questions: Sequence[Question]) -> list[Answer]:
+    """Answer questions in this process."""
+    loaded: dict[str, Any] = {}
+    return [_answer(asked, loaded) for asked in questions]
+
+
+def examine_apart(questions: Sequence[Question]) -> list[Answer]:
+    """Answer questions in a process of their own, where that is cheap and safe.
+
+    A process with several threads must not be forked; there the answers are worked out in place.
+    """
+    if not questions:
+        return []
+    if not hasattr(os, "fork") or psutil.Process().num_threads() > 1:
+        return examine(questions)
+    answered = _in_child(lambda: pickle.dumps(examine(questions)))
+    if answered is not None:
+        answers: list[Answer] = pickle.loads(answered)  # written by this very program
+        return answers
+    if len(questions) == 1:
+        return [Answer(error=f"service {questions[0].service!r} cannot be imported: it ends the process")]
+    # One of them takes the process with it; asked one by one, the others answer.
+    return [answer for asked in questions for answer in examine_apart([asked])]
+
+
+def _in_child(work: Callable[[], bytes]) -> bytes | None:
+    reader, writer = os.pipe()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    child = os.fork()
+    if child == 0:
+        try:
+            os.close(reader)
+            os.dup2(2, 1)  # what a module prints is no output of this command
+            with os.fdopen(writer, "wb") as out:
+                out.write(work())
+        finally:
+            os._exit(0)
+    os.close(writer)
+    with os.fdopen(reader, "rb") as result:
+        answered = result.read()
+    os.waitpid(child, 0)
+    return answered or None
+
+
+def _answer(asked: Question, loaded: dict[str, Any]) -> Answer:
+    from robo import parameters
+    from robo.contract import contract_of
+    from robo.loading import load_node_class
+
+    if asked.service not in loaded:
+        try:
+            node_class = load_node_class(asked.service)
+            loaded[asked.service] = (node_class, contract_of(node_class))
+        except (ContractError, SystemExit) as error:
+            loaded[asked.service] = str(error) or "it ends the process"
+        except Exception as error:  # a user's module may raise anything while it is imported
+            loaded[asked.service] = f"service {asked.service!r} cannot be imported: {type(error).__name__}: {error}"
+    if isinstance(loaded[asked.service], str):
+        return Answer(error=loaded[asked.service])
+    node_class, contract = loaded[asked.service]
+    types = {info.name: info.type for info in contract.parameters}
+    mistakes: dict[str, str] = {}
+    for name in asked.values.keys() & types:
+        try:
+            value = typed(asked.values[name], types[name])
+            parameters.build(node_class.Parameters, {name: value}, contract.name)
+        except ParameterError as error:
+            mistakes[name] = str(error)
+    return Answer(
+        contract=NodeContract(
+            name=contract.name,
+            publishers=tuple(Endpoint(p.topic, _type_name(p.message_type)) for p in contract.publishers),
+            subscriptions=tuple(Endpoint(s.topic, _type_name(s.message_type)) for s in contract.subscriptions),
+            parameters=types,
+        ),
+        mistakes=mistakes,
+    )
+
+
+def _type_name(message_type: Any) -> str:
+    import robo_messages
+
+    return robo_messages.type_name(message_type)

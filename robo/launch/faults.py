@@ -1,0 +1,68 @@
+"""The mistakes of a manifest, as people and as programs read them."""
+
+from collections.abc import Iterable
+from functools import lru_cache
+from pathlib import Path
+
+from robo.errors import ManifestError
+from robo.yaml_tree import Problem
+
+
+class ManifestFaults(ManifestError):
+    """A manifest, its includes or its parameter files have mistakes."""
+
+    def __init__(self, faults: Iterable[Problem]) -> None:
+        self.faults = in_order(faults)
+        """By file and line, each once."""
+        super().__init__("\n".join(map(str, self.faults)))
+
+
+def in_order(problems: Iterable[Problem]) -> tuple[Problem, ...]:
+    """Problems by file, in the order in which the files first come up, then by line; each once."""
+    each = dict.fromkeys(problems)
+    files = {file: index for index, file in enumerate(dict.fromkeys(p.position.file for p in each))}
+    return tuple(sorted(each, key=lambda p: (files[p.position.file], p.position.line, p.position.column)))
+
+
+def as_text(problems: Iterable[Problem]) -> str:
+    """Problems for people: place, text, and the line with a mark below."""
+    return "\n".join(map(_with_excerpt, problems))
+
+
+def as_notes(problems: Iterable[Problem], label: str) -> str:
+    """What is worth a line and no more."""
+    return "\n".join(f"{problem.position}: {label}: {problem.text}" for problem in problems)
+
+
+def as_data(problems: Iterable[Problem]) -> list[dict[str, object]]:
+    """Problems for programs."""
+    return [
+        {
+            "file": problem.position.file,
+            "line": problem.position.line,
+            "column": problem.position.column,
+            "message": problem.text,
+        }
+        for problem in problems
+    ]
+
+
+def _with_excerpt(problem: Problem) -> str:
+    file, number, column = problem.position
+    head = str(problem)
+    lines = _lines(file)
+    if not 0 < number <= len(lines):
+        return head
+    line = lines[number - 1]
+    # A long line is shown around the mark.
+    begin = max(0, column - 60) if len(line) > 100 else 0
+    excerpt = "".join(c if c.isprintable() else " " for c in line[begin : begin + 100])
+    return f"{head}\n{number:5} | {excerpt}\n      | {' ' * (column - 1 - begin)}^"
+
+
+@lru_cache
+def _lines(file: str) -> list[str]:
+    try:
+        return Path(file).read_text(encoding="utf-8", errors="replace").split("\n")
+    except (OSError, ValueError):
+        return []

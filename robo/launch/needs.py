@@ -1,0 +1,96 @@
+"""Which process comes after which: `needs`, from names as written to full names, without circles."""
+
+import difflib
+import graphlib
+from collections.abc import Collection, Mapping, Sequence
+
+import msgspec
+
+from robo import names
+from robo.launch.manifest import Until
+from robo.launch.substitution import Scope
+from robo.yaml_tree import Position, Problem, Scalar
+
+
+class Asked(msgspec.Struct, frozen=True):
+    """One need as written."""
+
+    node: Scalar
+    until: Until
+    scope: Scope
+
+
+class Waiting(msgspec.Struct, frozen=True):
+    """A process and all that it needs."""
+
+    full_name: str
+    namespace: str
+    needs: Sequence[Asked]
+
+
+def resolve(
+    waiting: Sequence[Waiting],
+    by_key: Mapping[tuple[str, str], Sequence[str]],
+    left_out: Collection[str],
+    problems: list[Problem],
+) -> dict[str, dict[str, Until]]:
+    """What each process needs, by full names.
+
+    A need of a node that a condition leaves out is void; one of a node with replicas means all of them.
+
+    Args:
+        waiting: the processes.
+        by_key: full names by namespace and key in the manifest.
+        left_out: keys of nodes that do not run.
+        problems: takes needs of unknown nodes, and circles.
+    """
+    known = {one.full_name for one in waiting}
+    resolved: dict[str, dict[str, Until]] = {one.full_name: {} for one in waiting}
+    places: dict[tuple[str, str], Position] = {}
+    for one in waiting:
+        for need in one.needs:
+            text = need.scope.text(need.node)
+            if text is None:
+                continue
+            full = text if text.startswith("/") else "/" + names.join(one.namespace, text)
+            namespace, _, key = full.strip("/").rpartition("/")
+            found = [full] if full in known else by_key.get((namespace, key), ())
+            if not found and key not in left_out:
+                problems.append(
+                    Problem(need.node.position, f"needs {text!r}: there is no node {full}{_hint(full, known)}")
+                )
+            for name in found:
+                resolved[one.full_name][name] = need.until
+                places[one.full_name, name] = need.node.position
+    for circle in _circles(resolved):
+        problems.append(Problem(places[circle[0], circle[1]], f"needs go in a circle: {' → '.join(circle)}"))
+    return resolved
+
+
+def _hint(full: str, known: Collection[str]) -> str:
+    name = full.rpartition("/")[2]
+    same = [other for other in known if other.rpartition("/")[2] == name]
+    close = same or difflib.get_close_matches(full, known, n=1)
+    if not close:
+        return ""
+    folder = full.rpartition("/")[0]
+    shown = close[0].removeprefix(f"{folder}/") if close[0].startswith(f"{folder}/") else close[0]
+    return f"; did you mean {shown}?"
+
+
+def _circles(needs: Mapping[str, Mapping[str, Until]]) -> list[list[str]]:
+    """Circles, each as the names along it, from the one that comes first; cutting one edge of each leaves none."""
+    left = {name: dict.fromkeys(needed) for name, needed in needs.items()}
+    order = {name: index for index, name in enumerate(needs)}
+    found = []
+    while True:
+        try:
+            graphlib.TopologicalSorter(left).prepare()
+        except graphlib.CycleError as error:
+            circle: list[str] = error.args[1][:0:-1]  # each needs the next
+            first = circle.index(min(circle, key=order.__getitem__))
+            circle = circle[first:] + circle[:first]
+            found.append([*circle, circle[0]])
+            del left[circle[-1]][circle[0]]
+        else:
+            return found

@@ -1,0 +1,186 @@
+"""Wiring faults, each with both of its ends."""
+
+from pathlib import Path
+
+import jsonschema
+import msgspec
+import pytest
+
+import robo_messages
+from robo.launch import language, resolve
+from robo.launch.check import Findings, check, ends_of
+from robo.launch.graph import draw
+from robo.launch.schema import manifest_schema
+from robo.yaml_tree import parse, plain
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = sorted(path.name for path in (ROOT / "launch").glob("*.yaml"))
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def findings(text: str) -> Findings:
+    Path("m.yaml").write_text(text)
+    return check(resolve.resolve(Path("m.yaml"), {}))
+
+
+def faults(text: str) -> list[str]:
+    return [str(problem) for problem in findings(text).faults]
+
+
+SOURCE = "source: {run: x, publishes: {odom: nav/Odometry}}"
+TRACKER = "tracker: {service: robo_services.position_tracker}"
+
+
+def group(*nodes: str, more: str = "") -> str:
+    lines = "".join(f"\n      {node}" for node in nodes)
+    return f"groups:\n  g:\n    namespace: r1{more}\n    nodes:{lines}\n"
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_manifests_are_fine(name: str) -> None:
+    found = check(resolve.resolve(ROOT / "launch" / name, {}, stand_ins=True))
+    assert found.faults == ()
+
+
+def test_a_sound_manifest_has_notes_at_most() -> None:
+    found = findings(group(SOURCE, TRACKER))
+    assert found.faults == ()
+    assert [str(note) for note in found.notes] == [
+        "m.yaml:6:7: nobody reads r1/current_position, which /r1/tracker publishes geometry/Point"
+    ]
+
+
+def test_two_types_on_one_key() -> None:
+    assert faults(group("source: {run: x, publishes: {odom: geometry/Twist}}", TRACKER)) == [
+        "m.yaml:6:7: two types on r1/odom: /r1/tracker subscribes nav/Odometry, "
+        "but /r1/source publishes geometry/Twist (in m.yaml:5:7)"
+    ]
+
+
+def test_a_subscription_that_nothing_feeds() -> None:
+    assert faults(group("source: {run: x, publishes: {odometry: nav/Odometry}}", TRACKER)) == [
+        "m.yaml:6:7: nothing publishes r1/odom, which /r1/tracker subscribes nav/Odometry; "
+        "/r1/source publishes this type on r1/odometry: remap one of them"
+    ]
+    assert faults(group(TRACKER)) == [
+        "m.yaml:5:7: nothing publishes r1/odom, which /r1/tracker subscribes nav/Odometry; "
+        "start a node that does, or promise it: topics: {odom: {external: true}}"
+    ]
+    assert faults(group(TRACKER, more="\n    topics: {odom: {external: true}}")) == []
+
+
+def test_a_command_that_does_not_say_what_it_publishes_may_feed_anything() -> None:
+    found = findings(group("source: {run: x}", TRACKER))
+    assert found.faults == ()
+    assert "unless /r1/source does: say it with publishes: {topic: type}" in str(found.notes[1])
+
+
+def test_a_remapping_of_a_name_that_the_node_does_not_have() -> None:
+    remapped = "tracker: {service: robo_services.position_tracker, remap: {odm: odom}}"
+    assert faults(group(SOURCE, remapped)) == [
+        "m.yaml:6:66: remap odm to odom: /r1/tracker (robo_services.position_tracker) has no topic 'odm'; "
+        "did you mean odom?"
+    ]
+
+
+def test_a_remapping_of_a_group_is_for_those_that_have_the_name() -> None:
+    other = "controller: {service: robo_services.velocity_controller}"
+    assert faults(group(SOURCE, TRACKER, other, more="\n    remap: {/r1/cmd_vel: raw}")) == []
+    (found,) = faults(group(SOURCE, TRACKER, more="\n    remap: {cmd_vel: raw}"))
+    assert found.startswith("m.yaml:4:13: remap cmd_vel to raw: none of /r1/source, /r1/tracker has a topic 'cmd_vel'")
+    assert found.endswith("there is odom, current_position")
+
+
+def test_a_remapped_topic_is_named_as_the_node_calls_it() -> None:
+    text = group(
+        "source: {run: x, publishes: {wheel: geometry/Twist}}",
+        "tracker: {service: robo_services.position_tracker, remap: {odom: wheel}}",
+    )
+    (found,) = faults(text)
+    assert "/r1/tracker subscribes nav/Odometry (its odom), but /r1/source publishes geometry/Twist" in found
+
+
+def test_parameters_that_reach_nobody() -> None:
+    Path("p.yaml").write_text("/**: {log_rte: 1}\n/r9/**: {log_rate: 1}\nbase: {x: 1}\ntrackr: {y: 1}\n")
+    found = findings(
+        group(SOURCE, TRACKER.replace("tracker}", "tracker, params: p.yaml}"), more="\n    params: {speeed: 1}")
+    )
+    assert [str(fault) for fault in found.faults if "source" not in str(fault)] == [
+        "p.yaml:1:7: no node has a parameter 'log_rte'; did you mean log_rate?",
+        "p.yaml:2:1: /r9/** matches no node of this launch",
+        "p.yaml:4:1: trackr matches no node of this launch; did you mean tracker?",
+    ]
+    assert "p.yaml:3:1: base matches no node of this launch" in map(str, found.notes)
+
+
+def test_promises_about_topics() -> None:
+    promise = (
+        "\n    topics: {odom: {type: geometry/Twist}, scan: {rate: 5}, map: {type: nav/OccupancyGird, external: true}}"
+    )
+    assert faults(group(SOURCE, TRACKER, more=promise)) == [
+        "m.yaml:4:14: r1/odom is promised as geometry/Twist, but /r1/source publishes nav/Odometry",
+        "m.yaml:4:14: r1/odom is promised as geometry/Twist, but /r1/tracker subscribes nav/Odometry",
+        "m.yaml:4:44: nobody publishes r1/scan, which is promised here; if it comes from outside, say external: true",
+        "m.yaml:4:61: r1/map: there is no type 'nav/OccupancyGird'; did you mean nav/OccupancyGrid?",
+    ]
+
+
+def test_other_mistakes_come_with_the_wiring() -> None:
+    found = faults(group("source: {run: x, publishes: {odom: geometry/Twist}}", TRACKER, "x: {runn: x}"))
+    assert [line.split(" ")[0] for line in found] == ["m.yaml:6:7:", "m.yaml:7:11:"]
+
+
+# -- drawings and schema -------------------------------------------------------------------------------
+
+
+def test_the_graph_in_every_form() -> None:
+    Path("m.yaml").write_text(group(SOURCE, TRACKER))
+    resolution = resolve.resolve(Path("m.yaml"), {})
+    ends = ends_of(resolution)
+    mermaid = draw(resolution.plan, ends, "mermaid").splitlines()
+    assert mermaid[0] == "flowchart LR"
+    assert mermaid[1:4] == ['  n0["/r1/source"]', '  n1["/r1/tracker"]', '  t0(["r1/odom<br/>nav/Odometry"])']
+    assert {"  n0 --> t0", "  t0 --> n1", "  n1 --> t1"} == set(mermaid[5:])
+    dot = draw(resolution.plan, ends, "dot")
+    assert dot.startswith("digraph robot {")
+    assert '"r1/odom" -> "/r1/tracker";' in dot
+    graph = msgspec.json.decode(draw(resolution.plan, ends, "json"))
+    assert graph["topics"][0] == {
+        "key": "r1/odom", "types": ["nav/Odometry"], "publishers": ["/r1/source"], "subscribers": ["/r1/tracker"],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_manifests_fit_the_published_schema(name: str) -> None:
+    tree = parse((ROOT / "launch" / name).read_text(), name, [], placeholders=True)
+    assert tree is not None
+    schema = manifest_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(plain(tree), schema)
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        {"groups": {"g": {"nodes": {"a": {"service": "s", "needz": {}}}}}},
+        {"groups": {"g": {"nodes": {"a": {"service": "s", "needs": {"b": "redy"}}}}}},
+        {"args": {"a": {"type": "number"}}},
+        {"group": {}},
+    ],
+)
+def test_the_schema_refuses_what_the_reader_refuses(tree: object) -> None:
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(tree, manifest_schema())
+
+
+def test_every_key_is_described() -> None:
+    for keys, _ in language.SHORT_FORMS.values():
+        assert all(key.about.endswith(".") or ": " in key.about for key in keys.values())
+
+
+def test_message_types_have_schemas_too() -> None:
+    assert "$defs" in robo_messages.json_schema("geometry/Twist")

@@ -1,0 +1,310 @@
+"""What is wrong with a manifest: all of it at once, each with its place and what to do."""
+
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from robo.cli.up import split_words
+from robo.errors import ManifestError, UsageError
+from robo.launch import language, resolve
+from robo.launch.check import check
+from robo.launch.faults import ManifestFaults, as_text
+from robo.launch.find import find_manifest
+from robo.launch.substitution import Word
+from robo.launch.values import Assignment
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def mistakes(text: str, *, parameters: dict[str, str] | None = None, **arguments: str) -> list[str]:
+    Path("m.yaml").write_text(text)
+    assigned = [Assignment(left, Word(value)) for left, value in (parameters or {}).items()]
+    given = {name: Word(value) for name, value in arguments.items()}
+    with pytest.raises(ManifestFaults) as error:
+        resolve.load(Path("m.yaml"), given, parameters=assigned)
+    return str(error.value).splitlines()
+
+
+def node(text: str) -> str:
+    return f"groups: {{g: {{nodes: {{a: {{{text}}}}}}}}}"
+
+
+EIGHT = """\
+description: eight mistakes
+args:
+  speed: {type: float, default: 0.5}
+groups:
+  control:
+    namespce: r1
+    params: nowhere.yaml
+    nodes:
+      velocity_controller:
+        service: robo_services.velocity_controller
+        params: {linear_velocty: 0.3, angular_velocity: "${sped}"}
+        needs: {safety_monitor: ready}
+      safety_monitor:
+        service: robo_services.safety_monitor
+        needs: {velocity_controller: ready}
+        remap: [cmd_vel]
+      position_tracker: {service: robo_services.position_traker}
+      position_tracker: {service: robo_services.position_tracker}
+"""
+
+
+def test_eight_mistakes_are_eight_messages() -> None:
+    found = mistakes(EIGHT)
+    expected = [
+        "m.yaml:6:5: unknown key 'namespce' in group 'control'; did you mean 'namespace'?",
+        "m.yaml:7:13: parameter file nowhere.yaml does not exist",
+        "m.yaml:11:18: /velocity_controller has no parameter 'linear_velocty'; did you mean linear_velocity?",
+        "m.yaml:11:58: ${sped} is not defined; did you mean ${speed}?",
+        "m.yaml:12:17: needs go in a circle: /velocity_controller → /safety_monitor → /velocity_controller",
+        "m.yaml:16:16: remap: expected a map, not a list",
+        "m.yaml:17:35: there is no service 'robo_services.position_traker'; "
+        "did you mean robo_services.position_tracker?",
+        "m.yaml:18:7: 'position_tracker' stands twice; it is already in line 17",
+    ]
+    assert found == expected
+
+
+def test_people_see_the_line_and_a_mark_below() -> None:
+    Path("m.yaml").write_text(EIGHT)
+    text = as_text(resolve.resolve(Path("m.yaml"), {}).problems)
+    shown = "    7 |     params: nowhere.yaml\n      |             ^"
+    assert f"m.yaml:7:13: parameter file nowhere.yaml does not exist\n{shown}\n" in text
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[a, b]", "1:1: a manifest is a map, not a list"),
+        ("groups: [a]", "1:9: groups: expected a map, not a list"),
+        ("groups: {g: {}}", "1:10: group 'g' starts nothing; give it nodes, groups or an include"),
+        ("groups: {g: {nodes: {}, args: {a: 1}}}", "1:31: group 'g' has args but no include that takes them"),
+        ("groups: {1g: {nodes: {}}}", "1:10: group '1g': use letters, digits, _ and -, not starting with a digit"),
+        ("groups: {g: {nodes: {a: 5}}}", "1:25: node 'a', which has a service or a run: expected a map, not 5"),
+        (node("cwd: ."), "1:22: node 'a' has no service and no run"),
+        (node("service: robo_services.position_tracker, run: x"), "1:72: node 'a' has both a service and a run"),
+        (node("run: x, name: 3d"), "1:40: node name '3d': use letters"),
+        (node("run: x, namespace: a b"), "1:45: namespace 'a b' has part 'a b'"),
+        (node("run: x, remap: {a b: c}"), "1:42: name 'a b' has part 'a b'"),
+        (node("run: x, needs: b"), "1:41: needs 'b': there is no node /b"),
+        ("groups: {g: {nodes: {a: {run: x, needs: {b: redy}}, b: {run: x}}}}", "1:45: needs b: 'redy' is not known"),
+        (node("run: x, priority: 20"), "1:44: priority: expected a whole number from -20 to 19, not 20"),
+        (node("run: x, cpus: two"), "1:40: cpus: 'two' is no processor"),
+        (node("run: x, restart: allways"), "1:43: policy: 'allways' is not known; did you mean always?"),
+        (node("run: x, restart: {delay: -1}"), "1:51: delay: expected a number of at least 0, not -1"),
+        (node("run: x, stop: KILLL"), "1:40: signal: 'KILLL' is not known; use INT, TERM"),
+        (node("run: x, log: scren"), "1:39: output: 'scren' is not known; did you mean screen?"),
+        (node("run: x, ready: {log: '('}"), "1:47: ready: log: '(' is no pattern"),
+        (node("run: x, required: 5"), "1:44: expected true, false or an expression, not 5"),
+        (node("run: 'x ''y'"), "1:31: run: \"x 'y\" cannot be split into words: no closing quotation"),
+        (node("run: x, env: {A: {vale: 1}}"), "1:44: unknown key 'vale' in env A; did you mean 'value'?"),
+        (node("run: x, params: [3]"), "1:43: params: expected a file or a map of values, not 3"),
+        (node("run: x, replicas: -1"), "1:44: replicas: expected a number from 0"),
+        (node("run: x, replicas: 2, name: b"), "1:22: node /b is already in m.yaml:1:22; put ${index} into its name"),
+        (node("run: x, for_each: {r: 5}"), "1:48: for_each r: expected a list, not 5"),
+        (node("run: x, if: sped > 1"), "1:38: 'sped > 1': ${sped} is not defined"),
+        (node("run: x, if: 1 +"), "1:40: '1 +': cannot read '+'"),
+        (node("run: x, if: robot_name == gazebo"), "1:52: 'robot_name == gazebo': ${gazebo} is not defined"),
+        ("groups:\n  g:\n    nodes:\n      a:\n        run: '${'", "5:14: '${': '${' is never closed"),
+        (node("run: '${env:NO_SUCH_VARIABLE}'"), "1:31: environment variable NO_SUCH_VARIABLE is not set"),
+        (node("run: '${share:no_such_package}'"), "1:31: ${share:no_such_package}: there is no package"),
+        (node("run: '${shere:robo}'"), "1:31: ${shere:…} is not known; there are"),
+        (node("service: robo_services.safety_monitor:Safety"), "1:35: module robo_services.safety_monitor has no node"),
+        (node("service: os"), "1:35: module os defines no node class"),
+        ("args: {dir: 1}", "1:8: argument dir: this name is taken"),
+        ("args: {a: {type: number, default: 1}}", "1:18: type: 'number' is not known; use str, int"),
+        ("args: {a: {type: int, default: x}}", "1:32: argument a: 'x' is no int"),
+        ("args: {a: {choices: [b, c], default: d}}", "1:38: argument a: 'd' is none of b, c"),
+        ("args: {a: {type: choice, default: b}}", "1:8: argument a is a choice; add choices"),
+        ("args: {a: {type: int}}", "1:8: m.yaml needs a; give it as a:=VALUE"),
+        ("include: nothing.yaml", "1:10: there is no manifest 'nothing.yaml'"),
+        ("include: m.yaml", "1:10: include goes in a circle: m.yaml → m.yaml"),
+        ("include: {args: {}}", "1:10: an include names its file"),
+        ("include: {file: robot.yaml, args: {use_simm: true}}", "1:36: robot.yaml has no argument 'use_simm'"),
+        ("include: {file: robot.yaml, without: [trackr]}", "1:39: robot.yaml has no node 'trackr'"),
+        ("include: {file: robot.yaml, override: {base: {}}}", "1:40: robot.yaml has no node 'base'"),
+        ("topics: {scan: {rate: often}}", "1:23: rate: 'often' is no rate; write '>= 5'"),
+        ("topics: {a b: {}}", "1:10: name 'a b' has part 'a b'"),
+    ],
+)  # fmt: skip
+def test_each_mistake_is_one_message(text: str, message: str) -> None:
+    (found,) = mistakes(text)
+    assert found.startswith(f"m.yaml:{message}")
+
+
+def test_a_parameter_out_of_range_says_the_range() -> None:
+    (found,) = mistakes(node("service: robo_services.position_tracker, params: {log_rate: -1}"))
+    assert found.startswith(
+        "m.yaml:1:86: position_tracker: log_rate = -1: expected float > 0.0 (reports per second, Hz)"
+    )
+    Path("p.yaml").write_text("/**:\n  ros__parameters:\n    log_rate: fast\n")
+    (found,) = mistakes(node("service: robo_services.position_tracker, params: p.yaml"))
+    assert found.startswith("p.yaml:3:15: position_tracker: log_rate = 'fast': expected float, got str")
+
+
+def test_parameters_of_the_command_line_are_checked() -> None:
+    text = node("service: robo_services.position_tracker")
+    assert mistakes(text, parameters={"a.log_rte": "1"}) == [
+        "command line:1:1: /a has no parameter 'log_rte'; did you mean log_rate?"
+    ]
+    assert "log_rate = 'x'" in mistakes(text, parameters={"log_rate": "x"})[0]
+    assert "there is no node aa; did you mean a?" in mistakes(text, parameters={"aa.log_rate": "1"})[0]
+
+
+def test_arguments_of_the_command_line_are_checked() -> None:
+    text = "args: {n: {type: int, default: 1}, on: {default: true}}\ngroups: {}\n"
+    assert mistakes(text, n="two") == ["command line:1:1: argument n: 'two' is no int"]
+    assert mistakes(text, on="yes") == ["command line:1:1: argument on: 'yes' is no bool; write true or false"]
+    assert mistakes(text, m="1") == [
+        "command line:1:1: m.yaml has no argument 'm'; did you mean on?".replace("did you mean on?", "it has n, on")
+    ]
+
+
+def test_one_mistake_is_not_followed_by_others() -> None:
+    """What a mistake hits is taken as fine."""
+    text = """\
+args: {n: {type: int, default: many}}
+groups:
+  g:
+    namespace: ${nspace}
+    nodes:
+      a: {servic: x, needs: c}
+      c: {service: robo_services.position_tracker, params: {log_rate: "${n}"}, if: n > 3, cwd: "${n}/x"}
+"""
+    assert [line.split(" ")[0] for line in mistakes(text)] == ["m.yaml:1:32:", "m.yaml:4:16:", "m.yaml:6:11:"]
+
+
+def test_what_is_switched_off_is_read_too() -> None:
+    text = """\
+groups:
+  g:
+    if: false
+    nodes:
+      a: {run: "${nothing}", params: nowhere.yaml, servce: x}
+      b: {service: no.such.module, for_each: {r: [1]}, name: "b${r}${index}"}
+"""
+    assert [line.split(" ")[0] for line in mistakes(text)] == ["m.yaml:5:17:", "m.yaml:5:52:"]
+
+
+@pytest.mark.parametrize("field", ["params: 'config/${name}.yaml'", "cwd: 'work/${name}'"])
+def test_no_value_leads_out_of_a_path(field: str) -> None:
+    text = node(f"{field}, run: x").replace("groups", "args: {name: x}\ngroups")
+    (found,) = mistakes(text, name="../../etc/passwd")
+    assert "which leads out of the folder that is meant" in found
+    (found,) = mistakes("args: {name: x}\ninclude: 'launch/${name}'", name="/etc/passwd")
+    assert found.startswith("m.yaml:2:18: ${name} is '/etc/passwd', which leads out of the folder")
+
+
+def test_a_module_that_fails_or_ends_the_process_is_a_message(tmp_path: Path) -> None:
+    (tmp_path / "raises.py").write_text("1 / 0\n")
+    (tmp_path / "leaves.py").write_text("import sys; print('noise'); sys.exit('enough')\n")
+    (found,) = mistakes(node("service: raises"))
+    assert found.endswith("service 'raises' cannot be imported: ZeroDivisionError: division by zero")
+    (found,) = mistakes(node("service: leaves"))
+    assert "enough" in found
+
+
+def test_where_manifests_are_looked_for(tmp_path: Path) -> None:
+    assert find_manifest("replay.yaml").is_file()
+    (tmp_path / "launch").mkdir()
+    (tmp_path / "launch" / "replay.yaml").write_text("groups: {}")
+    assert find_manifest("replay.yaml") == Path("launch/replay.yaml")
+    (tmp_path / "replay.yaml").write_text("groups: {}")
+    assert find_manifest("replay.yaml") == Path("replay.yaml")
+    with pytest.raises(ManifestError, match=r"no manifest 'rebot\.yaml'; did you mean robot\.yaml"):
+        find_manifest("rebot.yaml")
+    with pytest.raises(ManifestError, match="no manifest"):
+        find_manifest("x" * 5000)
+
+
+def test_words_of_the_command_line() -> None:
+    assert split_words([]) == ("robot.yaml", [], {})
+    words = ["replay.yaml", "player", "fleet/base", "log:=a b", "rate:=0"]
+    assert split_words(words) == ("replay.yaml", ["player", "fleet/base"], {"log": "a b", "rate": "0"})
+    with pytest.raises(UsageError, match="two manifests"):
+        split_words(["a.yaml", "b.yaml"])
+
+
+# -- hostile files -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("groups: {" + "a: {" * 1000, "nested more than 100 levels deep"),
+        ("x: '" + "y" * 1_000_000 + "'", "longer than 500,000 characters"),
+        ("description: x\n" + "".join(f"k{i}: 1\n" for i in range(30_000)), "unknown key 'k0' in a manifest"),
+        (
+            "groups: &a0 [x, x]\n" + "".join(f"k{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 9)),
+            "unfolds to more than 200,000 values",
+        ),
+        (node("run: x, replicas: 2000, name: 'n${index}'").replace("g: {", "g: {replicas: 2000, "), "m.yaml:1:"),
+        ("groups: {g: {replicas: 2000, groups: {h: {replicas: 2000, nodes: {}}}}}", "unfolds to more than"),
+        (
+            "groups: {g: {nodes: {" + ", ".join(f"n{i}: {{run: x, needs: n{i + 1}}}" for i in range(1999)) + "}}}",
+            "there is no node /n1999",
+        ),
+        ("args: {a: !!python/object/apply:os.system [echo]}", "python/object/apply:os.system is not read here"),
+        (f"args: {{a: {'9' * 5000}}}\ngroups: {{g: {{if: a < 5, nodes: {{}}}}}}", "have no order"),
+        ("if: " + "(" * 500, "unknown key 'if'"),
+        (node("run: x, if: '" + "(" * 5000 + "'"), "nested more than 50 levels deep"),
+    ],
+)  # fmt: skip
+def test_hostile_manifests_end_in_a_clear_message(text: str, message: str) -> None:
+    begin = time.monotonic()
+    found = mistakes(text)
+    assert time.monotonic() - begin < 2
+    assert message in "\n".join(found)
+
+
+scalars = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8)
+words = st.sampled_from(
+    ["${robot_name}", "${", "${x}", "${dir}/..", "m.yaml", "robot.yaml", "a", "/a", "1", "n > 1", "../p", "~/a", "*"]
+)  # fmt: skip
+keys = st.sampled_from(
+    sorted({"a", "g", "x", *(key for keys, _ in language.SHORT_FORMS.values() for key in keys), *language.MANIFEST})
+)
+trees = st.recursive(
+    scalars | words,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(keys | words, inner, max_size=5),
+    max_leaves=25,
+)
+nodes = st.dictionaries(st.sampled_from(["a", "b"]), st.dictionaries(keys, trees, max_size=5), max_size=2)
+groups = st.dictionaries(
+    st.sampled_from(["g", "h"]),
+    st.fixed_dictionaries({"nodes": nodes}, optional={"groups": trees, "include": trees}),
+    max_size=2,
+)  # fmt: skip
+manifests = trees | st.fixed_dictionaries(
+    {"groups": groups}, optional={"args": st.dictionaries(keys, trees), "topics": trees}
+)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow], deadline=None)
+@given(manifests)
+def test_any_tree_is_a_plan_or_messages_with_places(tree: object) -> None:
+    Path("m.yaml").write_text(yaml.safe_dump(tree, allow_unicode=True), encoding="utf-8")
+    found = resolve.resolve(Path("m.yaml"), {})
+    check(found)
+    for problem in found.problems:
+        assert problem.position.line >= 1
+        assert problem.position.column >= 1
+        assert problem.position.file
+        assert problem.text
+    as_text(found.problems)
+
+
+@given(st.text(max_size=200) | st.binary(max_size=200).map(lambda b: b.decode("latin-1")))
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+def test_any_text_is_a_plan_or_messages(text: str) -> None:
+    Path("m.yaml").write_text(text, encoding="utf-8", errors="surrogatepass")
+    as_text(resolve.resolve(Path("m.yaml"), {}).problems)
