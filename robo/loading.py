@@ -62,8 +62,12 @@ def _similar(module_name: str) -> str:
     import pkgutil
 
     package, _, _ = module_name.rpartition(".")
+    if not package:
+        here = [m.name for m in pkgutil.iter_modules([os.getcwd()])]
+        close = difflib.get_close_matches(module_name, here, n=1)
+        return f"; did you mean {close[0]}?" if close else "; write package.module or package.module:Class"
     try:
-        spec = importlib.util.find_spec(package) if package else None
+        spec = importlib.util.find_spec(package)
     except ImportError:
         spec = None
     if spec is None or spec.submodule_search_locations is None:

@@ -34,12 +34,16 @@ def run_check(words: Sequence[str], *, robot_name: str | None, json: bool, graph
     for word in files:
         if not is_manifest(word):
             raise UsageError(f"{word!r} is no manifest and no name:=value")
+        try:
+            find_manifest(word)
+        except ManifestError as error:
+            raise UsageError(str(error)) from None
     if not files:
         raise UsageError("name a manifest, for example robo check robot.yaml")
     if graph is not None and graph not in FORMATS:
         raise UsageError(f"--graph {graph}: use one of {', '.join(FORMATS)}")
-    if graph is not None and len(files) > 1:
-        raise UsageError("--graph draws one manifest")
+    if graph is not None and (json or len(files) > 1):
+        raise UsageError("--graph draws one manifest, and goes without --json; --graph json gives data")
     found: list[Problem] = []
     notes: list[Problem] = []
     for word in files:
@@ -58,10 +62,7 @@ def run_check(words: Sequence[str], *, robot_name: str | None, json: bool, graph
 def _check_one(
     word: str, given: dict[str, object], robot_name: str | None, graph: str | None
 ) -> tuple[Findings, str | None]:
-    try:
-        file = find_manifest(word)
-    except ManifestError as error:
-        return Findings((Problem(arguments.COMMAND_LINE, str(error)),), ()), None
+    file = find_manifest(word)
     resolution = resolve.resolve(file, given, robot=robot_name, stand_ins=True)
     findings = check(resolution)
     absent = _absent(file, given)

@@ -8,11 +8,12 @@ from pathlib import Path
 import msgspec
 
 from robo import log
+from robo.cli import show
 from robo.errors import UsageError
 from robo.launch import arguments, faults, reader, resolve
 from robo.launch.faults import ManifestFaults
 from robo.launch.find import find_manifest
-from robo.launch.plan import Plan, ProcessPlan
+from robo.launch.plan import ProcessPlan
 from robo.launch.substitution import Word
 from robo.launch.values import Assignment
 from robo.yaml_tree import Position, Problem
@@ -47,7 +48,11 @@ def run_up(
         log.level_of(log_level)
     file = find_manifest(name)
     if show_args:
-        print(_args_json(file) if json else args_text(file))
+        description, args = _arguments_of(file)
+        if json:
+            print_json(args)
+        else:
+            print(show.arguments_text(file, description, args))
         return 0
     if not dry_run:
         # Before node classes are looked at in a forked process, which then has Zenoh already.
@@ -70,7 +75,7 @@ def run_up(
         if json:
             print_json(found.plan)
         else:
-            print(plan_text(found.plan))
+            print(show.plan_text(found.plan))
         return 0
     if not found.plan.processes:
         raise UsageError(f"{found.plan.manifest} starts nothing with these arguments")
@@ -141,10 +146,7 @@ def _position(source: str) -> Position:
     return Position(file, int(line), int(column))
 
 
-# -- what people read ------------------------------------------------------------------------------
-
-
-def _read_args(file: Path) -> tuple[str, list[dict[str, object]]]:
+def _arguments_of(file: Path) -> tuple[str, list[arguments.ArgumentInfo]]:
     problems: list[Problem] = []
     try:
         manifest = reader.read(file.read_text(encoding="utf-8"), file, problems)
@@ -152,92 +154,4 @@ def _read_args(file: Path) -> tuple[str, list[dict[str, object]]]:
         raise UsageError(f"manifest {file} cannot be read: {error}") from None
     if manifest is None:
         raise ManifestFaults(problems)
-    return manifest.description, [
-        {
-            "name": arg.name,
-            "type": arg.type,
-            "required": arg.default is None,
-            "default": arg.default.value if arg.default is not None else None,
-            "choices": [choice.value for choice in arg.choices],
-            "description": arg.description,
-        }
-        for arg in manifest.args
-    ]
-
-
-def _args_json(file: Path) -> str:
-    return msgspec.json.format(msgspec.json.encode(_read_args(file)[1])).decode()
-
-
-def args_text(file: Path) -> str:
-    """The arguments of a manifest, as `--show-args` lists them."""
-    description, args = _read_args(file)
-    if not any(arg["name"] == arguments.ROBOT_NAME for arg in args):
-        about = {"type": "str", "required": False, "default": arguments.DEFAULT_ROBOT, "choices": []}
-        args.insert(0, {"name": arguments.ROBOT_NAME, "description": "the robot's name", **about})
-    lines = [f"{file}: {description}" if description else str(file), ""]
-    width = max(len(str(arg["name"])) for arg in args)
-    for arg in args:
-        default = "required" if arg["required"] else f"default {arg['default']!r}"
-        choices = f", one of {arg['choices']}" if arg["choices"] else ""
-        lines.append(f"  {arg['name']:{width}}  {arg['type']}, {default}{choices}")
-        if arg["description"]:
-            lines.append(f"  {'':{width}}  {arg['description']}")
-    return "\n".join([*lines, "", f"Give them as robo up {file.name} name:=value"])
-
-
-def plan_text(plan: Plan) -> str:
-    """The plan for people."""
-    lines = [f"{plan.manifest}: {plan.description}", f"robot {plan.robot}"]
-    lines += [f"  {name}:={value}" for name, value in plan.arguments.items() if name != arguments.ROBOT_NAME]
-    for process in plan.processes:
-        lines += _process_lines(process)
-    for topic in plan.topics:
-        rate = [f">= {topic.min_rate:g} Hz"] if topic.min_rate else []
-        rate += [f"<= {topic.max_rate:g} Hz"] if topic.max_rate else []
-        age = [f"never older than {topic.max_age:g} s"] if topic.max_age is not None else []
-        outside = ["from outside"] if topic.external else []
-        promise = ", ".join([*([topic.type] if topic.type else []), *rate, *age, *outside])
-        lines.append(f"\ntopic {topic.key}: {promise}  # {topic.source}")
-    return "\n".join(lines)
-
-
-def _process_lines(process: ProcessPlan) -> list[str]:
-    notes = [process.group] if process.group else []
-    notes += [f"needs {', '.join(f'{name} {until}' for name, until in process.needs.items())}"] if process.needs else []
-    notes += ["required"] if process.required else []
-    lines = [f"\n{process.full_name}  ({'; '.join(notes)})"]
-    if process.service is not None:
-        lines.append(f"  service  {process.service}")
-    lines.append(f"  command  {' '.join(map(_quoted, process.command))}")
-    if process.cwd:
-        lines.append(f"  cwd      {process.cwd}")
-    for kind, entries in (("remap", process.remap), ("env", process.env)):
-        joined = " -> " if kind == "remap" else "="
-        lines += [
-            f"  {kind:8} {left}{joined}{right}  # {process.sources[kind][left]}" for left, right in entries.items()
-        ]
-    width = max(map(len, process.parameters), default=0)
-    lines += [
-        f"  param    {name:{width}} = {said.value!r}  # {said.source}" for name, said in process.parameters.items()
-    ]
-    if process.ready.when == "log":
-        lines.append(f"  ready    when its output holds {process.ready.pattern!r}")
-    if process.restart.policy != "never":
-        restart = process.restart
-        lines.append(
-            f"  restart  {restart.policy}, after {restart.delay:g} s, at most {restart.max} in {restart.window:g} s"
-        )
-    if process.log.output != "screen" or process.log.level:
-        lines.append(f"  log      {process.log.output}, from level {process.log.level or 'info'}")
-    if process.priority is not None:
-        lines.append(f"  nice     {process.priority}")
-    if process.cpus:
-        lines.append(f"  cpus     {', '.join(map(str, process.cpus))}")
-    return lines
-
-
-def _quoted(word: str) -> str:
-    import shlex
-
-    return shlex.quote(word)
+    return manifest.description, arguments.describe(manifest)

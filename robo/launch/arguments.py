@@ -6,6 +6,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import msgspec
+
 from robo.launch.expression import as_text
 from robo.launch.manifest import Arg, Manifest
 from robo.launch.substitution import BROKEN, Scope, Word, settled
@@ -14,6 +16,12 @@ from robo.yaml_tree import Position, shown
 ROBOT_NAME = "robot_name"
 DEFAULT_ROBOT = "my_robot"
 COMMAND_LINE = Position("command line", 1, 1)
+
+_HINTS = {
+    "bool": "write true or false",
+    "int": "write a whole number, for example 3",
+    "float": "write a number, for example 0.5",
+}
 
 
 class Given:
@@ -68,6 +76,36 @@ def evaluate(manifest: Manifest, given: Given, scope: Scope, *, stand_ins: bool 
     return values
 
 
+class ArgumentInfo(msgspec.Struct, frozen=True):
+    """What can be said of an argument without starting anything."""
+
+    name: str
+    type: str
+    required: bool
+    default: object
+    """As written, substitutions included."""
+    choices: tuple[object, ...]
+    description: str
+
+
+def describe(manifest: Manifest) -> list[ArgumentInfo]:
+    """The arguments of a manifest; the robot's name is always one."""
+    infos = [
+        ArgumentInfo(
+            arg.name,
+            arg.type,
+            arg.default is None,
+            None if arg.default is None else arg.default.value,
+            tuple(choice.value for choice in arg.choices),
+            arg.description,
+        )
+        for arg in manifest.args
+    ]
+    if not any(info.name == ROBOT_NAME for info in infos):
+        infos.insert(0, ArgumentInfo(ROBOT_NAME, "str", False, DEFAULT_ROBOT, (), "the robot's name"))
+    return infos
+
+
 def missing(manifest: Manifest, given: Mapping[str, object]) -> list[str]:
     """The names of the arguments that have to be given and are not."""
     return [arg.name for arg in manifest.args if arg.default is None and arg.name not in given]
@@ -90,8 +128,7 @@ def _typed(
         return BROKEN
     found = _convert(arg, value, folder)
     if found is BROKEN:
-        hint = "; write true or false" if arg.type == "bool" else ""
-        scope.complain(position, f"argument {arg.name}: {shown(value)} is no {arg.type}{hint}")
+        scope.complain(position, f"argument {arg.name}: {shown(value)} is no {arg.type}; {_HINTS[arg.type]}")
         return BROKEN
     if not choices:
         return found

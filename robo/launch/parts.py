@@ -233,6 +233,9 @@ class Parts:
         """What is promised of a topic; None where its name is none."""
         if not self._is_name(topic.name, namespace, "node", topic.position):
             return None
+        if topic.name.startswith("~"):
+            self._complain(topic.position, f"topic {topic.name}: private names are a node's; write it whole")
+            return None
         low, high = self._rate(topic.rate, scope)
         age = self._as_number(topic.max_age, scope, "max_age", 0, None) if topic.max_age is not None else None
         return TopicPlan(

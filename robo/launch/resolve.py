@@ -200,7 +200,10 @@ class _Walk:
         path = names.join(context.group, group.key)
         if path not in self._groups:
             self._groups.append(path)
-        for inner in self._repeat(group.settings.loop, scope):
+        inners = list(self._repeat(group.settings.loop, scope))
+        if not inners:
+            self._leave_out_group(group, scope, context)
+        for inner in inners:
             self._step(group.position)
             if not inner.holds(group.settings.condition):
                 self._check_names(group.tree, inner)
@@ -348,7 +351,10 @@ class _Walk:
                 self._leave_out(node, context)
                 return
         loop = node.settings.loop
-        for inner in self._repeat(loop, scope):
+        inners = list(self._repeat(loop, scope))
+        if not inners:
+            self._leave_out(node, context)
+        for inner in inners:
             self._step(node.position)
             if not inner.holds(node.settings.condition):
                 self._check_names(node.tree, inner)

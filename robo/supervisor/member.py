@@ -82,7 +82,7 @@ class Member:
         try:
             await self.child.start(self.plan.command, environment, cwd=self.plan.cwd)
         except OSError as error:
-            self.exit_code = CANNOT_START
+            self.ended = asyncio.create_task(_at_once(CANNOT_START))
             place = f" in {self.plan.cwd}" if self.plan.cwd else ""
             return f"{self.label} cannot be started{place}: {error.strerror}: {error.filename or self.plan.command[0]}"
         problem = self._settle(self.child.pid)
@@ -93,12 +93,16 @@ class Member:
 
     def _settle(self, pid: int | None) -> str | None:
         """Give the new process its priority and its processors, before it has a second thread."""
+        if self.plan.priority is None and not self.plan.cpus:
+            return None
         try:
             process = psutil.Process(pid)
             if self.plan.priority is not None:
                 process.nice(self.plan.priority)
             if self.plan.cpus:
                 process.cpu_affinity(list(self.plan.cpus))
+        except psutil.NoSuchProcess:
+            return None  # it has ended already
         except (psutil.Error, OSError, ValueError, AttributeError) as error:
             # macOS has no affinity, and a lower nice value needs rights that most users lack.
             wish = f"priority {self.plan.priority}" if self.plan.priority is not None else ""
@@ -151,3 +155,7 @@ class Member:
         self._show(text)
         if self._pattern is not None and not self.ready and self._pattern.search(text):
             self._become_ready()
+
+
+async def _at_once(code: int) -> int:
+    return code

@@ -121,8 +121,8 @@ class Supervisor:
         problem = await member.start(self._variables(member.plan))
         if problem is not None:
             self._console.warn(problem)
-        if member.ended is not None and member.running:
-            member.ended.add_done_callback(lambda _: self._changed.set())
+        assert member.ended is not None
+        member.ended.add_done_callback(lambda _: self._changed.set())
 
     def _variables(self, plan: ProcessPlan) -> dict[str, str]:
         """The environment of a process. A command learns its name and its network there, in any language."""

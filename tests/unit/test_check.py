@@ -182,5 +182,11 @@ def test_every_key_is_described() -> None:
         assert all(key.about.endswith(".") or ": " in key.about for key in keys.values())
 
 
+def test_the_guide_names_every_key() -> None:
+    guide = (ROOT / "docs" / "launch.md").read_text()
+    keys = {key for keys, _ in language.SHORT_FORMS.values() for key in keys} | set(language.MANIFEST)
+    assert [key for key in sorted(keys) if f"`{key}`" not in guide and f"{key}:" not in guide] == []
+
+
 def test_message_types_have_schemas_too() -> None:
     assert "$defs" in robo_messages.json_schema("geometry/Twist")

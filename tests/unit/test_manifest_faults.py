@@ -162,7 +162,9 @@ def test_parameters_of_the_command_line_are_checked() -> None:
 
 def test_arguments_of_the_command_line_are_checked() -> None:
     text = "args: {n: {type: int, default: 1}, on: {default: true}}\ngroups: {}\n"
-    assert mistakes(text, n="two") == ["command line:1:1: argument n: 'two' is no int"]
+    assert mistakes(text, n="two") == [
+        "command line:1:1: argument n: 'two' is no int; write a whole number, for example 3"
+    ]
     assert mistakes(text, on="yes") == ["command line:1:1: argument on: 'yes' is no bool; write true or false"]
     assert mistakes(text, m="1") == [
         "command line:1:1: m.yaml has no argument 'm'; did you mean on?".replace("did you mean on?", "it has n, on")

@@ -357,6 +357,16 @@ groups:
     assert values(found["/b/n_b"]) == {"x": 2, "i": 2}
 
 
+def test_no_replicas_are_no_nodes_and_nobody_waits_for_them() -> None:
+    text = """
+groups:
+  g: {nodes: {camera: {run: x, replicas: 0}, a: {run: x, needs: [camera, far]}}}
+  h: {replicas: 0, nodes: {far: {run: x}}}
+"""
+    (process,) = load(text).processes
+    assert process.needs == {}
+
+
 def test_a_need_of_a_node_that_a_condition_leaves_out_is_void() -> None:
     Path("inner.yaml").write_text("groups: {g: {nodes: {far: {run: x}}}}")
     text = """

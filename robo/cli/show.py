@@ -1,0 +1,74 @@
+"""A plan, and the arguments of a manifest, for people to read."""
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+
+from robo.launch.arguments import ROBOT_NAME, ArgumentInfo
+from robo.launch.expression import as_text
+from robo.launch.plan import Plan, ProcessPlan
+
+
+def arguments_text(file: Path, description: str, args: Sequence[ArgumentInfo]) -> str:
+    """The arguments of a manifest, as `--show-args` lists them."""
+    lines = [f"{file}: {description}" if description else str(file), ""]
+    width = max(len(arg.name) for arg in args)
+    for arg in args:
+        default = "required" if arg.required else f"default {as_text(arg.default) or 'empty'}"
+        choices = f", one of {', '.join(map(as_text, arg.choices))}" if arg.choices else ""
+        lines.append(f"  {arg.name:{width}}  {arg.type}, {default}{choices}")
+        if arg.description:
+            lines.append(f"  {'':{width}}  {arg.description}")
+    return "\n".join([*lines, "", f"Give them as robo up {file.name} name:=value"])
+
+
+def plan_text(plan: Plan) -> str:
+    """The plan for people."""
+    title = f"{plan.manifest}: {plan.description}" if plan.description else plan.manifest
+    lines = [title, f"robot {plan.robot}"]
+    lines += [f"  {name}:={as_text(value)}" for name, value in plan.arguments.items() if name != ROBOT_NAME]
+    for process in plan.processes:
+        lines += _process_lines(process)
+    for topic in plan.topics:
+        rate = [f">= {topic.min_rate:g} Hz"] if topic.min_rate else []
+        rate += [f"<= {topic.max_rate:g} Hz"] if topic.max_rate else []
+        age = [f"never older than {topic.max_age:g} s"] if topic.max_age is not None else []
+        outside = ["from outside"] if topic.external else []
+        promise = ", ".join([*([topic.type] if topic.type else []), *rate, *age, *outside])
+        lines.append(f"\ntopic {topic.key}: {promise}  # {topic.source}")
+    return "\n".join(lines)
+
+
+def _process_lines(process: ProcessPlan) -> list[str]:
+    notes = [process.group] if process.group else []
+    notes += [f"needs {', '.join(f'{name} {until}' for name, until in process.needs.items())}"] if process.needs else []
+    notes += ["required"] if process.required else []
+    lines = [f"\n{process.full_name}  ({'; '.join(notes)})"]
+    if process.service is not None:
+        lines.append(f"  service  {process.service}")
+    lines.append(f"  command  {shlex.join(process.command)}")
+    if process.cwd:
+        lines.append(f"  cwd      {process.cwd}")
+    for kind, entries in (("remap", process.remap), ("env", process.env)):
+        joined = " -> " if kind == "remap" else "="
+        lines += [
+            f"  {kind:8} {left}{joined}{right}  # {process.sources[kind][left]}" for left, right in entries.items()
+        ]
+    width = max(map(len, process.parameters), default=0)
+    lines += [
+        f"  param    {name:{width}} = {said.value!r}  # {said.source}" for name, said in process.parameters.items()
+    ]
+    if process.ready.when == "log":
+        lines.append(f"  ready    when its output holds {process.ready.pattern!r}")
+    if process.restart.policy != "never":
+        restart = process.restart
+        lines.append(
+            f"  restart  {restart.policy}, after {restart.delay:g} s, at most {restart.max} in {restart.window:g} s"
+        )
+    if process.log.output != "screen" or process.log.level:
+        lines.append(f"  log      {process.log.output}, from level {process.log.level or 'info'}")
+    if process.priority is not None:
+        lines.append(f"  nice     {process.priority}")
+    if process.cpus:
+        lines.append(f"  cpus     {', '.join(map(str, process.cpus))}")
+    return lines

@@ -1,0 +1,226 @@
+"""Manifests as users run them: what is shown, what is refused, and how processes are run."""
+
+import json
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from tests.support import eventually, robo, run_robo
+
+pytestmark = pytest.mark.timeout(120)
+
+BROKEN = """\
+groups:
+  g:
+    nodes:
+      tracker: {servce: robo_services.position_tracker}
+      other: {service: robo_services.position_tracker, params: {log_rate: -1}}
+"""
+
+
+def write(folder: Path, text: str) -> str:
+    path = folder / "m.yaml"
+    path.write_text(text)
+    return str(path)
+
+
+@pytest.mark.parametrize("words", [("up",), ("up", "--dry-run"), ("check",)])
+def test_every_mistake_is_shown_with_its_line(words: tuple[str, ...], tmp_path: Path) -> None:
+    result = run_robo(*words, write(tmp_path, BROKEN))
+    assert result.returncode == 1
+    shown = result.stdout + result.stderr
+    assert "m.yaml:4:17: unknown key 'servce' in node 'tracker'; did you mean 'service'?" in shown
+    assert "    4 |       tracker: {servce: robo_services.position_tracker}\n      |                 ^" in shown
+    assert "m.yaml:5:75: position_tracker: log_rate = -1: expected float > 0.0" in shown
+    assert "Traceback" not in shown
+
+
+def test_mistakes_as_data(tmp_path: Path) -> None:
+    file = write(tmp_path, BROKEN)
+    for words in (("up", "--dry-run", "--json"), ("check", "--json")):
+        result = run_robo(*words, file)
+        assert result.returncode == 1
+        faults = json.loads(result.stdout)["faults"]
+        assert [(f["line"], f["column"]) for f in faults] == [(4, 17), (5, 75)]
+        assert faults[0]["file"].endswith("m.yaml")
+        assert faults[0]["message"].startswith("unknown key 'servce'")
+
+
+def test_the_plan_as_data_and_as_text() -> None:
+    words = ("up", "robot.yaml", "control", "--robot-name", "r1", "-p", "velocity_controller.linear_velocity:=0.3")
+    plan: dict[str, Any] = json.loads(run_robo(*words, "--dry-run", "--json").stdout)
+    monitor, controller = plan["processes"]
+    assert monitor["service"] == "robo_services.safety_monitor"
+    assert controller["command"][1:] == [
+        "-m", "robo.node_process", "robo_services.velocity_controller", "/r1/velocity_controller",
+    ]  # fmt: skip
+    assert controller["parameters"]["linear_velocity"] == {"value": 0.3, "source": "command line"}
+    assert controller["needs"] == {"/r1/safety_monitor": "ready"}
+    text = run_robo(*words, "--dry-run").stdout
+    assert "/r1/velocity_controller  (control; needs /r1/safety_monitor ready)" in text
+    assert "linear_velocity  = 0.3  # command line" in text
+
+
+def test_arguments_are_listed() -> None:
+    text = run_robo("up", "simulation.yaml", "--show-args").stdout
+    assert "viewer       choice, default none, one of none, position, rates" in text
+    listed = json.loads(run_robo("up", "replay.yaml", "--show-args", "--json").stdout)
+    log = next(arg for arg in listed if arg["name"] == "log")
+    assert (log["type"], log["required"]) == ("path", True)
+
+
+def test_check_draws_and_tells_faults_from_bad_words(tmp_path: Path) -> None:
+    result = run_robo("check", "robot.yaml", "--graph", "mermaid")
+    assert result.returncode == 0
+    assert result.stdout.startswith("flowchart LR")
+    assert "robot.yaml: fine, 2 notes" in result.stderr
+    feedless = run_robo("check", "robot.yaml", "use_sim:=false")
+    assert feedless.returncode == 1
+    assert "nothing publishes my_robot/scan, which /my_robot/safety_monitor subscribes" in feedless.stdout
+    none = str(tmp_path / "none.yaml")
+    for words in (("robot.yml.txt",), ("robot.yaml", "--graph", "svg"), (none,), ()):
+        result = run_robo("check", *words)
+        assert result.returncode == 2
+        assert "Traceback" not in result.stderr
+
+
+def test_the_schema_is_published() -> None:
+    schema = json.loads(run_robo("schema", "manifest").stdout)
+    assert "service" in schema["$defs"]["node"]["properties"]
+    assert "Twist" in run_robo("schema", "geometry/Twist").stdout
+    refused = run_robo("schema", "geometry/Twits")
+    assert refused.returncode == 2
+    assert "did you mean geometry/Twist?" in refused.stderr
+
+
+TALKER = """\
+import robo
+from robo import Node, Publisher, timer
+from robo_messages import String
+
+class Talker(Node):
+    class Parameters(robo.Parameters):
+        text: str = "nothing"
+
+    out = Publisher(String, "chatter")
+
+    @timer(rate=20.0)
+    def speak(self) -> None:
+        self.out.publish(String(self.parameters.text))
+
+robo.run(Talker)
+"""
+
+
+def test_commands_run_beside_services(endpoint: str, tmp_path: Path) -> None:
+    """A script learns its name, parameters and remappings; needs, readiness and log files hold."""
+    (tmp_path / "talker.py").write_text(TALKER)
+    file = write(
+        tmp_path,
+        """
+groups:
+  g:
+    namespace: r1
+    nodes:
+      prepare: {run: [python, -c, "print('prepared')"], log: both}
+      talker:
+        run: python talker.py
+        cwd: .
+        params: {text: "1"}
+        remap: {chatter: words}
+        needs: {prepare: completed}
+        ready: node
+        priority: 3
+        cpus: 0
+      listener:
+        run: robo topic echo r1/words
+        needs: talker
+        ready: {log: "data: '1'"}
+      last: {service: robo_services.position_tracker, needs: listener, prefix: nice -n 2}
+""",
+    )
+    logs = tmp_path / "logs"
+    os.environ["XDG_STATE_HOME"] = str(logs)  # robo() passes on what is not robo's own
+    try:
+        with robo("up", file, "--robot-name", "r1", "--listen", endpoint, cwd=str(tmp_path)) as launch:
+            launch.wait_for("r1 is ready: 4 nodes")
+            talker = launch.child("talker.py")
+            assert talker.nice() == 3
+            if hasattr(talker, "cpu_affinity"):
+                assert talker.cpu_affinity() == [0]
+            assert launch.child("/r1/last").nice() == 2
+            order = [launch.output.index(text) for text in ("prepared", "data: '1'", "r1 is ready")]
+            assert order == sorted(order)
+            launch.interrupt()
+            assert launch.wait() == 130
+    finally:
+        del os.environ["XDG_STATE_HOME"]
+    (log,) = logs.glob("robo/log/*/prepare.log")
+    assert log.read_text().rstrip().endswith("prepared")
+
+
+def test_a_process_that_dies_is_started_again_as_often_as_allowed(endpoint: str, tmp_path: Path) -> None:
+    file = write(
+        tmp_path,
+        """
+groups:
+  g:
+    restart: {policy: on-failure, delay: 0.05, max: 2}
+    nodes:
+      tracker: {service: robo_services.position_tracker}
+      crashing: {run: [python, -c, "import sys; sys.exit('boom')"]}
+""",
+    )
+    with robo("up", file, "--listen", endpoint) as launch:
+        launch.wait_for("crashing stays down: 2 restarts in 60 s")
+        assert launch.output.count("| boom") == 3
+        launch.wait_for("is ready: 2 nodes")
+        tracker = launch.child("/tracker")
+        tracker.send_signal(signal.SIGKILL)
+        launch.wait_for("tracker ended with killed by SIGKILL; starting it again in 0.05 s (1 of 2)")
+        eventually(lambda: _is_up(launch, tracker.pid), "another tracker runs")
+        launch.interrupt()
+        assert launch.wait() == 130
+
+
+def _is_up(launch: Any, old: int) -> bool:
+    try:
+        return bool(launch.child("/tracker").pid != old)
+    except (AssertionError, psutil.Error):
+        return False
+
+
+def test_a_program_that_is_not_there_is_said_before_anything_runs(endpoint: str, tmp_path: Path) -> None:
+    file = write(tmp_path, "groups: {g: {nodes: {a: {run: no-such-program-here}}}}\n")
+    result = run_robo("up", file, "--listen", endpoint)
+    assert result.returncode == 1
+    assert "m.yaml:1:22: /a: there is no program 'no-such-program-here'" in result.stderr
+    assert run_robo("up", file, "--dry-run").returncode == 0
+    file = write(tmp_path, "groups: {g: {nodes: {a: {run: 'true', cwd: nowhere, required: true}}}}\n")
+    result = run_robo("up", file, "--listen", endpoint)
+    assert result.returncode == 1
+    assert "a cannot be started in" in result.stdout
+    assert "Traceback" not in result.stdout + result.stderr
+
+
+STUBBORN = """\
+import signal, sys, time
+signal.signal(signal.SIGTERM, lambda *_: sys.exit(print("on TERM")))
+print("up", flush=True)
+time.sleep(60)
+"""
+
+
+def test_a_process_is_stopped_as_it_asks(endpoint: str, tmp_path: Path) -> None:
+    (tmp_path / "stubborn.py").write_text(STUBBORN)
+    stop = "ready: {log: up}, stop: {signal: TERM, timeout: 5}"
+    file = write(tmp_path, f"groups: {{g: {{nodes: {{a: {{run: python stubborn.py, cwd: ., {stop}}}}}}}}}\n")
+    with robo("up", file, "--listen", endpoint) as launch:
+        launch.wait_for("is ready: 1 node")
+        launch.interrupt()
+        assert launch.wait() == 130
+        assert "on TERM" in launch.output
