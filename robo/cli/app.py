@@ -64,7 +64,8 @@ def _described(error: RoboError) -> str:
         return f"error: {error}"
     from robo.launch.faults import as_text
 
-    return as_text(error.faults)
+    count = "1 mistake" if len(error.faults) == 1 else f"{len(error.faults)} mistakes"
+    return f"{as_text(error.faults)}\n{count}; nothing is started"
 
 
 def version(wanted: bool) -> None:
@@ -155,7 +156,8 @@ def up(
 )
 def check(
     words: Annotated[
-        list[str], typer.Argument(metavar="FILE... [NAME:=VALUE]...", help="Manifests to check.", show_default=False)
+        list[str],
+        typer.Argument(metavar="FILE", help="Manifests to check; NAME:=VALUE for their arguments.", show_default=False),
     ],
     robot_name: RobotName = None,
     json: Annotated[bool, typer.Option("--json", help="Print faults and notes as JSON.")] = False,

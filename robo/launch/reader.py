@@ -163,6 +163,10 @@ class _Reader:
         else:
             parts = self.fields(entry.value, what, language.ARG)
         default = self.scalar(parts, "default")
+        required = self.scalar(parts, "required")
+        if required is not None and required.value is not (default is None):
+            said = "has a default" if default is not None else "has no default, so it has to be given"
+            self.complain(required.position, f"{what} {said}: required: {kind(required).lower()} contradicts that")
         given = self.one_of(parts, "type", language.ARG_TYPES)
         choices = self.scalars(parts, "choices")
         if given is not None and given.value in get_args(ArgType):

@@ -125,6 +125,7 @@ def test_people_see_the_line_and_a_mark_below() -> None:
         ("args: {a: {type: int, default: x}}", "1:32: argument a: 'x' is no int"),
         ("args: {a: {choices: [b, c], default: d}}", "1:38: argument a: 'd' is none of b, c"),
         ("args: {a: {type: choice, default: b}}", "1:8: argument a is a choice; add choices"),
+        ("args: {a: {default: 1, required: true}}", "1:34: argument a has a default: required: true contradicts"),
         ("args: {a: {type: int}}", "1:8: m.yaml needs a; give it as a:=VALUE"),
         ("include: nothing.yaml", "1:10: there is no manifest 'nothing.yaml'"),
         ("include: m.yaml", "1:10: include goes in a circle: m.yaml → m.yaml"),
