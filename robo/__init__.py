@@ -18,7 +18,7 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from robo.contract import Publisher, subscribe, timer
+    from robo.contract import Client, Publisher, service, subscribe, timer
     from robo.errors import (
         ContractError,
         InvalidName,
@@ -27,16 +27,21 @@ if TYPE_CHECKING:
         ParameterError,
         ParameterFileError,
         RoboError,
+        ServiceError,
+        ServiceTimeout,
         UsageError,
     )
     from robo.node import Node, NodeStatus
-    from robo.parameters import Parameters
+    from robo.parameters import NON_FINITE, READ_ONLY, Parameters, Unit
     from robo.qos import KEEP_ALL
     from robo.runner import run
     from robo.session import Network, open_session
 
 __all__ = [
     "KEEP_ALL",
+    "NON_FINITE",
+    "READ_ONLY",
+    "Client",
     "ContractError",
     "InvalidName",
     "ManifestError",
@@ -49,17 +54,21 @@ __all__ = [
     "Parameters",
     "Publisher",
     "RoboError",
+    "ServiceError",
+    "ServiceTimeout",
+    "Unit",
     "UsageError",
     "open_session",
     "run",
+    "service",
     "subscribe",
     "timer",
 ]
 
 _HOMES = {
-    "contract": ("Publisher", "subscribe", "timer"),
+    "contract": ("Client", "Publisher", "service", "subscribe", "timer"),
     "node": ("Node", "NodeStatus"),
-    "parameters": ("Parameters",),
+    "parameters": ("NON_FINITE", "READ_ONLY", "Parameters", "Unit"),
     "qos": ("KEEP_ALL",),
     "runner": ("run",),
     "session": ("Network", "open_session"),

@@ -23,8 +23,11 @@ from robo_messages import Message
 if TYPE_CHECKING:
     from robo.endpoints import TopicPublisher
     from robo.node import Node
+    from robo.services import ServiceClient
 
 M = TypeVar("M", bound=Message)
+Q = TypeVar("Q", bound=Message)
+A = TypeVar("A", bound=Message)
 N = TypeVar("N", bound="Node")
 
 _MARK = "__robo_contract__"
@@ -64,6 +67,40 @@ class Publisher(Generic[M]):
         )
 
 
+class Client(Generic[Q, A]):
+    """Declares a service that a node calls: `reset = Client(Trigger.Request, Trigger.Response, "reset")`.
+
+    On a node, `self.reset(Trigger.Request())` is the call.
+    """
+
+    def __init__(self, request_type: type[Q], response_type: type[A], service: str, *, timeout: float = 2.0) -> None:
+        """
+        Args:
+            request_type: what is asked.
+            response_type: what is answered.
+            service: its name: relative, absolute or private.
+            timeout: how long a call waits for its answer, s.
+        """
+        self.request_type = request_type
+        self.response_type = response_type
+        self.service = service
+        self.timeout = timeout
+
+    def __set_name__(self, owner: type[object], name: str) -> None:
+        self._attribute = name
+
+    @overload
+    def __get__(self, instance: None, owner: type[object]) -> Client[Q, A]: ...
+    @overload
+    def __get__(self, instance: Node, owner: type[object]) -> ServiceClient[Q, A]: ...
+    def __get__(self, instance: Node | None, owner: type[object]) -> Client[Q, A] | ServiceClient[Q, A]:
+        if instance is None:
+            return self
+        raise ContractError(
+            f"{owner.__name__}.{self._attribute} is used before the node has started; use it in on_start() or later"
+        )
+
+
 class SubscriptionDeclaration(msgspec.Struct, frozen=True):
     """One `@subscribe`."""
 
@@ -79,6 +116,26 @@ class PublisherDeclaration(msgspec.Struct, frozen=True):
     topic: str
     message_type: type[Message]
     depth: int
+    attribute: str
+
+
+class ServiceDeclaration(msgspec.Struct, frozen=True):
+    """One `@service`."""
+
+    service: str
+    request_type: type[Message]
+    response_type: type[Message]
+    method: str
+
+
+class ClientDeclaration(msgspec.Struct, frozen=True):
+    """One `Client`."""
+
+    service: str
+    request_type: type[Message]
+    response_type: type[Message]
+    timeout: float
+    """s."""
     attribute: str
 
 
@@ -99,6 +156,8 @@ class Contract(msgspec.Struct, frozen=True):
     publishers: tuple[PublisherDeclaration, ...]
     subscriptions: tuple[SubscriptionDeclaration, ...]
     timers: tuple[TimerDeclaration, ...]
+    services: tuple[ServiceDeclaration, ...]
+    clients: tuple[ClientDeclaration, ...]
     parameters: tuple[parameters.ParameterInfo, ...]
 
 
@@ -109,6 +168,10 @@ class _SubscribeMark(msgspec.Struct):
 
 class _TimerMark(msgspec.Struct):
     rate: float | str
+
+
+class _ServiceMark(msgspec.Struct):
+    service: str
 
 
 def subscribe(topic: str, *, depth: int = DEFAULT_DEPTH) -> Callable[[Callable[[N, M], None]], Callable[[N, M], None]]:
@@ -122,6 +185,25 @@ def subscribe(topic: str, *, depth: int = DEFAULT_DEPTH) -> Callable[[Callable[[
 
     def mark(method: Callable[[N, M], None]) -> Callable[[N, M], None]:
         setattr(method, _MARK, _SubscribeMark(topic, depth))
+        return method
+
+    return mark
+
+
+def service(name: str) -> Callable[[Callable[[N, Q], A]], Callable[[N, Q], A]]:
+    """Answer the calls of a service with this method: it takes the request and returns the response.
+
+        @service("reset_distance")
+        def reset(self, request: Trigger.Request) -> Trigger.Response: ...
+
+    What the method raises reaches the caller as a `ServiceError` with its message.
+
+    Args:
+        name: of the service: relative, absolute or private.
+    """
+
+    def mark(method: Callable[[N, Q], A]) -> Callable[[N, Q], A]:
+        setattr(method, _MARK, _ServiceMark(name))
         return method
 
     return mark
@@ -154,6 +236,8 @@ def contract_of(cls: type[Node]) -> Contract:
     publishers: list[PublisherDeclaration] = []
     subscriptions: list[SubscriptionDeclaration] = []
     timers: list[TimerDeclaration] = []
+    services: list[ServiceDeclaration] = []
+    clients: list[ClientDeclaration] = []
     infos = tuple(parameters.describe(cls.Parameters))
     for name, member in _members(cls).items():
         mark = getattr(member, _MARK, None)
@@ -161,8 +245,18 @@ def contract_of(cls: type[Node]) -> Contract:
             _check_type(cls, name, member.message_type)
             publishers.append(PublisherDeclaration(member.topic, member.message_type, member.depth, name))
         elif isinstance(mark, _SubscribeMark):
-            message_type = _annotation(cls, name, member)
+            message_type = _annotation(cls, name, member, "subscription's callback takes self and the message")
             subscriptions.append(SubscriptionDeclaration(mark.topic, message_type, mark.depth, name))
+        elif isinstance(member, Client):
+            _check_type(cls, name, member.request_type)
+            _check_type(cls, name, member.response_type)
+            clients.append(
+                ClientDeclaration(member.service, member.request_type, member.response_type, member.timeout, name)
+            )
+        elif isinstance(mark, _ServiceMark):
+            request_type = _annotation(cls, name, member, "service's method takes self and the request")
+            response_type = _check_type(cls, name, _hints(f"{cls.__name__}.{name}", member).get("return"))
+            services.append(ServiceDeclaration(mark.service, request_type, response_type, name))
         elif isinstance(mark, _TimerMark):
             if isinstance(mark.rate, str) and mark.rate not in {info.name for info in infos}:
                 raise ContractError(
@@ -175,6 +269,8 @@ def contract_of(cls: type[Node]) -> Contract:
         tuple(publishers),
         tuple(subscriptions),
         tuple(timers),
+        tuple(services),
+        tuple(clients),
         infos,
     )
 
@@ -192,23 +288,27 @@ def _clean(doc: str) -> str:
     return f"{first}\n{textwrap.dedent(rest)}".strip()
 
 
-def _annotation(cls: type[Node], name: str, method: Callable[..., None]) -> type[Message]:
+def _annotation(cls: type[Node], name: str, method: Callable[..., Any], takes: str) -> type[Message]:
     where = f"{cls.__name__}.{name}"
     function: Any = method
     while hasattr(function, "__wrapped__"):
         function = function.__wrapped__
     names = function.__code__.co_varnames[: function.__code__.co_argcount]
     if len(names) != 2:
-        raise ContractError(f"{where}: a subscription's callback takes self and the message, nothing else")
+        raise ContractError(f"{where}: a {takes}, nothing else")
+    hint = _hints(where, method).get(names[1])
+    if hint is None:
+        raise ContractError(f"{where}: annotate {names[1]!r} with its message type")
+    return _check_type(cls, name, hint)
+
+
+def _hints(where: str, method: Callable[..., Any]) -> dict[str, Any]:
     try:
-        hint = typing.get_type_hints(method).get(names[1])
+        return typing.get_type_hints(method)
     except NameError as error:
         raise ContractError(
             f"{where}: {error}; import the message type at run time, not only under TYPE_CHECKING"
         ) from None
-    if hint is None:
-        raise ContractError(f"{where}: annotate {names[1]!r} with its message type")
-    return _check_type(cls, name, hint)
 
 
 def _check_type(cls: type[Node], name: str, message_type: Any) -> type[Message]:

@@ -6,6 +6,7 @@ that it can be read whatever the namespace's length; `/` within a chunk is writt
     @robo/<namespace>/node/<node>/<class>/<pid>/<host>
     @robo/<namespace>/pub/<node>/<type>/<depth>/<topic key>
     @robo/<namespace>/sub/<node>/<type>/<depth>/<topic key>
+    @robo/<namespace>/srv/<node>/<type>/0/<service key>
 
 `@` keeps tokens out of `**`. A node declares its node token last: who sees that token knows
 everything else about the node, so it says "ready" as well.
@@ -14,7 +15,7 @@ everything else about the node, so it says "ready" as well.
 import os
 import threading
 from collections.abc import Iterable
-from typing import Literal
+from typing import Literal, get_args
 
 import msgspec
 import zenoh
@@ -24,7 +25,8 @@ from robo import names
 PREFIX = "@robo"
 ALL_TOKENS = f"{PREFIX}/**"
 
-EndpointKind = Literal["pub", "sub"]
+EndpointKind = Literal["pub", "sub", "srv"]
+ENDPOINT_KINDS: tuple[EndpointKind, ...] = get_args(EndpointKind)
 
 
 class NodeToken(msgspec.Struct, frozen=True):
@@ -48,7 +50,7 @@ class NodeToken(msgspec.Struct, frozen=True):
 
 
 class EndpointToken(msgspec.Struct, frozen=True):
-    """A publisher or a subscription."""
+    """A publisher, a subscription or a service."""
 
     namespace: str
     node: str
@@ -76,8 +78,9 @@ def parse_token(key: str) -> NodeToken | EndpointToken | None:
         return None
     if kind == "node":
         return NodeToken(namespace, node, a, int(b), c)
-    if kind == "pub" or kind == "sub":
-        return EndpointToken(namespace, node, "pub" if kind == "pub" else "sub", a, int(b), c)
+    for end in ENDPOINT_KINDS:
+        if kind == end:
+            return EndpointToken(namespace, node, end, a, int(b), c)
     return None
 
 

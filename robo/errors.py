@@ -6,6 +6,8 @@
     ├── ParameterFileError    a parameter file that cannot be read or understood
     ├── ContractError         a node class that does not say clearly what it does
     ├── NetworkError          the Zenoh network cannot be reached or opened
+    ├── ServiceError          a service's handler raised, or its answer cannot be read
+    │   └── ServiceTimeout    a service did not answer in time, or nobody serves it
     ├── ManifestError         a launch manifest with mistakes
     └── UsageError            a command line that makes no sense
 
@@ -36,6 +38,21 @@ class ContractError(RoboError, TypeError):
 
 class NetworkError(RoboError, ConnectionError):
     """The Zenoh network cannot be reached or opened."""
+
+
+class ServiceError(RoboError):
+    """A service's handler raised, or its answer cannot be read."""
+
+    def __init__(self, text: str, kind: str = "", message: str = "") -> None:
+        super().__init__(text)
+        self.kind = kind
+        """The name of the handler's exception class, if it raised."""
+        self.message = message
+        """The handler's own message."""
+
+
+class ServiceTimeout(ServiceError, TimeoutError):
+    """A service did not answer in time, or nobody serves it."""
 
 
 class ManifestError(RoboError):

@@ -12,7 +12,8 @@ who has not caught up for `STALE` goes on with the newest `depth`.
 
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from time import monotonic
 from types import TracebackType
 from typing import Generic, TypeVar
@@ -87,6 +88,58 @@ class Turn:
         self.release()
 
 
+class _Thread(threading.local):
+    """What the running thread is, if it runs callbacks."""
+
+    turn: Turn | None = None
+    """The turn that it holds while user code runs in it."""
+    spare: Callable[[], None] | None = None
+    """Makes sure that another thread does this one's work while it waits."""
+
+
+_thread = _Thread()
+
+
+def enter(turn: Turn, spare: Callable[[], None] | None = None) -> None:
+    """Say that from here on this thread runs callbacks of a node, holding its turn."""
+    _thread.turn, _thread.spare = turn, spare
+
+
+@contextmanager
+def taking(turn: Turn, spare: Callable[[], None] | None = None) -> Iterator[None]:
+    """Run what stands below as a callback of the node whose turn this is; at once within one of its callbacks."""
+    if _thread.turn is turn:
+        yield
+        return
+    before = _thread.turn, _thread.spare
+    with turn:
+        enter(turn, spare)
+        try:
+            yield
+        finally:
+            _thread.turn, _thread.spare = before
+
+
+@contextmanager
+def paused() -> Iterator[None]:
+    """Let the node's other callbacks run while this one waits for an answer.
+
+    Without it a callback that calls a service of its own node, or of one that calls back, would wait
+    for itself. As with `await`, what the node holds may have changed when the wait is over.
+    """
+    turn = _thread.turn
+    if turn is None:
+        yield
+        return
+    if _thread.spare is not None:
+        _thread.spare()
+    turn.release()
+    try:
+        yield
+    finally:
+        turn.acquire()
+
+
 class SubscriptionLoop(Generic[M]):
     """Receives one topic and runs its callback."""
 
@@ -140,6 +193,7 @@ class SubscriptionLoop(Generic[M]):
         decode, callback = self._decoder.fast, self._callback
         turn, backlog, keep_all = self._turn, self._backlog, self._depth == KEEP_ALL
         take_turn, wait_turn, pass_turn, others = turn.try_acquire, turn.wait, turn.release, turn.waiting
+        enter(turn)
         holding = False
         try:
             while True:
@@ -226,7 +280,8 @@ class TimerLoop:
         self._turn = turn
         self._callback = callback
         self._on_error = on_error
-        self._stopped = threading.Event()
+        self._stopped = False
+        self._woken = threading.Event()
         self.missed = 0
         """Ticks that were skipped because callbacks took too long."""
         self._thread = threading.Thread(target=self._run, name=f"robo-timer-{name}", daemon=True)
@@ -235,28 +290,37 @@ class TimerLoop:
         """Begin; the first tick comes one period from now."""
         self._thread.start()
 
+    def reschedule(self) -> None:
+        """Ask for the period again: the next tick comes one new period after the last one."""
+        self._woken.set()
+
     def stop(self, timeout: float) -> bool:
         """End. Returns whether the callback came back within `timeout` seconds."""
-        self._stopped.set()
+        self._stopped = True
+        self._woken.set()
         if self._thread is threading.current_thread() or not self._thread.ident:
             return True
         self._thread.join(timeout)
         return not self._thread.is_alive()
 
     def _run(self) -> None:
+        enter(self._turn)
         due = monotonic()
         while True:
-            period = self._period()
+            last, period = due, self._period()
             due += period
             late = monotonic() - due
             if late > period:
                 skipped = int(late / period)
                 self.missed += skipped
                 due += skipped * period
-            if self._stopped.wait(max(0.0, due - monotonic())):
-                return
+            while self._woken.wait(max(0.0, due - monotonic())):
+                if self._stopped:
+                    return
+                self._woken.clear()
+                due = max(last + self._period(), monotonic())
             with self._turn:
-                if self._stopped.is_set():
+                if self._stopped:
                     return
                 try:
                     self._callback()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence, Set
 from types import TracebackType
 from typing import Any, ClassVar, TypeVar
 
@@ -16,14 +17,21 @@ from robo.clock import Clock
 from robo.contract import Contract, contract_of
 from robo.discovery import NodeToken
 from robo.endpoints import TopicPublisher, TopicSubscription, endpoint_token
-from robo.executor import TimerLoop, Turn
+from robo.errors import ParameterError
+from robo.executor import TimerLoop, Turn, taking
+from robo.parameter_server import ParameterServer, Said
 from robo.parameters import Parameters as AnyParameters
-from robo.parameters import build
-from robo.qos import DEFAULT_DEPTH
+from robo.parameters import build, change, flat
+from robo.qos import DEFAULT_DEPTH, KEEP_ALL
+from robo.services import DEFAULT_TIMEOUT, ServiceClient, ServiceServer, service_token
 from robo.session import Network, close_session, open_session
-from robo_messages import Log, Message, Time
+from robo_messages import Log, Message, Parameter, ParameterEvent, Time
 
 M = TypeVar("M", bound=Message)
+Q = TypeVar("Q", bound=Message)
+A = TypeVar("A", bound=Message)
+
+SET_WHILE_RUNNING = "set while running"
 
 STOP_TIMEOUT = 2.0
 """How long `close` waits for a callback that is running, s."""
@@ -72,6 +80,7 @@ class Node:
         namespace: str | None = None,
         parameters: Mapping[str, object] | None = None,
         remappings: Mapping[str, str] | None = None,
+        sources: Mapping[str, Sequence[Said]] | None = None,
         session: zenoh.Session | None = None,
     ) -> None:
         """
@@ -80,7 +89,8 @@ class Node:
             namespace: where its relative names live, usually the robot's name; by default
                 ROBO_NAMESPACE or the root.
             parameters: values over the declared defaults, by name.
-            remappings: other names for topics, from declared name to new name.
+            remappings: other names for topics and services, from declared name to new name.
+            sources: by parameter, all that was said of it, from the weakest to what holds.
             session: a Zenoh session to use, which stays the caller's to close; by default the node
                 opens one of its own when it starts.
 
@@ -104,6 +114,11 @@ class Node:
         self._publishers: list[TopicPublisher[Any]] = []
         self._subscriptions: list[TopicSubscription[Any]] = []
         self._timers: list[TimerLoop] = []
+        self._services: list[ServiceServer[Any, Any]] = []
+        self._clients: list[ServiceClient[Any, Any]] = []
+        self._said = {name: list(said) for name, said in (sources or {}).items()}
+        self._events: deque[ParameterEvent] = deque()
+        self._events_lock = threading.Lock()
         self._callback_errors = 0
         self._running = False
         self._main_thread: threading.Thread | None = None
@@ -116,6 +131,12 @@ class Node:
 
     def on_stop(self) -> None:
         """Called after the last callback, while the publishers still exist."""
+
+    def on_parameters_changing(self, new: Any) -> None:
+        """Called with the parameters as they would be, before they are changed; raise ValueError to refuse."""
+
+    def on_parameters_changed(self, names: Set[str]) -> None:
+        """Called after parameters were changed while the node runs, with their names."""
 
     def main(self) -> None:
         """Work that is no reaction: a player, a script, a test drive.
@@ -141,6 +162,63 @@ class Node:
         """End the node; returns at once. A process that runs it exits with `exit_code`."""
         self.exit_code = exit_code
         self._shutdown.set()
+
+    # -- parameters ----------------------------------------------------------------------------
+
+    def set_parameters(self, changes: Mapping[str, object] | None = None, /, **values: object) -> None:
+        """Change parameters while the node runs: all of them, or none.
+
+        They are checked, offered to `on_parameters_changing`, set at once, told to
+        `on_parameters_changed`, and announced on the topic `parameter_events`.
+
+        Args:
+            changes: values by name.
+            values: more of them.
+
+        Raises:
+            ParameterError: a name is unknown, a value does not fit, is read-only, or was refused.
+        """
+        with taking(self._turn):
+            self._commit({**(changes or {}), **values})
+        self._publish_events()
+
+    def _commit(self, changes: Mapping[str, object]) -> None:
+        old = self.parameters
+        new = change(old, changes, self.full_name)
+        try:
+            self.on_parameters_changing(new)
+        except Exception as error:
+            if not isinstance(error, ValueError):
+                self._handler(self.on_parameters_changing)(error)
+            raise ParameterError(f"{self.full_name} refuses: {error}") from None
+        self.parameters = new
+        before = flat(old)
+        changed = {name: value for name, value in flat(new).items() if value != before[name]}
+        for name, value in changed.items():
+            said = self._said.setdefault(name, [])
+            if said and said[-1].source == SET_WHILE_RUNNING:
+                said.pop()
+            said.append(Said(value, SET_WHILE_RUNNING))
+        for timer in self._timers:
+            timer.reschedule()
+        try:
+            self.on_parameters_changed(changed.keys())
+        except BaseException as error:
+            self._handler(self.on_parameters_changed)(error)
+        event = [Parameter(name, value) for name, value in changed.items()]
+        self._events.append(ParameterEvent(self.now(), self.full_name, changed_parameters=event))
+
+    def _publish_events(self) -> None:
+        """Announce changes in the order in which they were made, whoever made them."""
+        with self._events_lock:
+            while self._events:
+                event = self._events.popleft()
+                if self._running and event.changed_parameters:
+                    self._event_publisher.publish(event)
+
+    def _explain(self, name: str) -> list[Said]:
+        default = flat(type(self).Parameters())[name]
+        return [Said(default, "declared default"), *self._said.get(name, ())]
 
     # -- endpoints made while running ----------------------------------------------------------
 
@@ -189,6 +267,25 @@ class Node:
             timer.start()
         return timer
 
+    def create_service(
+        self, request_type: type[Q], response_type: type[A], name: str, handler: Callable[[Q], A]
+    ) -> ServiceServer[Q, A]:
+        """Serve while running; for a service the class always has, use `@service`."""
+        token = service_token(self.namespace, self.name, request_type, response_type, self.resolve(name))
+        server = ServiceServer(
+            self.session, token, request_type, response_type, self._turn, handler, self._handler(handler)
+        )
+        self._services.append(server)
+        return server
+
+    def create_client(
+        self, request_type: type[Q], response_type: type[A], name: str, timeout: float = DEFAULT_TIMEOUT
+    ) -> ServiceClient[Q, A]:
+        """Make a client of a service while running; for one the class always has, declare a `Client`."""
+        client = ServiceClient(self.session, self.resolve(name), request_type, response_type, timeout)
+        self._clients.append(client)
+        return client
+
     # -- life ----------------------------------------------------------------------------------
 
     def start(self, session: zenoh.Session | None = None) -> None:
@@ -205,10 +302,20 @@ class Node:
         log_publisher = self.create_publisher(Log, self._log_topic())
         self._log_handler = log.BusHandler(log_publisher, self.full_name)
         self.logger.logger.addHandler(self._log_handler)
+        self._event_publisher = self.create_publisher(
+            ParameterEvent, "/" + names.join(self.namespace, "parameter_events"), KEEP_ALL
+        )
         for declared in self.contract.publishers:
             publisher = self.create_publisher(declared.message_type, declared.topic, declared.depth)
             vars(self)[declared.attribute] = publisher
+        for called in self.contract.clients:
+            vars(self)[called.attribute] = self.create_client(
+                called.request_type, called.response_type, called.service, called.timeout
+            )
         self.on_start()
+        for served in self.contract.services:
+            handler = getattr(self, served.method)
+            self.create_service(served.request_type, served.response_type, served.service, handler)
         for wanted in self.contract.subscriptions:
             self.create_subscription(wanted.message_type, wanted.topic, getattr(self, wanted.method), wanted.depth)
         for ticking in self.contract.timers:
@@ -217,6 +324,15 @@ class Node:
             discovery.status_key(self.namespace, self.name), zenoh.handlers.FifoChannel(16)
         )
         threading.Thread(target=self._answer_status, name="robo-status", daemon=True).start()
+        self._parameter_server = ParameterServer(
+            self._session,
+            self.namespace,
+            self.name,
+            lambda: self.parameters,
+            self.contract.parameters,
+            self._explain,
+            self.set_parameters,
+        )
         self._running = True
         for subscription in self._subscriptions:
             subscription.start()
@@ -242,6 +358,8 @@ class Node:
             self._main_thread.join(STOP_TIMEOUT)
         returned = [timer.stop(STOP_TIMEOUT) for timer in self._timers]
         returned += [subscription.stop(STOP_TIMEOUT) for subscription in self._subscriptions]
+        returned += [served.stop(STOP_TIMEOUT) for served in self._services]
+        returned.append(self._parameter_server.stop(STOP_TIMEOUT))
         stuck = not all(returned)
         if stuck:
             self.logger.error("a callback did not return within %.0f s; leaving without it", STOP_TIMEOUT)
@@ -254,6 +372,8 @@ class Node:
         self.logger.logger.removeHandler(self._log_handler)
         for publisher in self._publishers:
             publisher.undeclare()
+        for client in self._clients:
+            client.close()
         if self._given_session is None:
             close_session(self._session)
         self._session = None
@@ -309,7 +429,7 @@ class Node:
         period = 1.0 / rate
         return lambda: period
 
-    def _handler(self, callback: Callable[..., None]) -> Callable[[BaseException], None]:
+    def _handler(self, callback: Callable[..., object]) -> Callable[[BaseException], None]:
         """What to do with an exception of a callback: it ends neither its thread nor, unless asked, the node."""
         name = getattr(callback, "__name__", "a callback")
 

@@ -11,6 +11,7 @@ from robo import parameter_files
 from robo.contract import Contract, contract_of
 from robo.errors import UsageError
 from robo.node import Node
+from robo.parameter_server import Said
 from robo.parameters import parse_assignment
 from robo.runner import SPEC_VARIABLE, NodeSpec
 
@@ -29,16 +30,23 @@ def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
     name = options.name or launched.name
     namespace = options.robot_name if options.robot_name is not None else launched.namespace
     values: dict[str, object] = dict(launched.parameters)
+    sources = {parameter: list(said) for parameter, said in launched.sources.items()}
     for path in options.params_file:
-        file = parameter_files.load(path)
-        values |= file.values_for(namespace or "", name or contract.name)
+        for entry in parameter_files.load(path).entries:
+            if entry.matches(namespace or "", name or contract.name):
+                values |= entry.values
+                for parameter, value in entry.values.items():
+                    sources.setdefault(parameter, []).append(Said(value, str(entry.positions[parameter])))
     given = [parse_assignment(text, node_class.Parameters) for text in options.param]
+    for parameter, value in given:
+        sources.setdefault(parameter, []).append(Said(value, "command line"))
     return msgspec.structs.replace(
         launched,
         service=f"{node_class.__module__}:{node_class.__qualname__}",
         name=name,
         namespace=namespace,
         parameters=values | dict(given),
+        sources=sources,
         remappings=launched.remappings | dict(map(_remapping, options.remap)),
         connect=tuple(options.connect) or launched.connect,
         listen=tuple(options.listen) or launched.listen,
@@ -86,9 +94,16 @@ def _contract_text(contract: Contract) -> str:
     if contract.publishers:
         lines.append("publishes:")
         lines += [f"  {p.topic:18} {robo_messages.type_name(p.message_type)}" for p in contract.publishers]
+    if contract.services:
+        lines.append("services:")
+        lines += [
+            f"  {s.service:18} {robo_messages.service_type_name(s.request_type, s.response_type)}"
+            for s in contract.services
+        ]
     if contract.parameters:
         lines.append("parameters:")
-        lines += [f"  {p.name:18} {p.default!r:8} {p.description}" for p in contract.parameters]
+        width = max(len(p.name) for p in contract.parameters)
+        lines += [f"  {p.name:{width}} {p.default!r:8} {p.about}".rstrip() for p in contract.parameters]
     return "\n".join(lines)
 
 

@@ -1,14 +1,16 @@
 """A node's parameters: one frozen msgspec Struct, typed, documented and constrained.
 
     class Parameters(robo.Parameters):
-        log_rate: Annotated[float, Meta(gt=0, description="Hz")] = 1.0
+        speed: Annotated[float, Meta(ge=0, le=2, description="how fast"), Unit("m/s")] = 0.5
+        frame: Annotated[str, READ_ONLY] = "base_link"
 
-Pure: from values to a Struct or to one error that names every mistake.
+Fields may be bool, int, float, str, lists, enums, Literals and Structs of these. A value within a Struct
+has a name with dots, `gains.p`. Pure: from values to a Struct or to one error that names every mistake.
 """
 
 import math
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, TypeVar
 
 import msgspec
@@ -23,10 +25,35 @@ class Parameters(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
     """
 
     def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"parameter {name} cannot be assigned; parameters are checked and set as a whole")
+        raise AttributeError(f"parameter {name} cannot be assigned; use set_parameters({name}=…) of the node")
 
 
 P = TypeVar("P", bound=Parameters)
+
+
+class Unit(str):
+    """A parameter's unit, shown wherever it is described: `Annotated[float, Unit("m/s")]`."""
+
+    __slots__ = ()
+
+
+class _Mark:
+    """Says something of a parameter: `Annotated[str, READ_ONLY]`."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __repr__(self) -> str:
+        return self._name
+
+
+READ_ONLY = _Mark("READ_ONLY")
+"""Marks a parameter that is set when the node starts and never again: `Annotated[str, READ_ONLY]`."""
+
+NON_FINITE = _Mark("NON_FINITE")
+"""Marks a parameter that may be NaN or infinite."""
+
+_CONSTRAINTS = ("gt", "ge", "lt", "le", "multiple_of", "pattern", "min_length", "max_length")
 
 
 class ParameterInfo(msgspec.Struct, frozen=True):
@@ -36,43 +63,45 @@ class ParameterInfo(msgspec.Struct, frozen=True):
     type: str
     default: object
     description: str
+    unit: str
     constraints: dict[str, float | int | str]
+    read_only: bool
+
+    @property
+    def about(self) -> str:
+        """Description, unit and range in a line: `forward velocity, m/s; -5 to 5`."""
+        what = ", ".join(part for part in (self.description, self.unit) if part)
+        return "; ".join(part for part in (what, range_text(self.constraints)) if part)
 
 
 def build(cls: type[P], values: Mapping[str, object], owner: str) -> P:
     """The parameters of a node, from values over the declared defaults.
 
-    An int is accepted where a float is declared; NaN and infinities are refused.
+    An int is accepted where a float is declared; NaN and infinities are refused unless NON_FINITE.
 
     Args:
         cls: the node's Parameters.
-        values: by name.
+        values: by name; those of a nested Struct as a map or by names with dots.
         owner: the node, for the message.
 
     Raises:
         ParameterError: a name is unknown or a value does not fit; names all of them.
     """
-    types = _types(cls)
-    mistakes = []
-    converted: dict[str, object] = {}
-    for name, value in values.items():
-        if name not in types:
-            import difflib  # only mistakes need it
+    return _changed(cls(), values, owner, read_only=False)
 
-            close = difflib.get_close_matches(name, types, n=1)
-            hint = f"did you mean {close[0]}?" if close else f"it has {', '.join(types) or 'none'}"
-            mistakes.append(f"{owner} has no parameter {name!r}; {hint}")
-            continue
-        try:
-            converted[name] = msgspec.convert(value, types[name])
-        except msgspec.ValidationError as error:
-            mistakes.append(f"{owner}: {name} = {value!r}: {_readable(str(error))}{_about(types[name])}")
-            continue
-        if not _finite(converted[name]):
-            mistakes.append(f"{owner}: {name} = {value!r}: expected a finite number{_about(types[name])}")
-    if mistakes:
-        raise ParameterError("\n".join(mistakes))
-    return cls(**converted)
+
+def change(current: P, changes: Mapping[str, object], owner: str) -> P:
+    """The parameters of a running node with some changed; all are or none.
+
+    Raises:
+        ParameterError: a name is unknown, a value does not fit or is read-only; names all of them.
+    """
+    return _changed(current, changes, owner, read_only=True)
+
+
+def flat(parameters: Parameters) -> dict[str, object]:
+    """Every value by its name, as plain data."""
+    return {name: msgspec.to_builtins(_get(parameters, name)) for name in _leaves(type(parameters))}
 
 
 def describe(cls: type[Parameters]) -> list[ParameterInfo]:
@@ -81,24 +110,94 @@ def describe(cls: type[Parameters]) -> list[ParameterInfo]:
     Raises:
         ContractError: a parameter has no default.
     """
-    types = _types(cls)
-    infos = []
+    _refuse_missing_defaults(cls)
+    defaults = cls()
+    return [_info(name, hint, msgspec.to_builtins(_get(defaults, name))) for name, hint in _leaves(cls).items()]
+
+
+def _info(name: str, hint: Any, default: object) -> ParameterInfo:
+    return ParameterInfo(
+        name,
+        _type_name(hint),
+        default,
+        next((meta.description for meta in _metas(hint) if meta.description), ""),
+        next((str(extra) for extra in _extras(hint) if isinstance(extra, Unit)), ""),
+        {key: value for meta in _metas(hint) for key in _CONSTRAINTS if (value := getattr(meta, key)) is not None},
+        READ_ONLY in _extras(hint),
+    )
+
+
+def _changed(current: P, changes: Mapping[str, object], owner: str, *, read_only: bool) -> P:
+    leaves = _leaves(type(current))
+    mistakes: list[str] = []
+    converted: dict[str, object] = {}
+    for name, value in _flattened(changes, leaves):
+        hint = leaves.get(name)
+        if name not in leaves:
+            import difflib  # only mistakes need it
+
+            close = difflib.get_close_matches(name, leaves, n=1)
+            suggestion = f"did you mean {close[0]}?" if close else f"it has {', '.join(leaves) or 'none'}"
+            mistakes.append(f"{owner} has no parameter {name!r}; {suggestion}")
+            continue
+        shown = repr(value) if len(repr(value)) <= 60 else f"{repr(value)[:57]}…"
+        try:
+            new: object = msgspec.convert(value, hint)
+        except (msgspec.ValidationError, OverflowError, RecursionError, TypeError, ValueError) as error:
+            mistakes.append(f"{owner}: {name} = {shown}: {_readable(str(error))}{_about(hint)}")
+            continue
+        if not _finite(new) and NON_FINITE not in _extras(hint):
+            mistakes.append(f"{owner}: {name} = {shown}: expected a finite number{_about(hint)}")
+        elif read_only and READ_ONLY in _extras(hint) and new != _get(current, name):
+            mistakes.append(f"{owner}: {name} is read-only; start the node with another value")
+        else:
+            converted[name] = new
+    if mistakes:
+        raise ParameterError("\n".join(mistakes))
+    try:
+        whole: P = _assembled(current, converted, "")
+    except (ValueError, TypeError) as error:  # raised by a __post_init__
+        raise ParameterError(f"{owner}: {error}") from None
+    return whole
+
+
+def _flattened(
+    changes: Mapping[str, object], leaves: Mapping[str, Any], prefix: str = ""
+) -> Iterator[tuple[str, object]]:
+    """Values by the names of single parameters: a map for a nested Struct is taken apart."""
+    for key, value in changes.items():
+        name = f"{prefix}{key}"
+        if name not in leaves and isinstance(value, Mapping) and any(leaf.startswith(f"{name}.") for leaf in leaves):
+            yield from _flattened(value, leaves, f"{name}.")
+        else:
+            yield name, value
+
+
+def _assembled(current: Any, values: Mapping[str, object], prefix: str) -> Any:
+    """A Struct like another one, with some values changed."""
+    fields: dict[str, object] = {}
+    for name in current.__struct_fields__:
+        old = getattr(current, name)
+        full = f"{prefix}{name}"
+        if full in values:
+            fields[name] = values[full]
+        elif any(key.startswith(f"{full}.") for key in values):
+            fields[name] = _assembled(old, values, f"{full}.")
+        else:
+            fields[name] = old
+    return type(current)(**fields)
+
+
+def _get(parameters: Any, name: str) -> Any:
+    for part in name.split("."):
+        parameters = getattr(parameters, part)
+    return parameters
+
+
+def _refuse_missing_defaults(cls: type[Any]) -> None:
     for field in msgspec.structs.fields(cls):
         if field.required:
             raise ContractError(f"{cls.__qualname__}.{field.name} has no default; give it one")
-        default = field.default if field.default is not msgspec.NODEFAULT else _made(field.default_factory)
-        constraints = {
-            key: value
-            for meta in _metas(types[field.name])
-            for key in ("gt", "ge", "lt", "le", "multiple_of", "pattern", "min_length", "max_length")
-            if (value := getattr(meta, key)) is not None
-        }
-        infos.append(
-            ParameterInfo(
-                field.name, _type_name(types[field.name]), default, _description(types[field.name]), constraints
-            )
-        )
-    return infos
 
 
 def parse_assignment(text: str, cls: type[Parameters] | None = None) -> tuple[str, object]:
@@ -140,7 +239,7 @@ def parse_value(text: str) -> object:
     return text
 
 
-def _types(cls: type[Parameters]) -> dict[str, Any]:
+def _types(cls: type[Any]) -> dict[str, Any]:
     return {
         name: hint
         for name, hint in typing.get_type_hints(cls, include_extras=True).items()
@@ -148,8 +247,30 @@ def _types(cls: type[Parameters]) -> dict[str, Any]:
     }
 
 
+_leaves_of: dict[type[Any], dict[str, Any]] = {}
+
+
+def _leaves(cls: type[Any]) -> dict[str, Any]:
+    """The type of every single parameter; those of a nested Struct have names with dots."""
+    found = _leaves_of.get(cls)
+    if found is None:
+        found = _leaves_of[cls] = {}
+        for name, hint in _types(cls).items():
+            plain = _plain(hint)
+            if isinstance(plain, type) and issubclass(plain, msgspec.Struct):
+                _refuse_missing_defaults(plain)
+                found |= {f"{name}.{inner}": inner_hint for inner, inner_hint in _leaves(plain).items()}
+            else:
+                found[name] = hint
+    return found
+
+
+def _extras(hint: Any) -> tuple[Any, ...]:
+    return getattr(hint, "__metadata__", ())
+
+
 def _metas(hint: Any) -> list[msgspec.Meta]:
-    return [extra for extra in getattr(hint, "__metadata__", ()) if isinstance(extra, msgspec.Meta)]
+    return [extra for extra in _extras(hint) if isinstance(extra, msgspec.Meta)]
 
 
 def _plain(hint: Any) -> Any:
@@ -158,16 +279,23 @@ def _plain(hint: Any) -> Any:
 
 def _type_name(hint: Any) -> str:
     plain = _plain(hint)
+    if typing.get_origin(plain) is typing.Literal:
+        return " or ".join(map(str, typing.get_args(plain)))
     return getattr(plain, "__name__", None) or str(plain) if not typing.get_args(plain) else str(plain)
 
 
-def _description(hint: Any) -> str:
-    return next((meta.description for meta in _metas(hint) if meta.description), "")
-
-
 def _about(hint: Any) -> str:
-    description = _description(hint)
-    return f" ({description})" if description else ""
+    """What a refused value should have been, in brackets: `(forward velocity, m/s; -5 to 5)`."""
+    text = _info("", hint, None).about
+    return f" ({text})" if text else ""
+
+
+def range_text(limits: Mapping[str, object]) -> str:
+    """The range that constraints leave: `-5 to 5`, `> 0 and <= 1000`."""
+    if "ge" in limits and "le" in limits:
+        return f"{limits['ge']} to {limits['le']}"
+    signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+    return " and ".join(f"{sign} {limits[key]}" for key, sign in signs.items() if key in limits)
 
 
 def _readable(error: str) -> str:
@@ -181,10 +309,4 @@ def _finite(value: object) -> bool:
         return all(map(_finite, value))
     if isinstance(value, dict):
         return all(map(_finite, value.values()))
-    if isinstance(value, msgspec.Struct):
-        return all(_finite(getattr(value, name)) for name in value.__struct_fields__)
     return True
-
-
-def _made(factory: Any) -> object:
-    return factory()

@@ -13,6 +13,7 @@ from robo import log
 from robo.discovery import wait_for_nodes
 from robo.errors import RoboError
 from robo.node import Node
+from robo.parameter_server import Said
 from robo.session import Mode, Network, close_session, open_session
 
 if TYPE_CHECKING:
@@ -29,6 +30,8 @@ class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):
     name: str | None = None
     namespace: str | None = None
     parameters: dict[str, object] = {}
+    sources: dict[str, list[Said]] = {}
+    """By parameter, all that was said of it, from the weakest to what holds."""
     remappings: dict[str, str] = {}
     needs: tuple[str, ...] = ()
     """Full names of nodes that this one must see before it starts."""
@@ -64,7 +67,13 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
         RoboError: it cannot be built, or cannot join the network.
     """
     log.setup()
-    node = node_class(name=spec.name, namespace=spec.namespace, parameters=spec.parameters, remappings=spec.remappings)
+    node = node_class(
+        name=spec.name,
+        namespace=spec.namespace,
+        parameters=spec.parameters,
+        remappings=spec.remappings,
+        sources=spec.sources,
+    )
 
     def stop(_number: int, _frame: "FrameType | None") -> None:
         node.shutdown(node.exit_code)

@@ -49,6 +49,7 @@ from robo_messages.sensor import (
     PointField,
     Range,
 )
+from robo_messages.services import Empty, SetBool, Trigger, halves_of, service_type_name
 from robo_messages.std import Bool, Duration, Header, String, Time
 from robo_messages.system import Clock, Log, Parameter, ParameterEvent
 
@@ -60,6 +61,7 @@ __all__ = [
     "DiagnosticArray",
     "DiagnosticStatus",
     "Duration",
+    "Empty",
     "Header",
     "Image",
     "Imu",
@@ -85,10 +87,12 @@ __all__ = [
     "PoseWithCovariance",
     "Quaternion",
     "Range",
+    "SetBool",
     "String",
     "Time",
     "Transform",
     "TransformStamped",
+    "Trigger",
     "Twist",
     "TwistStamped",
     "TwistWithCovariance",
@@ -99,8 +103,10 @@ __all__ = [
     "encode",
     "encode_json",
     "find_type",
+    "halves_of",
     "json_schema",
     "message",
+    "service_type_name",
     "type_name",
     "type_names",
 ]

@@ -18,6 +18,8 @@ class ParameterValue(msgspec.Struct, frozen=True):
     value: object
     source: str
     """`file:line:column`, or `command line`."""
+    over: "tuple[ParameterValue, ...]" = ()
+    """What else is said of it and does not count, from the weakest on."""
 
 
 class RestartPlan(msgspec.Struct, frozen=True, kw_only=True):

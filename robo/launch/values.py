@@ -36,6 +36,13 @@ class Setting(msgspec.Struct, frozen=True):
     name_at: Position
     value_at: Position
     shared: bool
+    over: "Setting | None" = None
+    """What was said before, and does not count."""
+
+    @property
+    def source(self) -> str:
+        """Where it is said, for people."""
+        return "command line" if self.name_at is COMMAND_LINE else str(self.name_at)
 
 
 class Assignment(msgspec.Struct, frozen=True):
@@ -95,13 +102,14 @@ def gather(said: Sequence[Said], namespace: str, node: str, files: Files) -> dic
         path = nearby(one.scope.folder / name)
         for entry, shared in files.entries_for(path, one.source.file.position, namespace, node):
             for key, value in entry.values.items():
-                found[key] = Setting(value, entry.positions[key], entry.places[key], shared)
+                found[key] = Setting(value, entry.positions[key], entry.places[key], shared, found.get(key))
     for one in holding:
         for said_value in one.source.values or ():
             tree = said_value.value
             value = one.scope.raw(tree) if isinstance(tree, Scalar) else one.scope.plain(tree)
             if value is not BROKEN:
-                found[said_value.key] = Setting(value, said_value.position, tree.position, one.shared)
+                key = said_value.key
+                found[key] = Setting(value, said_value.position, tree.position, one.shared, found.get(key))
     return found
 
 
@@ -139,13 +147,21 @@ def check(nodes: Sequence[Checked], problems: list[Problem], loose: list[Problem
                 elif name not in declared:
                     loose.append(_unknown_to_all(name, setting, declared))
                 continue
-            source = "command line" if setting.name_at is COMMAND_LINE else str(setting.name_at)
-            values[name] = ParameterValue(typed(setting.value, (own or {}).get(name)), source)
+            values[name] = _value(setting, (own or {}).get(name))
             mistake = node.answer.mistakes.get(name) if node.answer is not None else None
             if mistake is not None:
                 problems.append(Problem(setting.value_at, mistake))
         plain.append(values)
     return plain
+
+
+def _value(setting: Setting, parameter_type: str | None) -> ParameterValue:
+    weaker: list[ParameterValue] = []
+    other = setting.over
+    while other is not None:
+        weaker.append(ParameterValue(typed(other.value, parameter_type), other.source))
+        other = other.over
+    return ParameterValue(typed(setting.value, parameter_type), setting.source, tuple(reversed(weaker)))
 
 
 def _declared(node: Checked) -> Mapping[str, str] | None:
@@ -179,7 +195,7 @@ def assign(
             if (name := assignment.name_for(node, full_name)) is not None
         ]
         for settings, name in named or [(settings, assignment.left) for _, _, settings in nodes]:
-            settings[name] = Setting(assignment.value, COMMAND_LINE, COMMAND_LINE, shared=not named)
+            settings[name] = Setting(assignment.value, COMMAND_LINE, COMMAND_LINE, not named, settings.get(name))
         if not named and "." in assignment.left:
             node = assignment.left.partition(".")[0]
             close = difflib.get_close_matches(node, [name for name, _, _ in nodes], n=1)

@@ -22,6 +22,7 @@ from robo import discovery, names
 from robo.discovery import NodeToken
 from robo.errors import NetworkError
 from robo.launch.plan import Plan, ProcessPlan, StopPlan
+from robo.parameter_server import Said
 from robo.router import LINGER, NETWORK_VARIABLE
 from robo.runner import SPEC_VARIABLE, NodeSpec
 from robo.session import Network, close_session, open_session
@@ -132,6 +133,10 @@ class Supervisor:
             name=plan.name,
             namespace=plan.namespace,
             parameters={name: said.value for name, said in plan.parameters.items()},
+            sources={
+                name: [Said(one.value, one.source) for one in (*said.over, said)]
+                for name, said in plan.parameters.items()
+            },
             remappings=plan.remap,
             needs=tuple(name for name, until in plan.needs.items() if until == "ready" and self._shows_token(name)),
             mode="peer",

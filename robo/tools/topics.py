@@ -63,7 +63,7 @@ def list_topics(session: zenoh.Session, timeout: float = 1.0) -> list[Topic]:
     found: dict[str, tuple[set[str], set[str], set[str]]] = {}
     for reply in session.liveliness().get(ALL_TOKENS, timeout=timeout):
         token = parse_token(str(reply.ok.key_expr)) if reply.ok is not None else None
-        if isinstance(token, EndpointToken):
+        if isinstance(token, EndpointToken) and token.kind != "srv":
             types, publishers, subscribers = found.setdefault(token.topic, (set(), set(), set()))
             types.add(token.type_name)
             (publishers if token.kind == "pub" else subscribers).add("/" + token.namespace + "/" + token.node)

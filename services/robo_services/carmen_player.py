@@ -7,7 +7,7 @@ from typing import Annotated
 from msgspec import Meta
 
 import robo
-from robo import KEEP_ALL, Node, ParameterError, Publisher
+from robo import KEEP_ALL, READ_ONLY, Node, ParameterError, Publisher, Unit
 from robo_messages import LaserScan, Odometry
 from robo_services import carmen
 
@@ -21,12 +21,14 @@ class CarmenPlayer(Node):
     class Parameters(robo.Parameters):
         """What to play, and how fast."""
 
-        log: Annotated[str, Meta(description="the log file")] = ""
+        log: Annotated[str, Meta(description="the log file"), READ_ONLY] = ""
         rate: Annotated[
-            float, Meta(ge=0, description="1.0 as recorded, 2.0 twice as fast, 0 as fast as nothing is lost")
+            float, Meta(ge=0, description="1.0 as recorded, 2.0 twice as fast, 0 as fast as nothing is lost"), READ_ONLY
         ] = 1.0
-        delay: Annotated[float, Meta(ge=0, description="wait before the first record, for others to tune in, s")] = 0.0
-        range_max: Annotated[float, Meta(gt=0, description="longer ranges are no return, m")] = 80.0
+        delay: Annotated[
+            float, Meta(ge=0, description="wait before the first record, for others to tune in"), Unit("s"), READ_ONLY
+        ] = 0.0
+        range_max: Annotated[float, Meta(gt=0, description="longer ranges are no return"), Unit("m")] = 80.0
         odom_frame: str = "odom"
         base_frame: str = "base_link"
         laser_frame: str = "base_laser"

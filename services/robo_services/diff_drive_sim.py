@@ -2,12 +2,13 @@
 
 import math
 import time
+from functools import partial
 from typing import Annotated
 
 from msgspec import Meta
 
 import robo
-from robo import Node, Publisher, subscribe, timer
+from robo import READ_ONLY, Node, Publisher, Unit, service, subscribe, timer
 from robo_messages import (
     Header,
     LaserScan,
@@ -15,6 +16,7 @@ from robo_messages import (
     Point,
     Pose,
     PoseWithCovariance,
+    Trigger,
     Twist,
     TwistWithCovariance,
     Vector3,
@@ -44,29 +46,33 @@ class DiffDriveSim(Node):
     class Parameters(robo.Parameters):
         """The base, its laser and its world."""
 
-        world: Annotated[str, Meta(description="YAML file of walls, boxes and circles; empty: a 10 m room")] = ""
-        x: Annotated[float, Meta(description="where it starts, m")] = 0.0
-        y: Annotated[float, Meta(description="where it starts, m")] = 0.0
-        yaw: Annotated[float, Meta(description="where it looks at the start, rad")] = 0.0
-        seed: Annotated[int, Meta(description="of the laser's noise")] = 0
-        radius: Annotated[float, Meta(gt=0, description="of the round base, m")] = 0.2
-        max_linear_velocity: Annotated[float, Meta(gt=0, description="m/s")] = 1.5
-        max_angular_velocity: Annotated[float, Meta(gt=0, description="rad/s")] = 3.0
-        linear_acceleration: Annotated[float, Meta(gt=0, description="m/s²")] = 2.0
-        linear_deceleration: Annotated[float, Meta(gt=0, description="m/s²")] = 5.0
-        angular_acceleration: Annotated[float, Meta(gt=0, description="rad/s²")] = 6.0
-        cmd_vel_timeout: Annotated[float, Meta(gt=0, description="stand still without a command for this long, s")] = (
-            0.5
-        )
-        odom_rate: Annotated[float, Meta(gt=0, le=1000, description="steps and odometry messages per second, Hz")] = (
-            50.0
-        )
+        world: Annotated[
+            str, Meta(description="YAML file of walls, boxes and circles; empty: a 10 m room"), READ_ONLY
+        ] = ""
+        x: Annotated[float, Meta(description="where it starts"), Unit("m"), READ_ONLY] = 0.0
+        y: Annotated[float, Meta(description="where it starts"), Unit("m"), READ_ONLY] = 0.0
+        yaw: Annotated[float, Meta(description="where it looks at the start"), Unit("rad"), READ_ONLY] = 0.0
+        seed: Annotated[int, Meta(description="of the laser's noise"), READ_ONLY] = 0
+        radius: Annotated[float, Meta(gt=0, description="of the round base"), Unit("m"), READ_ONLY] = 0.2
+        max_linear_velocity: Annotated[float, Meta(gt=0), Unit("m/s"), READ_ONLY] = 1.5
+        max_angular_velocity: Annotated[float, Meta(gt=0), Unit("rad/s"), READ_ONLY] = 3.0
+        linear_acceleration: Annotated[float, Meta(gt=0), Unit("m/s²"), READ_ONLY] = 2.0
+        linear_deceleration: Annotated[float, Meta(gt=0), Unit("m/s²"), READ_ONLY] = 5.0
+        angular_acceleration: Annotated[float, Meta(gt=0), Unit("rad/s²"), READ_ONLY] = 6.0
+        cmd_vel_timeout: Annotated[
+            float, Meta(gt=0, description="stand still without a command for this long"), Unit("s")
+        ] = 0.5
+        odom_rate: Annotated[
+            float, Meta(gt=0, le=1000, description="steps and odometry messages per second"), Unit("Hz"), READ_ONLY
+        ] = 50.0
         laser: Annotated[bool, Meta(description="whether there is a laser")] = True
-        scan_rate: Annotated[float, Meta(gt=0, le=100, description="scans per second, Hz")] = 10.0
-        rays: Annotated[int, Meta(ge=1, le=10_000, description="of a scan, over the full turn")] = 360
-        range_min: Annotated[float, Meta(ge=0, description="m")] = 0.05
-        range_max: Annotated[float, Meta(gt=0, description="m")] = 12.0
-        range_noise: Annotated[float, Meta(ge=0, description="standard deviation of a range, m")] = 0.005
+        scan_rate: Annotated[float, Meta(gt=0, le=100, description="scans per second"), Unit("Hz")] = 10.0
+        rays: Annotated[int, Meta(ge=1, le=10_000, description="of a scan, over the full turn"), READ_ONLY] = 360
+        range_min: Annotated[float, Meta(ge=0), Unit("m"), READ_ONLY] = 0.05
+        range_max: Annotated[float, Meta(gt=0), Unit("m"), READ_ONLY] = 12.0
+        range_noise: Annotated[float, Meta(ge=0, description="standard deviation of a range"), Unit("m"), READ_ONLY] = (
+            0.005
+        )
         odom_frame: str = "odom"
         base_frame: str = "base_link"
         laser_frame: str = "base_laser"
@@ -88,7 +94,8 @@ class DiffDriveSim(Node):
             linear_deceleration=p.linear_deceleration,
             angular_acceleration=p.angular_acceleration,
         )
-        self._base = DiffDrive(surroundings, limits, Pose2(p.x, p.y, p.yaw))
+        self._new_base = partial(DiffDrive, surroundings, limits, Pose2(p.x, p.y, p.yaw))
+        self._base = self._new_base()
         self._laser = world.Laser(
             surroundings,
             rays=p.rays,
@@ -109,6 +116,13 @@ class DiffDriveSim(Node):
             self._command, self._command_time = twist, time.monotonic()
         else:
             self.logger.warning("ignored a command that holds NaN or an infinity", throttle=5.0)
+
+    @service("reset")
+    def reset(self, _request: Trigger.Request) -> Trigger.Response:
+        """Put the base back to where it started, standing still."""
+        self._base = self._new_base()
+        self._command_time = -math.inf
+        return Trigger.Response(message="back at the start")
 
     @timer(rate="odom_rate")
     def advance(self) -> None:

@@ -6,8 +6,8 @@ from typing import Annotated
 from msgspec import Meta
 
 import robo
-from robo import KEEP_ALL, Node, Publisher, subscribe, timer
-from robo_messages import Odometry, Point
+from robo import KEEP_ALL, Node, Publisher, Unit, service, subscribe, timer
+from robo_messages import Odometry, Point, Trigger
 from robo_services.utils import distance
 
 
@@ -17,8 +17,8 @@ class PositionTracker(Node):
     class Parameters(robo.Parameters):
         """When to speak up."""
 
-        max_distance: Annotated[float, Meta(gt=0, description="warn beyond this distance, m")] = 100.0
-        log_rate: Annotated[float, Meta(gt=0, le=1000, description="reports per second, Hz")] = 1.0
+        max_distance: Annotated[float, Meta(gt=0, description="warn beyond this distance"), Unit("m")] = 100.0
+        log_rate: Annotated[float, Meta(gt=0, le=1000, description="reports per second"), Unit("Hz")] = 1.0
 
     parameters: Parameters
 
@@ -47,6 +47,12 @@ class PositionTracker(Node):
             self.logger.warning(
                 "driven %.2f m, more than max_distance = %g m", self._total, self.parameters.max_distance
             )
+
+    @service("reset_distance")
+    def reset(self, _request: Trigger.Request) -> Trigger.Response:
+        """Count from 0 m again."""
+        driven, self._total, self._warned = self._total, 0.0, False
+        return Trigger.Response(message=f"{driven:.3f} m until now")
 
     @timer(rate="log_rate")
     def report(self) -> None:

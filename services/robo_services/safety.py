@@ -39,6 +39,8 @@ class Seen(msgspec.Struct, frozen=True, kw_only=True):
     scan_age: float = math.inf
     speed: float | None = None
     """Measured, m/s; None before the first odometry."""
+    emergency_stop: bool = False
+    """Whether somebody has called for it and nobody has released it."""
 
 
 class Decision(msgspec.Struct, frozen=True):
@@ -62,6 +64,8 @@ OVERSPEED = 1.1
 def decide(seen: Seen, limits: Limits) -> Decision:
     """Pass a command on, slow it down, or stop."""
     scan, command = seen.scan, seen.command
+    if seen.emergency_stop:
+        return _stop("emergency_stop", "emergency stop, until reset_emergency_stop is called")
     if scan is None:
         return _stop("no_scan", "no laser scan so far")
     if not seen.scan_age <= limits.scan_timeout:  # so that NaN is stale too

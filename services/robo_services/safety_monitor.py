@@ -7,8 +7,8 @@ from typing import Annotated
 from msgspec import Meta
 
 import robo
-from robo import Node, Publisher, subscribe, timer
-from robo_messages import DiagnosticStatus, KeyValue, LaserScan, Odometry, Twist
+from robo import Node, Publisher, Unit, service, subscribe, timer
+from robo_messages import DiagnosticStatus, KeyValue, LaserScan, Odometry, Trigger, Twist
 from robo_services.safety import Action, Decision, Limits, Seen, decide
 
 _LEVELS: dict[Action, int] = {
@@ -27,15 +27,19 @@ class SafetyMonitor(Node):
     class Parameters(robo.Parameters):
         """What is safe."""
 
-        min_distance: Annotated[float, Meta(ge=0, description="stop for an obstacle this near, m")] = 0.3
-        warning_distance: Annotated[float, Meta(ge=0, description="slow down for one nearer than this, m")] = 0.5
-        max_speed: Annotated[float, Meta(gt=0, description="m/s")] = 1.0
+        min_distance: Annotated[float, Meta(ge=0, description="stop for an obstacle this near"), Unit("m")] = 0.3
+        warning_distance: Annotated[float, Meta(ge=0, description="slow down for one nearer than this"), Unit("m")] = (
+            0.5
+        )
+        max_speed: Annotated[float, Meta(gt=0), Unit("m/s")] = 1.0
         sector: Annotated[
-            float, Meta(gt=0, le=2 * math.pi, description="angle around the motion in which obstacles count, rad")
+            float,
+            Meta(gt=0, le=2 * math.pi, description="angle around the motion in which obstacles count"),
+            Unit("rad"),
         ] = 2.0
-        scan_timeout: Annotated[float, Meta(gt=0, description="an older scan stops the robot, s")] = 0.25
-        command_timeout: Annotated[float, Meta(gt=0, description="an older command stops the robot, s")] = 0.5
-        rate: Annotated[float, Meta(gt=0, le=1000, description="decisions per second, Hz")] = 50.0
+        scan_timeout: Annotated[float, Meta(gt=0, description="an older scan stops the robot"), Unit("s")] = 0.25
+        command_timeout: Annotated[float, Meta(gt=0, description="an older command stops the robot"), Unit("s")] = 0.5
+        rate: Annotated[float, Meta(gt=0, le=1000, description="decisions per second"), Unit("Hz")] = 50.0
 
     parameters: Parameters
 
@@ -49,6 +53,7 @@ class SafetyMonitor(Node):
         self._scan: LaserScan | None = None
         self._scan_time = -math.inf
         self._speed: float | None = None
+        self._emergency_stop = False
         self._last: Decision | None = None
         self._last_state = -math.inf
 
@@ -68,6 +73,19 @@ class SafetyMonitor(Node):
         linear = odometry.twist.twist.linear
         self._speed = math.hypot(linear.x, linear.y)
 
+    @service("emergency_stop")
+    def stop_at_once(self, _request: Trigger.Request) -> Trigger.Response:
+        """Stop, and stay until `reset_emergency_stop`, whatever is commanded."""
+        self._emergency_stop = True
+        self.command.publish(Twist())
+        return Trigger.Response(message="stopped; call reset_emergency_stop to drive again")
+
+    @service("reset_emergency_stop")
+    def release(self, _request: Trigger.Request) -> Trigger.Response:
+        """Let the robot drive again, once nothing else speaks against it."""
+        was_stopped, self._emergency_stop = self._emergency_stop, False
+        return Trigger.Response(message="released" if was_stopped else "there was no emergency stop")
+
     @timer(rate="rate")
     def guard(self) -> None:
         """Decide, and tell the base."""
@@ -79,6 +97,7 @@ class SafetyMonitor(Node):
             scan=self._scan,
             scan_age=now - self._scan_time,
             speed=self._speed,
+            emergency_stop=self._emergency_stop,
         )
         limits = Limits(
             min_distance=p.min_distance,

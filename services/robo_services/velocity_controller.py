@@ -1,13 +1,16 @@
 """Drives at a set velocity."""
 
+from collections.abc import Set
 from typing import Annotated
 
 from msgspec import Meta
 
 import robo
-from robo import Node, Publisher, timer
+from robo import Node, Publisher, Unit, timer
 from robo_messages import Twist, Vector3
 from robo_services.limits import clamp, ramp
+
+_LIMITED = {"linear_velocity", "angular_velocity", "max_linear_velocity", "max_angular_velocity"}
 
 
 class VelocityController(Node):
@@ -16,13 +19,13 @@ class VelocityController(Node):
     class Parameters(robo.Parameters):
         """How fast, and how gently."""
 
-        linear_velocity: Annotated[float, Meta(ge=-5, le=5, description="forward velocity, m/s")] = 0.5
-        angular_velocity: Annotated[float, Meta(ge=-10, le=10, description="yaw rate, rad/s")] = 0.2
-        publish_rate: Annotated[float, Meta(gt=0, le=1000, description="commands per second, Hz")] = 10.0
-        max_linear_velocity: Annotated[float, Meta(ge=0, description="limit, m/s")] = 1.0
-        max_angular_velocity: Annotated[float, Meta(ge=0, description="limit, rad/s")] = 2.0
-        max_linear_acceleration: Annotated[float, Meta(gt=0, description="limit, m/s²")] = 1.0
-        max_angular_acceleration: Annotated[float, Meta(gt=0, description="limit, rad/s²")] = 2.0
+        linear_velocity: Annotated[float, Meta(ge=-5, le=5, description="forward velocity"), Unit("m/s")] = 0.5
+        angular_velocity: Annotated[float, Meta(ge=-10, le=10, description="yaw rate"), Unit("rad/s")] = 0.2
+        publish_rate: Annotated[float, Meta(gt=0, le=1000, description="commands per second"), Unit("Hz")] = 10.0
+        max_linear_velocity: Annotated[float, Meta(ge=0, description="limit"), Unit("m/s")] = 1.0
+        max_angular_velocity: Annotated[float, Meta(ge=0, description="limit"), Unit("rad/s")] = 2.0
+        max_linear_acceleration: Annotated[float, Meta(gt=0, description="limit"), Unit("m/s²")] = 1.0
+        max_angular_acceleration: Annotated[float, Meta(gt=0, description="limit"), Unit("rad/s²")] = 2.0
 
     parameters: Parameters
 
@@ -32,6 +35,14 @@ class VelocityController(Node):
         """Start from standstill."""
         self._linear = 0.0
         self._angular = 0.0
+        self._warn_of_limits()
+
+    def on_parameters_changed(self, names: Set[str]) -> None:
+        """Say what the limits make of new velocities."""
+        if not names.isdisjoint(_LIMITED):
+            self._warn_of_limits()
+
+    def _warn_of_limits(self) -> None:
         p = self.parameters
         for name, value, limit in (
             ("linear_velocity", p.linear_velocity, p.max_linear_velocity),

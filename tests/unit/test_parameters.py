@@ -34,7 +34,7 @@ def test_every_mistake_is_named_with_what_was_expected() -> None:
     with pytest.raises(ParameterError) as error:
         build(Tuning, {"rate": 0, "nmae": "x", "count": 9, "enabled": "yes", "gains": [math.inf]}, "/r1/base")
     text = str(error.value)
-    assert "rate = 0: expected float > 0.0 (Hz)" in text
+    assert "rate = 0: expected float > 0.0 (Hz; > 0)" in text
     assert "no parameter 'nmae'; did you mean name?" in text
     assert "count = 9: expected int <= 5" in text
     assert "enabled = 'yes': expected bool" in text

@@ -1,0 +1,158 @@
+"""A node's parameters on the network: queries on `<namespace>/<node>/parameters/<verb>`.
+
+| verb | request | reply |
+|---|---|---|
+| `list` | | `{names: […]}` |
+| `get` | `{names: […]}`, or nothing for all | `{name: value}` |
+| `describe` | the same | `{name: {type, value, default, description, unit, constraints, read_only}}` |
+| `explain` | the same | `{name: [{value, source}, …]}`, the last one wins |
+| `set` | `{name: value}` | `{successful, reason}`; all are set or none |
+
+Requests and replies are MessagePack; JSON requests are read too and answered in JSON.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import msgspec
+import zenoh
+
+from robo import codec, names, parameters, queries
+from robo.codec import Malformed
+from robo.errors import ParameterError
+from robo.parameters import ParameterInfo, Parameters
+from robo.queries import QueryLoop
+
+LONGEST_REQUEST = 1_000_000
+"""A longer request, in bytes, is refused unread."""
+
+VERBS = ("list", "get", "describe", "explain", "set")
+
+
+class Result(msgspec.Struct, frozen=True):
+    """What came of a `set`."""
+
+    successful: bool
+    reason: str = ""
+    """Why nothing was set."""
+
+
+class Said(msgspec.Struct, frozen=True):
+    """A value of a parameter and where it was said."""
+
+    value: object
+    source: str
+
+
+def parameters_key(namespace: str, node: str, verb: str) -> str:
+    """The key of a verb; `*` for all of them, or for all nodes of a namespace."""
+    return names.join(namespace, node, "parameters", verb)
+
+
+class ParameterServer:
+    """Answers queries about a node's parameters."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        namespace: str,
+        node: str,
+        current: Callable[[], Parameters],
+        infos: Sequence[ParameterInfo],
+        explain: Callable[[str], list[Said]],
+        set_all: Callable[[Mapping[str, object]], None],
+    ) -> None:
+        """
+        Args:
+            session: the network.
+            namespace, node: whose parameters.
+            current: the parameters now.
+            infos: their descriptions.
+            explain: everything that was said of one, from the weakest to what holds.
+            set_all: sets several, all or none; raises ParameterError.
+        """
+        self._namespace = namespace
+        self._node = node
+        self._current = current
+        self._infos = {info.name: info for info in infos}
+        self._explain = explain
+        self._set_all = set_all
+        self._loop = QueryLoop(session, parameters_key(namespace, node, "*"), self._answer)
+
+    def stop(self, timeout: float) -> bool:
+        """Take no more queries. Returns whether the last one was done within `timeout` seconds."""
+        return self._loop.stop(timeout)
+
+    def _answer(self, query: zenoh.Query) -> None:
+        payload = query.payload.to_bytes() if query.payload is not None else b""
+        in_json = payload.lstrip()[:1] in (b"{", b"[") or str(query.encoding).startswith(codec.JSON)
+        try:
+            request = _read(payload)
+            # One query may ask several verbs of several nodes: each answers with its own keys.
+            for verb in self._verbs(str(query.key_expr)):
+                key = parameters_key(self._namespace, self._node, verb)
+                self._reply(query, key, self._do(verb, request), in_json=in_json)
+        except (Malformed, ParameterError) as error:
+            queries.reply_error(query, type(error).__name__, str(error))
+
+    def _verbs(self, asked: str) -> list[str]:
+        last = asked.rpartition("/")[2]
+        if "*" not in last:
+            return [last] if last in VERBS else []
+        here = [verb for verb in VERBS if verb != "set"]
+        expression = zenoh.KeyExpr(asked)
+        return [v for v in here if expression.intersects(zenoh.KeyExpr(parameters_key(self._namespace, self._node, v)))]
+
+    def _reply(self, query: zenoh.Query, key: str, value: object, *, in_json: bool) -> None:
+        if in_json:
+            query.reply(key, msgspec.json.encode(value), encoding=codec.JSON)
+        else:
+            queries.reply(query, key, value)
+
+    def _do(self, verb: str, request: object) -> object:
+        if verb == "set":
+            try:
+                self._set_all(_changes(request))
+            except ParameterError as error:
+                return Result(False, str(error))
+            return Result(True)
+        if verb == "list":
+            return {"names": list(self._infos)}
+        wanted = self._wanted(request)
+        values = parameters.flat(self._current())
+        if verb == "get":
+            return {name: values[name] for name in wanted}
+        if verb == "explain":
+            return {name: self._explain(name) for name in wanted}
+        return {name: msgspec.structs.asdict(self._infos[name]) | {"value": values[name]} for name in wanted}
+
+    def _wanted(self, request: object) -> list[str]:
+        if request is None or request == {}:
+            return list(self._infos)
+        wanted = request.get("names") if isinstance(request, dict) else request
+        if not isinstance(wanted, list):
+            raise Malformed("expected {names: [...]}, or nothing for all parameters")
+        for name in wanted:
+            if not isinstance(name, str) or name not in self._infos:
+                import difflib  # only mistakes need it
+
+                close = difflib.get_close_matches(str(name), self._infos, n=1)
+                hint = f"; did you mean {close[0]}?" if close else ""
+                raise ParameterError(f"/{names.join(self._namespace, self._node)} has no parameter {str(name)!r}{hint}")
+        return wanted
+
+
+def _read(payload: bytes) -> object:
+    if len(payload) > LONGEST_REQUEST:
+        raise Malformed(f"the request is longer than {LONGEST_REQUEST:,} bytes")
+    return codec.decode_any(payload) if payload else None
+
+
+def _changes(request: object) -> dict[str, object]:
+    """`{name: value}`, or ROS's list of `{name: …, value: …}`."""
+    if isinstance(request, list) and all(
+        isinstance(item, dict) and {"name", "value"} <= item.keys() for item in request
+    ):
+        request = {item["name"]: item["value"] for item in request}
+    if not isinstance(request, dict) or not request or not all(isinstance(name, str) for name in request):
+        raise ParameterError("expected a map from names to values, {name: value}")
+    return request

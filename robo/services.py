@@ -1,0 +1,205 @@
+"""A node's live ends of services: what `@service` and `Client` become.
+
+A service is a queryable: the request is the query's payload, the answer its one reply, both MessagePack
+(JSON requests are read too). An exception in the handler goes back to the caller as an error reply.
+"""
+
+import itertools
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+import msgspec
+import zenoh
+
+import robo_messages
+from robo import codec, queries
+from robo.codec import Malformed, TopicDecoder
+from robo.discovery import EndpointToken
+from robo.errors import ServiceError, ServiceTimeout
+from robo.executor import Turn, paused, taking
+from robo.queries import Fault, QueryLoop
+from robo_messages import Message
+
+Q = TypeVar("Q", bound=Message)
+A = TypeVar("A", bound=Message)
+
+DEFAULT_TIMEOUT = 2.0
+"""How long a call waits for its answer, s."""
+
+
+def service_token(
+    namespace: str, node: str, request: type[Message], response: type[Message], key: str
+) -> EndpointToken:
+    """The announcement of a service."""
+    return EndpointToken(namespace, node, "srv", robo_messages.service_type_name(request, response), 0, key)
+
+
+class ServiceServer(Generic[Q, A]):
+    """Answers the calls of one service, one at a time and in order, in turn with the node's callbacks."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        token: EndpointToken,
+        request: type[Q],
+        response: type[A],
+        turn: Turn,
+        handler: Callable[[Q], A],
+        on_error: Callable[[BaseException], None],
+    ) -> None:
+        """`on_error` is told what the handler raised; the caller gets it as well."""
+        self.key = token.topic
+        self._decoder = TopicDecoder(request)
+        self._response = response
+        self._encoding = codec.encoding_of(response)
+        self._turn = turn
+        self._handler = handler
+        self._on_error = on_error
+        self.served = 0
+        """Calls answered."""
+        self._loop = QueryLoop(session, self.key, self._answer)
+        self._token = session.liveliness().declare_token(token.key())
+
+    def stop(self, timeout: float) -> bool:
+        """Take no more calls. Returns whether the handler came back within `timeout` seconds."""
+        self._token.undeclare()
+        return self._loop.stop(timeout)
+
+    def _answer(self, query: zenoh.Query) -> None:
+        payload = query.payload.to_bytes() if query.payload is not None else b"\x80"  # nothing is an empty map
+        try:
+            request = self._decode(payload, str(query.encoding))
+        except Malformed as reason:
+            queries.reply_error(query, "Malformed", str(reason))
+            return
+        try:
+            with taking(self._turn, self._loop.spare):
+                answer = self._handler(request)
+            if not isinstance(answer, self._response):
+                raise TypeError(f"the handler returned {type(answer).__name__}, not {self._response.__name__}")
+            queries.reply(query, self.key, answer, self._encoding)
+        except BaseException as error:
+            queries.reply_error(query, type(error).__name__, str(error))
+            self._on_error(error)
+        self.served += 1
+
+    def _decode(self, payload: bytes, encoding: str) -> Q:
+        try:
+            return self._decoder.fast(payload)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            return self._decoder.explain(payload, encoding)
+
+
+class ServiceClient(Generic[Q, A]):
+    """Calls one service."""
+
+    def __init__(
+        self, session: zenoh.Session, key: str, request: type[Q], response: type[A], timeout: float = DEFAULT_TIMEOUT
+    ) -> None:
+        self.key = key
+        self._session = session
+        self._encoding = codec.encoding_of(request)
+        self._request = request
+        self._decoder = TopicDecoder(response)
+        self._timeout = timeout
+        self._numbers = itertools.count(1)
+        self._present = threading.Event()
+        self._querier = session.declare_querier(
+            key, target=zenoh.QueryTarget.ALL_COMPLETE, consolidation=zenoh.ConsolidationMode.NONE
+        )
+        self._listener = self._querier.declare_matching_listener(self._notice)
+        self._notice(self._querier.matching_status)
+
+    def __call__(self, request: Q, timeout: float | None = None) -> A:
+        """Call the service and wait for its answer; other callbacks of the node may run meanwhile.
+
+        Args:
+            request: what to ask.
+            timeout: how long to wait, s; by default what the client was made with.
+
+        Raises:
+            ServiceTimeout: nobody serves it, the server died, or it took longer.
+            ServiceError: the handler raised; carries its message.
+            TypeError: it is no request of this service.
+        """
+        if not isinstance(request, self._request):
+            raise TypeError(f"{self.key} takes {robo_messages.type_name(self._request)}, not {type(request).__name__}")
+        with paused():
+            return self._call(request, self._timeout if timeout is None else timeout)
+
+    def wait_for_service(self, timeout: float) -> bool:
+        """Wait until somebody serves it. Returns whether somebody does, within `timeout` seconds."""
+        with paused():
+            return self._present.wait(timeout)
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._listener.undeclare()
+        self._querier.undeclare()
+
+    def _notice(self, status: Any) -> None:
+        (self._present.set if status.matching else self._present.clear)()
+
+    def _call(self, request: Q, timeout: float) -> A:
+        begin = time.monotonic()
+        if not self._present.wait(timeout):
+            raise ServiceTimeout(f"service {self.key}: nobody serves it (waited {timeout:g} s)")
+        left = max(timeout - (time.monotonic() - begin), 0.001)
+        return self._decode(ask(self._session, self.key, self._encoded(request), self._encoding, left, timeout))
+
+    def _encoded(self, request: Q) -> tuple[bytes, bytes]:
+        attachment = codec.pack_attachment(next(self._numbers), time.time_ns())
+        return msgspec.msgpack.encode(request), attachment
+
+    def _decode(self, sample: zenoh.Sample) -> A:
+        payload = sample.payload.to_bytes()
+        try:
+            return self._decoder.fast(payload)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            try:
+                return self._decoder.explain(payload, str(sample.encoding))
+            except Malformed as reason:
+                raise ServiceError(f"service {self.key}: the answer is {reason}") from None
+
+
+def ask(
+    session: zenoh.Session, key: str, request: tuple[bytes, bytes], encoding: str, timeout: float, granted: float
+) -> zenoh.Sample:
+    """Send one request, payload and attachment, and wait for its answer.
+
+    Args:
+        session: whose network to ask on.
+        key: of the service.
+        request: payload and attachment.
+        encoding: of the payload.
+        timeout: how long to wait, s.
+        granted: what the caller was ready to wait in all, for the message.
+
+    Raises:
+        ServiceTimeout: there was no answer.
+        ServiceError: the handler raised.
+    """
+    replies = session.get(
+        key,
+        payload=request[0],
+        attachment=request[1],
+        encoding=encoding,
+        timeout=timeout,
+        target=zenoh.QueryTarget.ALL_COMPLETE,
+        consolidation=zenoh.ConsolidationMode.NONE,
+    )
+    begin = time.monotonic()
+    for reply in replies:
+        if reply.ok is not None:
+            return reply.ok
+        if reply.err is not None:
+            try:
+                fault = msgspec.msgpack.decode(reply.err.payload.to_bytes(), type=Fault)
+            except (msgspec.DecodeError, UnicodeDecodeError):
+                break  # Zenoh's own word for a server that did not answer in time
+            raise ServiceError(f"service {key}: {fault.error}: {fault.message}", fault.error, fault.message)
+    if time.monotonic() - begin < timeout * 0.9:
+        raise ServiceTimeout(f"service {key}: its server went away without an answer")
+    raise ServiceTimeout(f"service {key} did not answer within {granted:g} s")

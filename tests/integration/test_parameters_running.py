@@ -1,0 +1,245 @@
+"""Parameters that change while a node runs, as other nodes and foreign clients change them."""
+
+import json
+import threading
+import time
+from collections.abc import Set
+from typing import Annotated, Any, Literal
+
+import msgpack
+import msgspec
+import pytest
+import zenoh
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from msgspec import Meta
+
+import robo
+from robo import READ_ONLY, Node, ParameterError, Publisher, Unit, timer
+from robo.discovery import wait_for_nodes
+from robo_messages import String
+from tests.support import Inbox
+
+
+class Gains(msgspec.Struct, frozen=True):
+    p: Annotated[float, Meta(ge=0)] = 1.0
+    i: float = 0.0
+
+
+class Base(Node):
+    """Has parameters of every kind."""
+
+    class Parameters(robo.Parameters):
+        speed: Annotated[float, Meta(ge=-5, le=5, description="how fast"), Unit("m/s")] = 0.5
+        rate: Annotated[float, Meta(gt=0)] = 20.0
+        mode: Literal["slow", "fast"] = "slow"
+        gains: Gains = Gains()
+        frame: Annotated[str, READ_ONLY] = "base_link"
+        names: list[str] = msgspec.field(default_factory=list)
+
+    parameters: Parameters
+    beat = Publisher(String, "beat")
+
+    def on_start(self) -> None:
+        self.told: list[set[str]] = []
+
+    def on_parameters_changing(self, new: Parameters) -> None:
+        if new.mode == "fast" and new.speed < 1:
+            raise ValueError("fast needs a speed of at least 1 m/s")
+
+    def on_parameters_changed(self, names: Set[str]) -> None:
+        self.told.append(set(names))
+
+    @timer(rate="rate")
+    def tick(self) -> None:
+        self.beat.publish(String(f"{self.parameters.speed} {self.parameters.gains.p}"))
+
+
+def ask(session: zenoh.Session, verb: str, request: object = None, *, as_json: bool = False) -> Any:
+    payload = None if request is None else json.dumps(request).encode() if as_json else msgpack.packb(request)
+    (reply,) = session.get(f"r1/base/parameters/{verb}", payload=payload, timeout=5)
+    if reply.ok is None:
+        assert reply.err is not None
+        raise RuntimeError(msgpack.unpackb(reply.err.payload.to_bytes())["message"])
+    answer = reply.ok.payload.to_bytes()
+    return json.loads(answer) if as_json else msgpack.unpackb(answer)
+
+
+@pytest.fixture
+def base(session: zenoh.Session, other: zenoh.Session) -> Any:
+    with Base(namespace="r1", session=session) as node:
+        assert not wait_for_nodes(other, ["/r1/base"], 10)
+        yield node
+
+
+def test_any_client_reads_and_sets(base: Base, other: zenoh.Session) -> None:
+    assert ask(other, "list")["names"] == ["speed", "rate", "mode", "gains.p", "gains.i", "frame", "names"]
+    assert ask(other, "get", {"names": ["speed", "gains.p"]}) == {"speed": 0.5, "gains.p": 1.0}
+    assert ask(other, "set", {"speed": 1, "gains.p": 2.5}) == {"successful": True, "reason": ""}
+    assert ask(other, "set", {"gains": {"i": 3}}, as_json=True) == {"successful": True, "reason": ""}
+    assert base.parameters.gains == Gains(2.5, 3.0)
+    described = ask(other, "describe", {"names": ["speed"]}, as_json=True)["speed"]
+    assert described == {
+        "name": "speed", "type": "float", "default": 0.5, "value": 1.0, "description": "how fast", "unit": "m/s",
+        "constraints": {"ge": -5, "le": 5}, "read_only": False,
+    }  # fmt: skip
+    assert base.told == [{"speed", "gains.p"}, {"gains.i"}]
+    explained = ask(other, "explain", {"names": ["speed"]})["speed"]
+    assert explained == [{"value": 0.5, "source": "declared default"}, {"value": 1.0, "source": "set while running"}]
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"speed": 99}, "/r1/base: speed = 99: expected float <= 5.0 (how fast, m/s; -5 to 5)"),
+        ({"speed": float("nan")}, "speed = nan: expected float >= -5.0"),
+        ({"gains.i": float("inf")}, "gains.i = inf: expected a finite number"),
+        ({"sped": 1}, "/r1/base has no parameter 'sped'; did you mean speed?"),
+        ({"frame": "x"}, "frame is read-only; start the node with another value"),
+        ({"mode": "fast"}, "/r1/base refuses: fast needs a speed of at least 1 m/s"),
+        ({"speed": 2.0, "gains.p": -1}, "gains.p = -1: expected float >= 0.0"),
+        ({"speed": 2.0, "gains": 7}, "no parameter 'gains'"),
+        ({}, "expected a map from names to values"),
+    ],
+)
+def test_a_refused_change_changes_nothing_and_says_why(
+    changes: dict[str, object], reason: str, base: Base, other: zenoh.Session
+) -> None:
+    before = ask(other, "get")
+    answer = ask(other, "set", changes)
+    assert not answer["successful"]
+    assert reason in answer["reason"]
+    assert ask(other, "get") == before
+    assert base.told == []
+
+
+def test_events_tell_of_changes_and_timers_follow_at_once(base: Base, other: zenoh.Session) -> None:
+    events, beats = Inbox(other, "r1/parameter_events"), Inbox(other, "r1/beat")
+    beats.wait_for(1)
+    base.set_parameters(rate=0.01)
+    beats.forget()
+    base.set_parameters({"rate": 50.0}, speed=2.0)
+    beats.wait_for(3)
+    assert beats.messages[-1] == {"data": "2.0 1.0"}
+    events.wait_for(2)
+    assert [[p["name"] for p in e["changed_parameters"]] for e in events.messages] == [["rate"], ["speed", "rate"]]
+    assert events.messages[0]["node"] == "/r1/base"
+
+
+def test_a_callback_may_set_its_own_parameters(session: zenoh.Session, other: zenoh.Session) -> None:
+    class Counting(Base):
+        @timer(rate=100.0)
+        def count(self) -> None:
+            if self.parameters.speed < 3:
+                self.set_parameters(speed=self.parameters.speed + 0.5)
+
+    with Counting(name="base", namespace="r1", session=session):
+        events = Inbox(other, "r1/parameter_events")
+        events.wait_until(lambda es: es[-1]["changed_parameters"][0]["value"] == 3.0, "it counts up")
+
+
+def test_a_hook_that_fails_refuses(session: zenoh.Session) -> None:
+    class Broken(Base):
+        def on_parameters_changing(self, new: Base.Parameters) -> None:
+            raise KeyError(f"oops {new.speed}")
+
+    node = Broken(name="base", namespace="r1", session=session)
+    with node:
+        with pytest.raises(ParameterError, match=r"refuses: 'oops 1\.0'"):
+            node.set_parameters(speed=1.0)
+        assert node.parameters.speed == 0.5
+        assert node.status.callback_errors == 1
+
+
+@pytest.mark.usefixtures("base")
+def test_many_sets_from_many_clients_lose_and_tear_nothing(other: zenoh.Session) -> None:
+    """Each client sets two values that belong together; events come in the order of the sets."""
+    count = 500
+    events = Inbox(other, "r1/parameter_events")
+    beats = Inbox(other, "r1/beat")
+    beats.wait_for(1)
+
+    def work(client: int) -> None:
+        for i in range(count):
+            value = client + i / count
+            assert ask(other, "set", {"speed": value, "gains.p": value})["successful"]
+
+    threads = [threading.Thread(target=work, args=(client,)) for client in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    last = ask(other, "get", {"names": ["speed", "gains.p"]})
+    assert last["speed"] == last["gains.p"]
+    events.wait_until(
+        lambda es: {p["name"]: p["value"] for p in es[-1]["changed_parameters"]} == last,
+        "the last event is the last set",
+    )
+    for beat in beats.messages:
+        speed, p = beat["data"].split()
+        assert speed == p or (speed, p) == ("0.5", "1.0")
+    per_client: dict[int, list[float]] = {}
+    for event in events.messages:
+        value = next(p["value"] for p in event["changed_parameters"] if p["name"] == "speed")
+        per_client.setdefault(int(value), []).append(value)
+    assert all(values == sorted(values) for values in per_client.values())
+    assert sum(map(len, per_client.values())) >= 4 * count - 4  # a value set twice in a row is no change
+
+
+requests = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=10) | st.binary(max_size=10),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3),
+    max_leaves=10,
+)
+named = st.dictionaries(
+    st.sampled_from(["speed", "mode", "gains", "gains.p", "frame", "names", "x"]), requests, max_size=3
+)
+
+
+@given(st.one_of(requests, named), st.binary(max_size=64))
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=60)
+def test_fuzzed_requests_are_refused_or_leave_valid_values(
+    base: Base, other: zenoh.Session, request: object, noise: bytes
+) -> None:
+    before = ask(other, "get")
+    try:
+        payload = msgpack.packb(request)
+    except (OverflowError, ValueError):
+        payload = noise
+    for body in (payload, noise, payload[: len(payload) // 2]):
+        for verb in ("set", "get", "describe", "explain", "list", "nonsense"):
+            list(other.get(f"r1/base/parameters/{verb}", payload=body, timeout=5))
+    after = ask(other, "get")
+    assert after == before or base.told
+    assert -5 <= after["speed"] <= 5
+    assert after["frame"] == "base_link"
+
+
+def test_huge_and_deep_requests_are_refused(base: Base, other: zenoh.Session) -> None:
+    for payload in (b"x" * 2_000_000, b"\x91" * 100_000, b"[" * 100_000, b"\x81\xa1x" * 50_000):
+        (reply,) = other.get("r1/base/parameters/set", payload=payload, timeout=5)
+        assert reply.ok is None or not msgpack.unpackb(reply.ok.payload.to_bytes())["successful"]
+    assert base.parameters == Base.Parameters()
+
+
+@pytest.mark.usefixtures("base")
+def test_one_query_reads_the_parameters_of_all_nodes(session: zenoh.Session, other: zenoh.Session) -> None:
+    with Base(name="second", namespace="r1", session=session):
+        assert not wait_for_nodes(other, ["/r1/second"], 10)
+        keys = {str(r.ok.key_expr) for r in other.get("r1/*/parameters/get", timeout=5) if r.ok}
+        assert keys == {"r1/base/parameters/get", "r1/second/parameters/get"}
+
+
+def test_a_set_waits_for_the_callback_that_runs(session: zenoh.Session, other: zenoh.Session) -> None:
+    class Slow(Base):
+        @timer(rate=10.0)
+        def dawdle(self) -> None:
+            before = self.parameters
+            time.sleep(0.05)
+            assert self.parameters is before
+
+    with Slow(name="base", namespace="r1", session=session) as node:
+        assert not wait_for_nodes(other, ["/r1/base"], 10)
+        for i in range(10):
+            assert ask(other, "set", {"speed": i / 10 + 1})["successful"]
+        assert node.status.callback_errors == 0
