@@ -9,6 +9,8 @@
     ├── ServiceError          a service's handler raised, or its answer cannot be read
     │   └── ServiceTimeout    a service did not answer in time, or nobody serves it
     ├── ManifestError         a launch manifest with mistakes
+    ├── NodeNotFound          no node of this name runs
+    ├── NodeUnreachable       a node runs and does not answer
     └── UsageError            a command line that makes no sense
 
 Each message tells what is wrong, where, and what to do. A user's own mistake is one of these and
@@ -57,6 +59,14 @@ class ServiceTimeout(ServiceError, TimeoutError):
 
 class ManifestError(RoboError):
     """A launch manifest has mistakes; the message has them all, each with its position."""
+
+
+class NodeNotFound(RoboError, LookupError):
+    """No node of this name runs, or several do."""
+
+
+class NodeUnreachable(RoboError, TimeoutError):
+    """A node runs and does not answer."""
 
 
 class UsageError(RoboError):

@@ -12,6 +12,7 @@ number. Where several entries match, the more specific one wins, whatever their 
 
 import difflib
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -153,11 +154,22 @@ def _holds_ros(entry: Entry) -> bool:
     return isinstance(entry.value, Map) and any(child.key == ROS_KEY or _holds_ros(child) for child in entry.value)
 
 
+def flat_entries(values: Map, prefix: str = "") -> Iterator[tuple[str, Entry]]:
+    """Single parameters by name; those of a map within have names with dots: `{gains: {p: 1}}` is `gains.p`."""
+    for entry in values:
+        name = f"{prefix}{entry.key}"
+        if isinstance(entry.value, Map) and entry.value.entries:
+            yield from flat_entries(entry.value, f"{name}.")
+        else:
+            yield name, entry
+
+
 def _entry(pattern: str, values: Map, position: Position) -> ParameterEntry:
+    named = dict(flat_entries(values))
     return ParameterEntry(
         pattern,
-        {entry.key: plain(entry.value) for entry in values},
-        {entry.key: entry.position for entry in values},
-        {entry.key: entry.value.position for entry in values},
+        {name: plain(entry.value) for name, entry in named.items()},
+        {name: entry.position for name, entry in named.items()},
+        {name: entry.value.position for name, entry in named.items()},
         position,
     )

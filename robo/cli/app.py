@@ -4,6 +4,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -26,6 +27,10 @@ app = typer.Typer(
 )
 topic = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Look at topics.")
 app.add_typer(topic, name="topic")
+param = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Look at and change parameters of running nodes.")
+app.add_typer(param, name="param")
+service = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Look at and call services.")
+app.add_typer(service, name="service")
 
 RobotName = Annotated[
     str | None, typer.Option("--robot-name", metavar="NAME", help="Namespace of the robot.", show_default=False)
@@ -39,6 +44,9 @@ Listen = Annotated[
     typer.Option("--listen", metavar="ENDPOINT", help="Listen here instead of tcp/127.0.0.1:7447 (or ROBO_LISTEN)."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+NodeName = Annotated[str, typer.Argument(metavar="NODE", help="A node's full name, or its name where only one has it.")]
+Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Parameters; all where none is named.")]
+ServiceKey = Annotated[str, typer.Argument(metavar="SERVICE", help="A service's full name, for example r1/reset.")]
 Keys = Annotated[str, typer.Argument(metavar="KEY", help="A topic's full name, for example r1/odom; * and ** match.")]
 
 
@@ -252,3 +260,156 @@ def topic_hz(
         from robo.cli.topic import print_rates
 
         print_rates(key, count=count, duration=duration, json=json, connect=connect or [])
+
+
+@param.command("list", epilog=examples("robo param list", "robo param list velocity_controller --json"))
+def param_list(
+    node: Annotated[str | None, typer.Argument(metavar="[NODE]", help="Only this node.")] = None,
+    json: Json = False,
+    connect: Connect = None,
+) -> None:
+    """List parameters and their values, of one node or of all."""
+    with errors():
+        from robo.cli.param import print_list
+
+        print_list(node, json=json, connect=connect or [])
+
+
+@param.command("get", epilog=examples("robo param get /r1/velocity_controller linear_velocity"))
+def param_get(
+    node: NodeName,
+    names: Annotated[list[str], typer.Argument(metavar="NAME", help="Parameters.")],
+    json: Json = False,
+    connect: Connect = None,
+) -> None:
+    """Print values, one a line."""
+    with errors():
+        from robo.cli.param import print_values
+
+        print_values(node, names, json=json, connect=connect or [])
+
+
+@param.command(
+    "set",
+    context_settings={"ignore_unknown_options": True},
+    epilog=examples(
+        "robo param set /r1/velocity_controller linear_velocity 0.3",
+        "robo param set velocity_controller linear_velocity:=0.3 angular_velocity:=-0.1",
+    ),
+)
+def param_set(
+    node: NodeName,
+    words: Annotated[list[str], typer.Argument(metavar="NAME VALUE | NAME:=VALUE", help="What to set.")],
+    connect: Connect = None,
+) -> None:
+    """Set parameters of a running node: all of them, or none."""
+    with errors():
+        from robo.cli.param import set_values
+
+        set_values(node, words, connect=connect or [])
+
+
+@param.command(
+    "describe", epilog=examples("robo param describe safety_monitor", "robo param describe safety_monitor rate")
+)
+def param_describe(node: NodeName, names: Names = None, json: Json = False, connect: Connect = None) -> None:
+    """Print type, range, unit, default and description."""
+    with errors():
+        from robo.cli.param import print_descriptions
+
+        print_descriptions(node, names or [], json=json, connect=connect or [])
+
+
+@param.command("dump", epilog=examples("robo param dump velocity_controller", "robo param dump --all -o params.yaml"))
+def param_dump(
+    node: Annotated[str | None, typer.Argument(metavar="[NODE]", help="A node.")] = None,
+    every: Annotated[bool, typer.Option("--all", help="Every node.")] = False,
+    file: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write it there.")] = None,
+    connect: Connect = None,
+) -> None:
+    """Write values as a parameter file, which `robo up` and ROS 2 read."""
+    with errors():
+        if every == (node is not None):
+            raise UsageError("name a node, or say --all")
+        from robo.cli.param import dump
+
+        dump(node, file, connect=connect or [])
+
+
+@param.command("load", epilog=examples("robo param load velocity_controller params.yaml"))
+def param_load(
+    node: NodeName,
+    file: Annotated[str, typer.Argument(metavar="FILE", help="A parameter file.")],
+    connect: Connect = None,
+) -> None:
+    """Set what a parameter file says of a running node: all of it, or nothing."""
+    with errors():
+        from robo.cli.param import load
+
+        load(node, file, connect=connect or [])
+
+
+@param.command("explain", epilog=examples("robo param explain velocity_controller linear_velocity"))
+def param_explain(node: NodeName, names: Names = None, json: Json = False, connect: Connect = None) -> None:
+    """Print everything that was said of parameters, from the weakest to what holds, each with its place."""
+    with errors():
+        from robo.cli.param import explain
+
+        explain(node, names or [], json=json, connect=connect or [])
+
+
+@param.command("watch", epilog=examples("robo param watch", "robo param watch velocity_controller --json"))
+def param_watch(
+    node: Annotated[str | None, typer.Argument(metavar="[NODE]", help="Only this node.")] = None,
+    json: Json = False,
+    connect: Connect = None,
+) -> None:
+    """Print changes of parameters as they come."""
+    with errors():
+        from robo.cli.param import watch
+
+        watch(node, json=json, connect=connect or [])
+
+
+@service.command("list", epilog=examples("robo service list", "robo service list --json"))
+def service_list(json: Json = False, connect: Connect = None) -> None:
+    """List services with their types and servers."""
+    with errors():
+        from robo.cli.service import print_services
+
+        print_services(json=json, connect=connect or [])
+
+
+@service.command("type", epilog=examples("robo service type r1/reset_distance"))
+def service_type(key: ServiceKey, connect: Connect = None) -> None:
+    """Print the type of a service."""
+    with errors():
+        from robo.cli.service import print_type
+
+        print_type(key, connect=connect or [])
+
+
+@service.command("info", epilog=examples("robo service info r1/reset_distance"))
+def service_info(key: ServiceKey, json: Json = False, connect: Connect = None) -> None:
+    """Print who serves a service, what it takes and what it returns."""
+    with errors():
+        from robo.cli.service import print_info
+
+        print_info(key, json=json, connect=connect or [])
+
+
+@service.command(
+    "call", epilog=examples("robo service call r1/reset_distance", "robo service call r1/lights '{data: true}' --json")
+)
+def service_call(
+    key: ServiceKey,
+    request: Annotated[str | None, typer.Argument(metavar="[REQUEST]", help="YAML or JSON; by default {}.")] = None,
+    timeout: Annotated[float, typer.Option("--timeout", metavar="S", help="How long to wait for the answer.")] = 2.0,
+    json: Json = False,
+    connect: Connect = None,
+) -> None:
+    """Call a service and print its answer."""
+    with errors():
+        from robo.cli.service import call
+
+        call(key, request, timeout=timeout, json=json, connect=connect or [])

@@ -6,52 +6,40 @@ from collections.abc import Sequence
 
 import msgspec
 
+from robo.cli.connection import connect_to_robot, hint, print_json, print_line, print_table
 from robo.names import key_of
-from robo.session import Network, open_session
 from robo.tools import topics
 from robo.tools.topics import Rate, RateMeter, Received, Stream
-
-import zenoh  # isort: skip  (after robo.session, which sets how Zenoh starts its threads)
-
-TIMEOUT = 0.8
-"""How long to look for a running robot, s."""
-
-
-def _open(connect: Sequence[str]) -> zenoh.Session:
-    network = Network.from_environment("client", connect)
-    return open_session(msgspec.structs.replace(network, timeout=TIMEOUT))
 
 
 def print_topics(*, json: bool, connect: Sequence[str]) -> None:
     """Print the table of topics."""
-    with _open(connect) as session:
+    with connect_to_robot(connect) as session:
         found = topics.list_topics(session)
     if json:
         for topic in found:
-            _print_json(topic)
+            print_json(topic)
         return
     if not found:
         print("no topics", file=sys.stderr)
         return
     rows = [("TOPIC", "TYPE", "PUBLISHERS", "SUBSCRIBERS")]
     rows += [(t.key, ", ".join(t.types), _count(t.publishers), _count(t.subscribers)) for t in found]
-    widths = [max(len(row[i]) for row in rows) for i in range(3)]
-    for row in rows:
-        print(_line("  ".join(cell.ljust(width) for cell, width in zip(row, [*widths, 0], strict=True)).rstrip()))
+    print_table(rows)
 
 
 def print_messages(key: str, *, once: bool, json: bool, connect: Sequence[str]) -> None:
     """Print messages until Ctrl-C, or one."""
     expression = key_of(key)
-    with _open(connect) as session:
+    with connect_to_robot(connect) as session:
         stream = Stream(session, expression)
-        _hint(f"waiting for {expression} …")
+        hint(f"waiting for {expression} …")
         for sample in stream.samples():
             received = topics.read(sample)
             if json:
-                _print_json(msgspec.structs.replace(received, message=topics.jsonable(received.message)))
+                print_json(msgspec.structs.replace(received, message=topics.jsonable(received.message)))
             else:
-                _print(_message_text(received))
+                print_line(_message_text(received))
             if once:
                 break
 
@@ -59,9 +47,9 @@ def print_messages(key: str, *, once: bool, json: bool, connect: Sequence[str]) 
 def print_rates(key: str, *, count: int | None, duration: float | None, json: bool, connect: Sequence[str]) -> None:
     """Print the rate of each topic once a second."""
     expression = key_of(key)
-    with _open(connect) as session:
+    with connect_to_robot(connect) as session:
         stream = Stream(session, expression)
-        _hint(f"waiting for {expression} …")
+        hint(f"waiting for {expression} …")
         meters: dict[str, RateMeter] = {}
         due = time.monotonic() + 1.0
         shown = 0
@@ -81,9 +69,9 @@ def _print_windows(meters: dict[str, RateMeter], *, json: bool) -> int:
     found = [rate for meter in meters.values() if (rate := meter.window()) is not None]
     for rate in found:
         if json:
-            _print_json(rate)
+            print_json(rate)
         else:
-            _print(_rate_text(rate))
+            print_line(_rate_text(rate))
     return 1 if found else 0
 
 
@@ -113,20 +101,3 @@ def _short_bytes(value: object) -> object:
 
 def _count(names: list[str]) -> str:
     return ", ".join(names) or "-"
-
-
-def _hint(text: str) -> None:
-    if sys.stderr.isatty():
-        print(text, file=sys.stderr)
-
-
-def _line(text: str) -> str:
-    return f"\x1b[1m{text}\x1b[0m" if text.startswith("TOPIC") and sys.stdout.isatty() else text
-
-
-def _print_json(value: object) -> None:
-    _print(msgspec.json.encode(value).decode())
-
-
-def _print(text: str) -> None:
-    print(text, flush=True)

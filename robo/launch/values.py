@@ -16,7 +16,7 @@ from robo.launch.find import nearby
 from robo.launch.manifest import ParameterSource
 from robo.launch.plan import ParameterValue
 from robo.launch.substitution import BROKEN, Scope, Word
-from robo.parameter_files import ParameterEntry, ParameterFile
+from robo.parameter_files import ParameterEntry, ParameterFile, flat_entries
 from robo.yaml_tree import Position, Problem, Scalar
 
 
@@ -104,11 +104,10 @@ def gather(said: Sequence[Said], namespace: str, node: str, files: Files) -> dic
             for key, value in entry.values.items():
                 found[key] = Setting(value, entry.positions[key], entry.places[key], shared, found.get(key))
     for one in holding:
-        for said_value in one.source.values or ():
+        for key, said_value in flat_entries(one.source.values) if one.source.values is not None else ():
             tree = said_value.value
             value = one.scope.raw(tree) if isinstance(tree, Scalar) else one.scope.plain(tree)
             if value is not BROKEN:
-                key = said_value.key
                 found[key] = Setting(value, said_value.position, tree.position, one.shared, found.get(key))
     return found
 

@@ -1,0 +1,192 @@
+"""`robo param`: printing and changing parameters of running nodes."""
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+import zenoh
+
+from robo import codec
+from robo.cli.connection import connect_to_robot, hint, print_json, print_line
+from robo.discovery import NodeToken
+from robo.errors import NodeUnreachable, UsageError
+from robo.parameters import range_text
+from robo.tools import nodes, parameters
+from robo.tools.parameters import Described
+from robo.tools.topics import Stream
+from robo_messages import ParameterEvent
+
+
+def print_list(node: str | None, *, json: bool, connect: Sequence[str]) -> None:
+    """Print the parameters of one node or of all, with their values."""
+    with connect_to_robot(connect) as session:
+        found, silent = _read([_find(session, node)] if node else nodes.list_nodes(session), session)
+    if json:
+        print_json(found)
+    else:
+        for name, values in found.items():
+            print_line(name)
+            width = max(map(len, values), default=0)
+            for parameter, value in values.items():
+                print_line(f"  {parameter:{width}} = {_text(value)}")
+    _complain_of(silent)
+
+
+def print_values(node: str, names: Sequence[str], *, json: bool, connect: Sequence[str]) -> None:
+    """Print single values, without anything around them."""
+    with connect_to_robot(connect) as session:
+        values = parameters.get(session, _find(session, node), names)
+    if json:
+        print_json(values)
+    else:
+        for name in names:
+            print_line(_text(values[name]))
+
+
+def set_values(node: str, words: Sequence[str], *, connect: Sequence[str]) -> None:
+    """`NAME VALUE`, or several `NAME:=VALUE`.
+
+    Raises:
+        UsageError: the words are neither.
+        ParameterError: the node refuses; nothing is set.
+    """
+    if all(":=" in word for word in words):
+        texts = {name: value for name, _, value in (word.partition(":=") for word in words)}
+    elif len(words) == 2:
+        texts = {words[0]: words[1]}
+    else:
+        raise UsageError("write NAME VALUE, or several NAME:=VALUE")
+    with connect_to_robot(connect) as session:
+        token = _find(session, node)
+        described = parameters.describe(session, token)
+        changes = {name: parameters.typed(described, name, text) for name, text in texts.items()}
+        parameters.set_all(session, token, changes)
+        for name, value in parameters.get(session, token, list(changes)).items():
+            print_line(f"{token.full_name}: {name} = {_text(value)}")
+
+
+def print_descriptions(node: str, names: Sequence[str], *, json: bool, connect: Sequence[str]) -> None:
+    """Print type, range, unit, default and description."""
+    with connect_to_robot(connect) as session:
+        described = parameters.describe(session, _find(session, node), names)
+    if json:
+        print_json(described)
+        return
+    for one in described:
+        print_line(f"{one.name} = {_text(one.value)}")
+        for label, text in _facts(one):
+            if text:
+                print_line(f"  {label:11} {text}")
+
+
+def dump(node: str | None, file: Path | None, *, connect: Sequence[str]) -> None:
+    """Write the values of one node or of all as a parameter file."""
+    with connect_to_robot(connect) as session:
+        found, silent = _read([_find(session, node)] if node else nodes.list_nodes(session), session)
+    text = parameters.to_yaml(found)
+    if file is None:
+        print_line(text.rstrip())
+    else:
+        try:
+            file.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise UsageError(f"{file} cannot be written: {error.strerror}") from None
+        hint(f"{len(found)} nodes in {file}")
+    _complain_of(silent)
+
+
+def load(node: str, file: str, *, connect: Sequence[str]) -> None:
+    """Set what a parameter file says of a node: all of it, or nothing."""
+    with connect_to_robot(connect) as session:
+        token = _find(session, node)
+        values = parameters.from_file(file, token)
+        before = parameters.get(session, token)
+        parameters.set_all(session, token, values)
+        after = parameters.get(session, token)
+    changed = [name for name in after if after[name] != before[name]]
+    for name in changed:
+        print_line(f"{token.full_name}: {name} = {_text(after[name])}")
+    if not changed:
+        print_line(f"{token.full_name}: nothing changed")
+
+
+def explain(node: str, names: Sequence[str], *, json: bool, connect: Sequence[str]) -> None:
+    """Print everything that was said of parameters, and what won."""
+    with connect_to_robot(connect) as session:
+        said = parameters.explain(session, _find(session, node), names)
+    if json:
+        print_json(said)
+        return
+    for name, sources in said.items():
+        print_line(f"{name} = {_text(sources[-1].value)}")
+        for one in sources:
+            mark = "*" if one is sources[-1] else " "
+            print_line(f"  {mark} {_text(one.value):12} {one.source}")
+
+
+def watch(node: str | None, *, json: bool, connect: Sequence[str]) -> None:
+    """Print changes as they come."""
+    with connect_to_robot(connect) as session:
+        wanted = _find(session, node).full_name if node else None
+        stream = Stream(session, "**/parameter_events")
+        hint("waiting for changes …")
+        for sample in stream.samples():
+            try:
+                event = msgspec.msgpack.decode(sample.payload.to_bytes(), type=ParameterEvent)
+            except (msgspec.DecodeError, UnicodeDecodeError):
+                continue  # somebody else's topic
+            if wanted is not None and event.node != wanted:
+                continue
+            attachment = codec.unpack_attachment(sample.attachment.to_bytes()) if sample.attachment else None
+            when = attachment.source_time if attachment is not None else time.time_ns()
+            for change in event.changed_parameters:
+                if json:
+                    print_json({"time": when, "node": event.node, "name": change.name, "value": change.value})
+                else:
+                    stamp = time.strftime("%H:%M:%S", time.localtime(when * 1e-9))
+                    print_line(f"{stamp} {event.node}: {change.name} = {_text(change.value)}")
+
+
+def _find(session: zenoh.Session, node: str) -> NodeToken:
+    return nodes.find_node(nodes.list_nodes(session), node)
+
+
+def _read(
+    wanted: Sequence[NodeToken], session: zenoh.Session
+) -> tuple[dict[str, dict[str, object]], list[NodeUnreachable]]:
+    """The values of nodes, and which did not answer."""
+    found: dict[str, dict[str, object]] = {}
+    silent: list[NodeUnreachable] = []
+    for node in wanted:
+        try:
+            found[node.full_name] = parameters.get(session, node)
+        except NodeUnreachable as error:
+            silent.append(error)
+    return found, silent
+
+
+def _complain_of(silent: Sequence[NodeUnreachable]) -> None:
+    if silent:
+        raise NodeUnreachable("\n".join(map(str, silent)))
+
+
+def _facts(one: Described) -> list[tuple[str, str]]:
+    rest = {k: v for k, v in one.constraints.items() if k not in ("gt", "ge", "lt", "le")}
+    return [
+        ("", one.description),
+        ("type", one.type),
+        ("unit", one.unit),
+        ("range", range_text(one.constraints)),
+        ("default", _text(one.default)),
+        *((key.replace("_", " "), str(value)) for key, value in rest.items()),
+        ("read-only", "start the node with another value to change it" if one.read_only else ""),
+    ]
+
+
+def _text(value: object) -> str:
+    if isinstance(value, str):
+        return value if value and value == value.strip() else repr(value)
+    if isinstance(value, bool) or value is None:
+        return str(value).lower()
+    return repr(value)

@@ -1,0 +1,127 @@
+"""Parameters of running nodes, over the network."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import msgspec
+import zenoh
+
+from robo import parameter_files
+from robo.discovery import NodeToken
+from robo.errors import NodeUnreachable, ParameterError
+from robo.parameter_server import Result, Said, parameters_key
+from robo.queries import Fault
+
+TIMEOUT = 0.5
+"""How long a node may take to answer, s."""
+
+
+class Described(msgspec.Struct, frozen=True):
+    """A parameter of a running node."""
+
+    name: str
+    type: str
+    value: object
+    default: object
+    description: str
+    unit: str
+    constraints: dict[str, float | int | str]
+    read_only: bool
+
+
+def get(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ()) -> dict[str, object]:
+    """Values by name; all where no names are given.
+
+    Raises:
+        NodeUnreachable: the node does not answer.
+        ParameterError: it has no such parameter.
+    """
+    return msgspec.convert(_ask(session, node, "get", _named(names)), dict[str, object])
+
+
+def describe(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ()) -> list[Described]:
+    """All that is known of parameters. Raises as `get`."""
+    return list(msgspec.convert(_ask(session, node, "describe", _named(names)), dict[str, Described]).values())
+
+
+def explain(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ()) -> dict[str, list[Said]]:
+    """Everything that was said of parameters, from the weakest to what holds. Raises as `get`."""
+    return msgspec.convert(_ask(session, node, "explain", _named(names)), dict[str, list[Said]])
+
+
+def set_all(session: zenoh.Session, node: NodeToken, changes: Mapping[str, object]) -> None:
+    """Set several parameters, all or none.
+
+    Raises:
+        NodeUnreachable: the node does not answer.
+        ParameterError: it refuses; says why.
+    """
+    result = msgspec.convert(_ask(session, node, "set", dict(changes)), Result)
+    if not result.successful:
+        raise ParameterError(result.reason)
+
+
+def typed(described: Iterable[Described], name: str, text: str) -> object:
+    """A value from a command line: text stays text where the parameter is text.
+
+    Raises:
+        ParameterError: a list, map or quote is not closed.
+    """
+    from robo.parameters import parse_value
+
+    types = {one.name: one.type for one in described}
+    return text if types.get(name) == "str" else parse_value(text)
+
+
+def from_file(path: str, node: NodeToken) -> dict[str, object]:
+    """What a parameter file says of a node.
+
+    Raises:
+        ParameterFileError: it is missing or has mistakes.
+        ParameterError: it says nothing of this node.
+    """
+    values = parameter_files.load(path).values_for(node.namespace, node.node)
+    if not values:
+        raise ParameterError(f"{path} says nothing of {node.full_name}")
+    return values
+
+
+def to_yaml(dumped: Mapping[str, Mapping[str, object]]) -> str:
+    """Values by node's full name and parameter as a file that `robo up` and ROS 2 read."""
+    import yaml
+
+    tree = {node: {parameter_files.ROS_KEY: _nested(values)} for node, values in dumped.items()}
+    text: str = yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=120)
+    return text
+
+
+def _nested(values: Mapping[str, object]) -> dict[str, object]:
+    """Names with dots as maps within maps."""
+    tree: dict[str, object] = {}
+    for name, value in values.items():
+        *outer, last = name.split(".")
+        place = tree
+        for part in outer:
+            inner = place.setdefault(part, {})
+            assert isinstance(inner, dict)
+            place = inner
+        place[last] = value
+    return tree
+
+
+def _named(names: Sequence[str]) -> dict[str, object] | None:
+    return {"names": list(names)} if names else None
+
+
+def _ask(session: zenoh.Session, node: NodeToken, verb: str, request: object) -> object:
+    key = parameters_key(node.namespace, node.node, verb)
+    payload = msgspec.msgpack.encode(request) if request is not None else None
+    for reply in session.get(key, payload=payload, timeout=TIMEOUT):
+        if reply.ok is not None:
+            return msgspec.msgpack.decode(reply.ok.payload.to_bytes())
+        if reply.err is not None:
+            try:
+                fault = msgspec.msgpack.decode(reply.err.payload.to_bytes(), type=Fault)
+            except (msgspec.DecodeError, UnicodeDecodeError):
+                break  # Zenoh's own word for a node that did not answer in time
+            raise ParameterError(fault.message)
+    raise NodeUnreachable(f"{node.full_name} did not answer within {TIMEOUT:g} s; is a callback of it stuck?")
