@@ -7,7 +7,6 @@ runtime, the check of a manifest and the tools all work from the collected `Cont
 from __future__ import annotations
 
 import re
-import textwrap
 import typing
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
@@ -285,6 +284,10 @@ def _members(cls: type[Node]) -> dict[str, Any]:
 def _clean(doc: str) -> str:
     """A docstring without its indentation; `inspect`, which does it too, would cost each node 0.5 MB."""
     first, _, rest = doc.partition("\n")
+    if not rest:
+        return first.strip()
+    import textwrap  # 0.1 MB for those who have more to say
+
     return f"{first}\n{textwrap.dedent(rest)}".strip()
 
 

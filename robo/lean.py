@@ -11,13 +11,25 @@ def import_msgspec() -> None:
     Where another package has brought typing_extensions, msgspec takes two names from it that Python's
     own typing has as well. It would cost each node 1 MB and some milliseconds.
     """
+    _import("msgspec", without="typing_extensions")
+
+
+def import_yaml() -> None:
+    """Import PyYAML without its C parser: 0.4 MB that do not pay for a small file.
+
+    Not for a process that reads manifests: they are read ten times as fast with it.
+    """
+    _import("yaml", without="yaml._yaml")
+
+
+def _import(name: str, *, without: str) -> None:
     modules: dict[str, Any] = sys.modules
-    if "typing_extensions" in modules:
+    if name in modules or without in modules:
         return
-    modules["typing_extensions"] = None  # an import of it fails
+    modules[without] = None  # an import of it fails
     try:
-        importlib.import_module("msgspec")
-    except ImportError:  # a msgspec that cannot do without gets it
+        importlib.import_module(name)
+    except ImportError:  # one that cannot do without gets it
         pass
     finally:
-        del modules["typing_extensions"]
+        del modules[without]

@@ -1,7 +1,6 @@
 """From the name of a service to its node class: `package.module` or `package.module:Class`."""
 
 import importlib
-import importlib.util
 import os
 import sys
 
@@ -58,7 +57,8 @@ def _among(classes: dict[str, type[Node]]) -> str:
 
 
 def _similar(module_name: str) -> str:
-    import difflib
+    import difflib  # only mistakes need these
+    import importlib.util
     import pkgutil
 
     package, _, _ = module_name.rpartition(".")

@@ -1,7 +1,6 @@
 """Answering Zenoh queries, in order of arrival, on threads of the node's own."""
 
 import logging
-import queue
 import threading
 from collections.abc import Callable
 
@@ -13,33 +12,25 @@ from robo import codec
 _logger = logging.getLogger("robo.queries")
 
 MOST_WAITING = 10_000
-"""Queries that may wait; further ones are refused at once."""
+"""Queries that may wait; further ones make their senders wait."""
 
 MOST_WORKERS = 64
 """Handlers of one queryable that may wait for other services at the same time."""
 
 
 class QueryLoop:
-    """One queryable and the thread that answers its queries, which starts with the first of them."""
+    """One queryable and the thread that answers its queries."""
 
     def __init__(self, session: zenoh.Session, key: str, answer: Callable[[zenoh.Query], None]) -> None:
         """`answer` is given each query, one after the other."""
         self._answer = answer
         self._name = key
-        self._waiting: queue.SimpleQueue[zenoh.Query | None] = queue.SimpleQueue()
+        self._queryable = session.declare_queryable(key, zenoh.handlers.FifoChannel(MOST_WAITING), complete=True)
+        self._handler = self._queryable.handler
         self._workers: list[threading.Thread] = []
         self._idle = 0
         self._lock = threading.Lock()
-        # Zenoh's own thread only puts the query down: it never waits for a callback.
-        self._queryable = session.declare_queryable(key, self._take_in, complete=True)
-
-    def _take_in(self, query: zenoh.Query) -> None:
-        if self._waiting.qsize() >= MOST_WAITING:
-            reply_error(query, "Busy", f"{self._name}: more than {MOST_WAITING} requests wait")
-            return
-        self._waiting.put(query)
-        if not self._workers:
-            self.spare()
+        self.spare()
 
     def spare(self) -> None:
         """Make sure that somebody takes the next query while the present handler waits for something."""
@@ -53,11 +44,12 @@ class QueryLoop:
 
     def _work(self) -> None:
         while True:
-            query = self._waiting.get()
+            try:
+                query = self._handler.recv()
+            except zenoh.ZError:
+                return  # undeclared
             with self._lock:
                 self._idle -= 1
-            if query is None:
-                return
             with query:
                 try:
                     self._answer(query)
@@ -70,8 +62,6 @@ class QueryLoop:
     def stop(self, timeout: float) -> bool:
         """Take no more queries. Returns whether the handlers came back within `timeout` seconds."""
         self._queryable.undeclare()
-        for _ in self._workers:
-            self._waiting.put(None)
         others = [worker for worker in self._workers if worker is not threading.current_thread()]
         for worker in others:
             worker.join(timeout)

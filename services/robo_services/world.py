@@ -14,7 +14,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from robo import RoboError
+from robo import RoboError, lean
 from robo_services.kinematics import Pose2
 
 Segment = tuple[float, float, float, float]
@@ -74,6 +74,7 @@ def load(path: str) -> World:
     Raises:
         WorldError: it is missing, unreadable or has a mistake; says where.
     """
+    lean.import_yaml()
     from robo.yaml_tree import Map, Problem, convert, parse  # a node without a world file carries no YAML
 
     try:

@@ -58,7 +58,10 @@ def test_the_plan_as_data_and_as_text() -> None:
     assert controller["command"][1:] == [
         "-m", "robo.node_process", "robo_services.velocity_controller", "/r1/velocity_controller",
     ]  # fmt: skip
-    assert controller["parameters"]["linear_velocity"] == {"value": 0.3, "source": "command line"}
+    velocity = controller["parameters"]["linear_velocity"]
+    assert (velocity["value"], velocity["source"]) == (0.3, "command line")
+    assert velocity["over"][0]["value"] == 0.5
+    assert "params.yaml:4:5" in velocity["over"][0]["source"]
     assert controller["needs"] == {"/r1/safety_monitor": "ready"}
     text = run_robo(*words, "--dry-run").stdout
     assert "/r1/velocity_controller  (control; needs /r1/safety_monitor ready)" in text

@@ -18,10 +18,14 @@ from tests.support import eventually
 class Double:
     @message("test/Double_Request")
     class Request(Message):
+        """A number."""
+
         number: int = 0
 
     @message("test/Double_Response")
     class Response(Message):
+        """Twice the number."""
+
         number: int = 0
 
 
