@@ -32,7 +32,7 @@ if TYPE_CHECKING:
         UsageError,
     )
     from robo.node import Node, NodeStatus
-    from robo.parameters import NON_FINITE, READ_ONLY, Parameters, Unit
+    from robo.parameters import NON_FINITE, READ_ONLY, Parameters, Step, Unit
     from robo.qos import KEEP_ALL
     from robo.runner import run
     from robo.session import Network, open_session
@@ -56,6 +56,7 @@ __all__ = [
     "RoboError",
     "ServiceError",
     "ServiceTimeout",
+    "Step",
     "Unit",
     "UsageError",
     "open_session",
@@ -68,7 +69,7 @@ __all__ = [
 _HOMES = {
     "contract": ("Client", "Publisher", "service", "subscribe", "timer"),
     "node": ("Node", "NodeStatus"),
-    "parameters": ("NON_FINITE", "READ_ONLY", "Parameters", "Unit"),
+    "parameters": ("NON_FINITE", "READ_ONLY", "Parameters", "Step", "Unit"),
     "qos": ("KEEP_ALL",),
     "runner": ("run",),
     "session": ("Network", "open_session"),

@@ -1,5 +1,6 @@
-"""What time it is, for stamps and for waiting."""
+"""What time it is, for stamps and for waiting: the wall clock, or a time that somebody publishes."""
 
+import threading
 import time
 
 from robo_messages import Time
@@ -17,3 +18,49 @@ class Clock:
     def monotonic(self) -> float:
         """S since an arbitrary start; only differences mean anything."""
         return time.monotonic()
+
+    def wait(self, woken: threading.Event, until: float) -> bool:
+        """Wait until `monotonic()` is `until`. Returns early, and true, once `woken` is set and `wake` called."""
+        return woken.wait(max(0.0, until - time.monotonic()))
+
+    def wake(self) -> None:
+        """Let whoever waits look at its event."""
+
+
+class SimClock(Clock):
+    """The time that a simulator or a player says, from 0 until it first says one.
+
+    It moves when `advance` is called; who waits, waits for that.
+    """
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._nanoseconds = 0
+        self._jumps = 0
+
+    def now(self) -> Time:
+        """The last time that was said."""
+        return Time.from_nanoseconds(self._nanoseconds)
+
+    def monotonic(self) -> float:
+        """The same in s. It steps back where the time does: a log that is played again."""
+        return self._nanoseconds * 1e-9
+
+    def advance(self, nanoseconds: int) -> None:
+        """Set the time, ns."""
+        with self._changed:
+            self._jumps += nanoseconds < self._nanoseconds or self._nanoseconds == 0
+            self._nanoseconds = nanoseconds
+            self._changed.notify_all()
+
+    def wait(self, woken: threading.Event, until: float) -> bool:
+        """Wait until the time is `until`, as the wall clock's; the first time said and a step back wake too."""
+        with self._changed:
+            jumps = self._jumps
+            self._changed.wait_for(lambda: woken.is_set() or self._jumps != jumps or self.monotonic() >= until - 1e-9)
+            return woken.is_set() or self._jumps != jumps
+
+    def wake(self) -> None:
+        """Let whoever waits look at its event."""
+        with self._changed:
+            self._changed.notify_all()

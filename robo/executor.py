@@ -21,6 +21,7 @@ from typing import Generic, TypeVar
 import msgspec
 import zenoh
 
+from robo.clock import Clock
 from robo.codec import Malformed, TopicDecoder
 from robo.qos import KEEP_ALL
 from robo_messages import Message
@@ -274,8 +275,10 @@ class TimerLoop:
         turn: Turn,
         callback: Callable[[], None],
         on_error: Callable[[BaseException], None],
+        clock: Clock | None = None,
     ) -> None:
-        """`period` is asked before each tick, so that a changed parameter counts at once; s."""
+        """`period` is asked before each tick, so that a changed parameter counts at once; s, by `clock`."""
+        self._clock = clock or Clock()
         self._period = period
         self._turn = turn
         self._callback = callback
@@ -293,11 +296,12 @@ class TimerLoop:
     def reschedule(self) -> None:
         """Ask for the period again: the next tick comes one new period after the last one."""
         self._woken.set()
+        self._clock.wake()
 
     def stop(self, timeout: float) -> bool:
         """End. Returns whether the callback came back within `timeout` seconds."""
         self._stopped = True
-        self._woken.set()
+        self.reschedule()
         if self._thread is threading.current_thread() or not self._thread.ident:
             return True
         self._thread.join(timeout)
@@ -305,20 +309,22 @@ class TimerLoop:
 
     def _run(self) -> None:
         enter(self._turn)
-        due = monotonic()
+        clock, now = self._clock, self._clock.monotonic
+        due = now()
         while True:
             last, period = due, self._period()
             due += period
-            late = monotonic() - due
+            late = now() - due
             if late > period:
                 skipped = int(late / period)
                 self.missed += skipped
                 due += skipped * period
-            while self._woken.wait(max(0.0, due - monotonic())):
+            while clock.wait(self._woken, due):
                 if self._stopped:
                     return
                 self._woken.clear()
-                due = max(last + self._period(), monotonic())
+                last = min(last, now())  # simulated time may step back
+                due = max(last + self._period(), now())
             with self._turn:
                 if self._stopped:
                     return

@@ -149,17 +149,18 @@ class LogPublisher(Protocol):
 class BusHandler(logging.Handler):
     """Publishes a node's records on its robot's `log` topic."""
 
-    def __init__(self, publisher: LogPublisher, node: str) -> None:
+    def __init__(self, publisher: LogPublisher, node: str, now: Callable[[], Time]) -> None:
         super().__init__()
         self._publisher = publisher
         self._node = node
+        self._now = now
 
     def emit(self, record: logging.LogRecord) -> None:
         """Publish one record; a bus that is gone must not break the node that logs about it."""
         try:
             self._publisher.publish(
                 Log(
-                    stamp=Time.from_seconds(record.created),
+                    stamp=self._now(),
                     level=min(record.levelno, Log.FATAL),
                     name=self._node,
                     msg=record.getMessage(),

@@ -13,7 +13,7 @@ import msgspec
 import zenoh
 
 from robo import discovery, log, names
-from robo.clock import Clock
+from robo.clock import Clock, SimClock
 from robo.contract import Contract, contract_of
 from robo.discovery import NodeToken
 from robo.endpoints import TopicPublisher, TopicSubscription, endpoint_token
@@ -25,6 +25,7 @@ from robo.parameters import build, change, flat
 from robo.qos import DEFAULT_DEPTH, KEEP_ALL
 from robo.services import DEFAULT_TIMEOUT, ServiceClient, ServiceServer, service_token
 from robo.session import Network, close_session, open_session
+from robo_messages import Clock as ClockMessage
 from robo_messages import Log, Message, Parameter, ParameterEvent, Time
 
 M = TypeVar("M", bound=Message)
@@ -104,8 +105,8 @@ class Node:
         self.namespace = names.normalize_namespace(namespace)
         self.full_name = "/" + names.join(self.namespace, self.name)
         self.parameters = build(type(self).Parameters, parameters or {}, self.full_name)
-        self.logger = log.NodeLogger(self.full_name[1:].replace("/", "."))
-        self.clock = Clock()
+        self.clock: Clock = SimClock() if self.parameters.use_sim_time else Clock()
+        self.logger = log.NodeLogger(self.full_name[1:].replace("/", "."), lambda: self.clock.monotonic())
         self.exit_code = 0
         self._remappings = dict(remappings or {})
         self._given_session = session
@@ -147,7 +148,9 @@ class Node:
 
     def sleep(self, seconds: float) -> bool:
         """Wait, in `main`. Returns False at once when the node is told to stop."""
-        return not self._shutdown.wait(seconds) if seconds > 0 else not self.stopping
+        if seconds > 0:
+            self.clock.wait(self._shutdown, self.clock.monotonic() + seconds)
+        return not self.stopping
 
     @property
     def stopping(self) -> bool:
@@ -162,6 +165,7 @@ class Node:
         """End the node; returns at once. A process that runs it exits with `exit_code`."""
         self.exit_code = exit_code
         self._shutdown.set()
+        self.clock.wake()
 
     # -- parameters ----------------------------------------------------------------------------
 
@@ -257,11 +261,19 @@ class Node:
             subscription.start()
         return subscription
 
-    def create_timer(self, period: float | Callable[[], float], callback: Callable[[], None]) -> TimerLoop:
-        """Call `callback` every `period` seconds; a function is asked before each tick."""
+    def create_timer(
+        self, period: float | Callable[[], float], callback: Callable[[], None], clock: Clock | None = None
+    ) -> TimerLoop:
+        """Call `callback` every `period` seconds; a function is asked before each tick.
+
+        Args:
+            period: in s.
+            callback: what to call.
+            clock: whose seconds; by default the node's, which may be simulated.
+        """
         name = getattr(callback, "__name__", "timer")
         ask = period if callable(period) else lambda: period
-        timer = TimerLoop(name, ask, self._turn, callback, self._handler(callback))
+        timer = TimerLoop(name, ask, self._turn, callback, self._handler(callback), clock or self.clock)
         self._timers.append(timer)
         if self._running:
             timer.start()
@@ -300,7 +312,7 @@ class Node:
         self._given_session = session or self._given_session
         self._session = self._given_session or open_session(Network.from_environment("router"))
         log_publisher = self.create_publisher(Log, self._log_topic())
-        self._log_handler = log.BusHandler(log_publisher, self.full_name)
+        self._log_handler = log.BusHandler(log_publisher, self.full_name, self.now)
         self.logger.logger.addHandler(self._log_handler)
         self._event_publisher = self.create_publisher(
             ParameterEvent, "/" + names.join(self.namespace, "parameter_events"), KEEP_ALL
@@ -334,6 +346,8 @@ class Node:
             self.set_parameters,
         )
         self._running = True
+        if isinstance(self.clock, SimClock):
+            self._follow_clock(self.clock)
         for subscription in self._subscriptions:
             subscription.start()
         for timer in self._timers:
@@ -351,7 +365,7 @@ class Node:
         """Stop callbacks, let those that run finish, leave the network. Safe to call twice."""
         if self._session is None:
             return
-        self._shutdown.set()
+        self.shutdown(self.exit_code)
         self._running = False
         self._token.undeclare()
         if self._main_thread is not None and self._main_thread is not threading.current_thread():
@@ -412,6 +426,20 @@ class Node:
         everybody = discovery.status_key(self.namespace, "*")
         for _ in self.session.get(everybody, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE):
             pass
+
+    def _follow_clock(self, clock: SimClock) -> None:
+        """Take the time from the topic `/clock`, past the callbacks: these may wait for it."""
+        token = endpoint_token(self.namespace, self.name, "sub", ClockMessage, 1, self.resolve("/clock"))
+        follower = TopicSubscription(
+            self.session,
+            token,
+            ClockMessage,
+            Turn(),
+            lambda message: clock.advance(message.clock.to_nanoseconds()),
+            self._handler(self._follow_clock),
+            self._report_malformed,
+        )
+        self._subscriptions.append(follower)
 
     # -- inside --------------------------------------------------------------------------------
 

@@ -11,28 +11,21 @@ has a name with dots, `gains.p`. Pure: from values to a Struct or to one error t
 import math
 import typing
 from collections.abc import Iterator, Mapping
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 
 from robo.errors import ContractError, ParameterError
 
 
-class Parameters(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
-    """Base of every node's parameters. Each field needs a default.
-
-    Values cannot be assigned one by one: that would pass by their checks.
-    """
-
-    def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"parameter {name} cannot be assigned; use set_parameters({name}=…) of the node")
-
-
-P = TypeVar("P", bound=Parameters)
-
-
 class Unit(str):
     """A parameter's unit, shown wherever it is described: `Annotated[float, Unit("m/s")]`."""
+
+    __slots__ = ()
+
+
+class Step(float):
+    """The step between a parameter's values, from 0 or from its lower limit: `Annotated[float, Step(0.1)]`."""
 
     __slots__ = ()
 
@@ -52,6 +45,21 @@ READ_ONLY = _Mark("READ_ONLY")
 
 NON_FINITE = _Mark("NON_FINITE")
 """Marks a parameter that may be NaN or infinite."""
+
+
+class Parameters(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
+    """Base of every node's parameters. Each field needs a default.
+
+    Values cannot be assigned one by one: that would pass by their checks.
+    """
+
+    use_sim_time: Annotated[bool, msgspec.Meta(description="follow the topic /clock"), READ_ONLY] = False
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"parameter {name} cannot be assigned; use set_parameters({name}=…) of the node")
+
+
+P = TypeVar("P", bound=Parameters)
 
 _CONSTRAINTS = ("gt", "ge", "lt", "le", "multiple_of", "pattern", "min_length", "max_length")
 
@@ -122,7 +130,8 @@ def _info(name: str, hint: Any, default: object) -> ParameterInfo:
         default,
         next((meta.description for meta in _metas(hint) if meta.description), ""),
         next((str(extra) for extra in _extras(hint) if isinstance(extra, Unit)), ""),
-        {key: value for meta in _metas(hint) for key in _CONSTRAINTS if (value := getattr(meta, key)) is not None},
+        {key: value for meta in _metas(hint) for key in _CONSTRAINTS if (value := getattr(meta, key)) is not None}
+        | ({} if (step := _step(hint)) is None else {"step": step}),
         READ_ONLY in _extras(hint),
     )
 
@@ -146,7 +155,9 @@ def _changed(current: P, changes: Mapping[str, object], owner: str, *, read_only
         except (msgspec.ValidationError, OverflowError, RecursionError, TypeError, ValueError) as error:
             mistakes.append(f"{owner}: {name} = {shown}: {_readable(str(error))}{_about(hint)}")
             continue
-        if not _finite(new) and NON_FINITE not in _extras(hint):
+        if (step := _step(hint)) is not None and isinstance(new, (int, float)) and not _on_step(new, step, hint):
+            mistakes.append(f"{owner}: {name} = {shown}: expected a multiple of {step:g}{_about(hint)}")
+        elif not _finite(new) and NON_FINITE not in _extras(hint):
             mistakes.append(f"{owner}: {name} = {shown}: expected a finite number{_about(hint)}")
         elif read_only and READ_ONLY in _extras(hint) and new != _get(current, name):
             mistakes.append(f"{owner}: {name} is read-only; start the node with another value")
@@ -262,6 +273,8 @@ def _leaves(cls: type[Any]) -> dict[str, Any]:
                 found |= {f"{name}.{inner}": inner_hint for inner, inner_hint in _leaves(plain).items()}
             else:
                 found[name] = hint
+        if "use_sim_time" in found:  # every node's; its own come first
+            found["use_sim_time"] = found.pop("use_sim_time")
     return found
 
 
@@ -296,6 +309,17 @@ def range_text(limits: Mapping[str, object]) -> str:
         return f"{limits['ge']} to {limits['le']}"
     signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
     return " and ".join(f"{sign} {limits[key]}" for key, sign in signs.items() if key in limits)
+
+
+def _step(hint: Any) -> float | None:
+    return next((float(extra) for extra in _extras(hint) if isinstance(extra, Step)), None)
+
+
+def _on_step(value: float, step: float, hint: Any) -> bool:
+    """Whether a value is whole steps away from where they begin, as near as floats can tell."""
+    begin = next((meta.ge for meta in _metas(hint) if meta.ge is not None), 0.0)
+    steps = (value - begin) / step
+    return math.isfinite(steps) and abs(steps - round(steps)) <= 1e-6 * max(1.0, abs(steps))
 
 
 def _readable(error: str) -> str:

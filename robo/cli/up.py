@@ -11,6 +11,7 @@ from robo import log
 from robo.cli import show
 from robo.errors import UsageError
 from robo.launch import arguments, faults, reader, resolve
+from robo.launch.check import unmatched
 from robo.launch.faults import ManifestFaults
 from robo.launch.find import find_manifest
 from robo.launch.plan import ProcessPlan
@@ -69,8 +70,9 @@ def run_up(
             print_json({"faults": faults.as_data(problems)})
             return 1
         raise ManifestFaults(problems)
-    if found.loose:
-        print(faults.as_notes(found.loose, "warning"), file=sys.stderr)
+    unheard = [*found.loose, *unmatched(found)]
+    if unheard:
+        print(faults.as_notes(unheard, "warning"), file=sys.stderr)
     if dry_run:
         if json:
             print_json(found.plan)

@@ -72,14 +72,21 @@ def check(resolution: Resolution) -> Findings:
     faults += _unknown_remaps(resolution)
     for topic in resolution.plan.topics:
         faults += _promise(topic, by_key, may_be_served=bool(silent) or not all_known)
+    for problem, entry in zip(unmatched(resolution), resolution.unmatched, strict=True):
+        # A file may serve several launches: that a node is not in this one is no fault.
+        (faults if "did you mean" in problem.text or not entry.names_one_node else notes).append(problem)
+    return Findings(in_order(faults), in_order(notes))
+
+
+def unmatched(resolution: Resolution) -> list[Problem]:
+    """The entries of parameter files that mean no node of this launch."""
+    present = [name.rpartition("/")[2] for name in resolution.positions]
+    found = []
     for entry in resolution.unmatched:
-        present = [name.rpartition("/")[2] for name in resolution.positions]
         close = difflib.get_close_matches(entry.pattern.rpartition("/")[2], present, n=1)
         hint = f"; did you mean {close[0]}?" if close else ""
-        problem = Problem(entry.position, f"{entry.pattern} matches no node of this launch{hint}")
-        # A file may serve several launches: that a node is not in this one is no fault.
-        (faults if close or not entry.names_one_node else notes).append(problem)
-    return Findings(in_order(faults), in_order(notes))
+        found.append(Problem(entry.position, f"{entry.pattern} matches no node of this launch{hint}"))
+    return found
 
 
 def _declared(

@@ -8,7 +8,8 @@ from msgspec import Meta
 
 import robo
 from robo import KEEP_ALL, READ_ONLY, Node, ParameterError, Publisher, Unit
-from robo_messages import LaserScan, Odometry
+from robo.clock import Clock as WallClock
+from robo_messages import Clock, LaserScan, Odometry, Time
 from robo_services import carmen
 
 MOST_NAMED = 20
@@ -29,6 +30,11 @@ class CarmenPlayer(Node):
             float, Meta(ge=0, description="wait before the first record, for others to tune in"), Unit("s"), READ_ONLY
         ] = 0.0
         range_max: Annotated[float, Meta(gt=0, description="longer ranges are no return"), Unit("m")] = 80.0
+        publish_clock: Annotated[
+            bool,
+            Meta(description="publish /clock: time is that of the records, for nodes with use_sim_time"),
+            READ_ONLY,
+        ] = False
         odom_frame: str = "odom"
         base_frame: str = "base_link"
         laser_frame: str = "base_laser"
@@ -44,6 +50,10 @@ class CarmenPlayer(Node):
             raise ParameterError(f"{self.full_name}: log names no file; give it with -p log:=FILE (robo up: log:=FILE)")
         self._records = carmen.read(self.parameters.log)
         self._first = next(self._records, None)
+        self.clock = WallClock()  # who says the time does not wait for it
+        if self.parameters.publish_clock:
+            self._clock_topic = self.create_publisher(Clock, "/clock", depth=KEEP_ALL)
+        self._latest = 0
         self._odometry = 0
         self._scans = 0
         self._rewritten: list[int] = []
@@ -85,6 +95,9 @@ class CarmenPlayer(Node):
         """Wait until a record is due. One whose stamp steps back is due at once: file order is kept."""
         if not self._odometry and not self._scans:
             self._epoch = stamp
+        if self.parameters.publish_clock:
+            self._latest = max(self._latest, stamp)
+            self._clock_topic.publish(Clock(Time.from_nanoseconds(self._latest)))
         if self.parameters.rate:
             due = begin + (stamp - self._epoch) * 1e-9 / self.parameters.rate
             self.sleep(due - time.monotonic())

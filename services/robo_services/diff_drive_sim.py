@@ -1,7 +1,6 @@
 """A simulated base with a laser: the default robot, for a desk without one."""
 
 import math
-import time
 from functools import partial
 from typing import Annotated
 
@@ -9,13 +8,17 @@ from msgspec import Meta
 
 import robo
 from robo import READ_ONLY, Node, Publisher, Unit, service, subscribe, timer
+from robo.clock import Clock as WallClock
+from robo.clock import SimClock
 from robo_messages import (
+    Clock,
     Header,
     LaserScan,
     Odometry,
     Point,
     Pose,
     PoseWithCovariance,
+    Time,
     Trigger,
     Twist,
     TwistWithCovariance,
@@ -73,6 +76,12 @@ class DiffDriveSim(Node):
         range_noise: Annotated[float, Meta(ge=0, description="standard deviation of a range"), Unit("m"), READ_ONLY] = (
             0.005
         )
+        publish_clock: Annotated[
+            bool, Meta(description="publish /clock: time is what is simulated, for nodes with use_sim_time"), READ_ONLY
+        ] = False
+        real_time_factor: Annotated[
+            float, Meta(gt=0, le=100, description="how fast the published time runs, 1 is real time"), READ_ONLY
+        ] = 1.0
         odom_frame: str = "odom"
         base_frame: str = "base_link"
         laser_frame: str = "base_laser"
@@ -106,14 +115,24 @@ class DiffDriveSim(Node):
         )
         self._command = Twist()
         self._command_time = -math.inf
-        self._begin = time.monotonic()
         self._steps = 0
+        wall = WallClock()
+        if p.publish_clock:
+            # Each tick of the wall clock is one step of the time that everybody follows, this node's
+            # own laser and timeouts included: however busy the machine is, nobody misses a step.
+            self.clock = self._simulated = SimClock()
+            self._clock_topic = self.create_publisher(Clock, "/clock")
+            self.create_timer(1.0 / (p.odom_rate * p.real_time_factor), self.step_time, wall)
+        else:
+            self.clock = wall
+            self.create_timer(1.0 / p.odom_rate, self.advance)
+        self._begin = self.clock.monotonic()
 
     @subscribe("cmd_vel", depth=1)
     def on_command(self, twist: Twist) -> None:
         """Remember the newest command and when it came; one that is not finite counts as silence."""
         if is_finite(twist):
-            self._command, self._command_time = twist, time.monotonic()
+            self._command, self._command_time = twist, self.clock.monotonic()
         else:
             self.logger.warning("ignored a command that holds NaN or an infinity", throttle=5.0)
 
@@ -124,14 +143,20 @@ class DiffDriveSim(Node):
         self._command_time = -math.inf
         return Trigger.Response(message="back at the start")
 
-    @timer(rate="odom_rate")
+    def step_time(self) -> None:
+        """Make one step of simulated time, tell it, and publish where it leads."""
+        nanoseconds = round((self._steps + 1) * 1e9 / self.parameters.odom_rate)
+        self._simulated.advance(nanoseconds)
+        self.advance()
+        self._clock_topic.publish(Clock(Time.from_nanoseconds(nanoseconds)))
+
     def advance(self) -> None:
         """Make the steps that are due, each of the same length, and publish where that leads."""
-        now = time.monotonic()
+        now = self.clock.monotonic()
         rate = self.parameters.odom_rate
         fresh = now - self._command_time <= self.parameters.cmd_vel_timeout
         command = self._command if fresh else Twist()
-        due = int((now - self._begin) * rate)
+        due = int((now - self._begin) * rate + 1e-6)
         for _ in range(min(due - self._steps, MOST_STEPS)):
             self._base.step(command.linear.x, command.angular.z, 1.0 / rate)
         self._steps = due

@@ -1,7 +1,6 @@
 """Stands between whoever commands the robot and its base."""
 
 import math
-import time
 from typing import Annotated
 
 from msgspec import Meta
@@ -60,12 +59,12 @@ class SafetyMonitor(Node):
     @subscribe("cmd_vel_raw", depth=1)
     def on_command(self, twist: Twist) -> None:
         """Remember the newest command and when it came."""
-        self._command, self._command_time = twist, time.monotonic()
+        self._command, self._command_time = twist, self.clock.monotonic()
 
     @subscribe("scan", depth=1)
     def on_scan(self, scan: LaserScan) -> None:
         """Remember the newest scan and when it came."""
-        self._scan, self._scan_time = scan, time.monotonic()
+        self._scan, self._scan_time = scan, self.clock.monotonic()
 
     @subscribe("odom", depth=1)
     def on_odometry(self, odometry: Odometry) -> None:
@@ -89,7 +88,7 @@ class SafetyMonitor(Node):
     @timer(rate="rate")
     def guard(self) -> None:
         """Decide, and tell the base."""
-        now = time.monotonic()
+        now = self.clock.monotonic()
         p = self.parameters
         seen = Seen(
             command=self._command,

@@ -73,7 +73,16 @@ def base(session: zenoh.Session, other: zenoh.Session) -> Any:
 
 
 def test_any_client_reads_and_sets(base: Base, other: zenoh.Session) -> None:
-    assert ask(other, "list")["names"] == ["speed", "rate", "mode", "gains.p", "gains.i", "frame", "names"]
+    assert ask(other, "list")["names"] == [
+        "speed",
+        "rate",
+        "mode",
+        "gains.p",
+        "gains.i",
+        "frame",
+        "names",
+        "use_sim_time",
+    ]
     assert ask(other, "get", {"names": ["speed", "gains.p"]}) == {"speed": 0.5, "gains.p": 1.0}
     assert ask(other, "set", {"speed": 1, "gains.p": 2.5}) == {"successful": True, "reason": ""}
     assert ask(other, "set", {"gains": {"i": 3}}, as_json=True) == {"successful": True, "reason": ""}

@@ -21,7 +21,9 @@ def test_the_contract_of_a_shipped_node_is_read_without_running_it() -> None:
     ]
     assert [(p.topic, p.message_type) for p in contract.publishers] == [("current_position", Point)]
     assert [(t.rate, t.method) for t in contract.timers] == [("log_rate", "report")]
-    assert [(p.name, p.default) for p in contract.parameters] == [("max_distance", 100.0), ("log_rate", 1.0)]
+    assert [(p.name, p.default) for p in contract.parameters] == [
+        ("max_distance", 100.0), ("log_rate", 1.0), ("use_sim_time", False),
+    ]  # fmt: skip
 
 
 def test_a_subclass_inherits_and_overrides() -> None:
@@ -36,7 +38,9 @@ def test_a_subclass_inherits_and_overrides() -> None:
     contract = contract_of(Faster)
     assert contract.name == "faster"
     assert len(contract.timers) == 1
-    assert {p.name: p.default for p in contract.parameters} == {"max_distance": 100.0, "log_rate": 10.0}
+    assert {p.name: p.default for p in contract.parameters} == {
+        "max_distance": 100.0, "log_rate": 10.0, "use_sim_time": False,
+    }  # fmt: skip
 
 
 def test_a_callback_without_a_message_type_is_refused() -> None:

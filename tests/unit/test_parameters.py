@@ -65,6 +65,19 @@ def test_whatever_is_given_is_taken_or_refused_by_name(values: dict[str, Any]) -
     assert len(complaints) <= len(values)
 
 
+def test_steps() -> None:
+    class Stepped(robo.Parameters):
+        speed: Annotated[float, Meta(ge=0.05, le=2), robo.Step(0.1)] = 0.05
+        angle: Annotated[int, robo.Step(15)] = 0
+
+    assert build(Stepped, {"speed": 0.35, "angle": -30}, "x").speed == 0.35
+    with pytest.raises(ParameterError, match=r"speed = 0.3: expected a multiple of 0.1 \(0.05 to 2\)"):
+        build(Stepped, {"speed": 0.3}, "x")
+    with pytest.raises(ParameterError, match="angle = 20: expected a multiple of 15"):
+        build(Stepped, {"angle": 20}, "x")
+    assert describe(Stepped)[0].constraints == {"ge": 0.05, "le": 2, "step": 0.1}
+
+
 def test_parameters_are_not_assigned_one_by_one() -> None:
     with pytest.raises(AttributeError, match="cannot be assigned"):
         Tuning().rate = 3.0
@@ -72,7 +85,7 @@ def test_parameters_are_not_assigned_one_by_one() -> None:
 
 def test_description() -> None:
     infos = {info.name: info for info in describe(Tuning)}
-    assert list(infos) == ["rate", "name", "count", "gains", "enabled"]
+    assert list(infos) == ["rate", "name", "count", "gains", "enabled", "use_sim_time"]
     assert infos["rate"].description == "Hz"
     assert infos["rate"].constraints == {"gt": 0}
     assert infos["count"].constraints == {"ge": 1, "le": 5}

@@ -1,0 +1,81 @@
+"""Simulated time: everybody follows it, however fast it runs."""
+
+import bisect
+import math
+
+import msgspec
+import pytest
+import zenoh
+
+from robo import Node, Publisher, timer
+from robo_messages import Clock, String, Time
+from robo_services.diff_drive_sim import DiffDriveSim
+from robo_services.velocity_controller import VelocityController
+from tests.support import Inbox, eventually
+
+
+class Ticker(Node):
+    """Says when it ticks."""
+
+    out = Publisher(String, "ticks")
+
+    @timer(rate=10.0)
+    def tick(self) -> None:
+        self.logger.warning("tick", throttle=1.0)
+        self.out.publish(String(f"{self.now().to_nanoseconds() / 1e9:.1f}"))
+
+
+def test_a_node_follows_the_clock_topic(session: zenoh.Session, other: zenoh.Session) -> None:
+    with Ticker(namespace="r1", parameters={"use_sim_time": True}, session=session):
+        ticks, logs = Inbox(other, "r1/ticks"), Inbox(other, "r1/log")
+        clock = other.declare_publisher("clock")
+        eventually(lambda: bool(clock.matching_status.matching), "it listens to /clock")  # type: ignore[attr-defined]
+        for i in range(1, 31):
+            clock.put(msgspec.msgpack.encode(Clock(Time.from_seconds(100 + i / 10))))
+            ticks.wait_for(i)
+        assert [m["data"] for m in ticks.messages] == [f"{100 + i / 10:.1f}" for i in range(1, 31)]
+        logs.wait_for(3)
+        assert {message["stamp"]["sec"] for message in logs.messages} <= {100, 101, 102, 103}
+
+
+def drive(
+    session: zenoh.Session, other: zenoh.Session, factor: float, seconds: float
+) -> list[tuple[float, float, float]]:
+    """Where the robot was at each time: s, m, m."""
+    name = f"x{factor:g}".replace(".", "_")
+    simulator = DiffDriveSim(
+        namespace=name,
+        parameters={"publish_clock": True, "real_time_factor": factor, "laser": False},
+        remappings={"/clock": f"/{name}/clock"},
+        session=session,
+    )
+    controller = VelocityController(
+        namespace=name,
+        parameters={"use_sim_time": True, "linear_velocity": 1.0, "publish_rate": 50.0},
+        remappings={"/clock": f"/{name}/clock"},
+        session=session,
+    )
+    inbox = Inbox(other, f"{name}/odom")
+    with controller, simulator:
+        inbox.wait_until(lambda ms: ms[-1]["header"]["stamp"]["sec"] >= seconds, f"{seconds} s", 30)
+    return [
+        (
+            m["header"]["stamp"]["sec"] + m["header"]["stamp"]["nanosec"] * 1e-9,
+            m["pose"]["pose"]["position"]["x"],
+            m["pose"]["pose"]["position"]["y"],
+        )
+        for m in inbox.messages
+    ]
+
+
+def test_ten_times_as_fast_is_the_same_drive(session: zenoh.Session, other: zenoh.Session) -> None:
+    slow = drive(session, other, 2.0, 6)
+    fast = drive(session, other, 10.0, 6)
+    assert [round(t, 3) for t, _, _ in fast[1:50]] == [round(fast[0][0] + i * 0.02, 3) for i in range(1, 50)]
+    times = [t for t, _, _ in slow]
+    for t, x, y in fast:
+        if 0.5 < t < 6:
+            _, other_x, other_y = slow[min(bisect.bisect_left(times, t - 1e-6), len(slow) - 1)]
+            # A command that comes a step or two earlier or later: 1 m/s for 0.1 s at most.
+            assert math.hypot(x - other_x, y - other_y) < 0.1, t
+    assert fast[-1][1] ** 2 + fast[-1][2] ** 2 == pytest.approx(slow[-1][1] ** 2 + slow[-1][2] ** 2, rel=0.1)
