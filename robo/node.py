@@ -370,6 +370,8 @@ class Node:
         self._token.undeclare()
         if self._main_thread is not None and self._main_thread is not threading.current_thread():
             self._main_thread.join(STOP_TIMEOUT)
+        for client in self._clients:
+            client.abandon()
         returned = [timer.stop(STOP_TIMEOUT) for timer in self._timers]
         returned += [subscription.stop(STOP_TIMEOUT) for subscription in self._subscriptions]
         returned += [served.stop(STOP_TIMEOUT) for served in self._services]

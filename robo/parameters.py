@@ -8,6 +8,7 @@ Fields may be bool, int, float, str, lists, enums, Literals and Structs of these
 has a name with dots, `gains.p`. Pure: from values to a Struct or to one error that names every mistake.
 """
 
+import enum
 import math
 import typing
 from collections.abc import Iterator, Mapping
@@ -153,7 +154,8 @@ def _changed(current: P, changes: Mapping[str, object], owner: str, *, read_only
         try:
             new: object = msgspec.convert(value, hint)
         except (msgspec.ValidationError, OverflowError, RecursionError, TypeError, ValueError) as error:
-            mistakes.append(f"{owner}: {name} = {shown}: {_readable(str(error))}{_about(hint)}")
+            choice = f"; use {_type_name(hint)}" if _choices(hint) else ""
+            mistakes.append(f"{owner}: {name} = {shown}: {_readable(str(error))}{choice}{_about(hint)}")
             continue
         if (step := _step(hint)) is not None and isinstance(new, (int, float)) and not _on_step(new, step, hint):
             mistakes.append(f"{owner}: {name} = {shown}: expected a multiple of {step:g}{_about(hint)}")
@@ -292,9 +294,19 @@ def _plain(hint: Any) -> Any:
 
 def _type_name(hint: Any) -> str:
     plain = _plain(hint)
-    if typing.get_origin(plain) is typing.Literal:
-        return " or ".join(map(str, typing.get_args(plain)))
+    if choices := _choices(hint):
+        return " or ".join(map(str, choices))
     return getattr(plain, "__name__", None) or str(plain) if not typing.get_args(plain) else str(plain)
+
+
+def _choices(hint: Any) -> list[object]:
+    """The values of an enum or a Literal."""
+    plain = _plain(hint)
+    if typing.get_origin(plain) is typing.Literal:
+        return list(typing.get_args(plain))
+    if isinstance(plain, type) and issubclass(plain, enum.Enum):
+        return [member.value for member in plain]
+    return []
 
 
 def _about(hint: Any) -> str:

@@ -106,6 +106,7 @@ class ServiceClient(Generic[Q, A]):
         self._timeout = timeout
         self._numbers = itertools.count(1)
         self._present = threading.Event()
+        self._abandoned = False
         self._querier = session.declare_querier(
             key, target=zenoh.QueryTarget.ALL_COMPLETE, consolidation=zenoh.ConsolidationMode.NONE
         )
@@ -134,6 +135,11 @@ class ServiceClient(Generic[Q, A]):
         with paused():
             return self._present.wait(timeout)
 
+    def abandon(self) -> None:
+        """Let calls that wait for a server fail at once: the node is told to stop."""
+        self._abandoned = True
+        self._present.set()
+
     def close(self) -> None:
         """Leave the network."""
         self._listener.undeclare()
@@ -146,6 +152,8 @@ class ServiceClient(Generic[Q, A]):
         begin = time.monotonic()
         if not self._present.wait(timeout):
             raise ServiceTimeout(f"service {self.key}: nobody serves it (waited {timeout:g} s)")
+        if self._abandoned:
+            raise ServiceTimeout(f"service {self.key}: not called, this node is stopping")
         left = max(timeout - (time.monotonic() - begin), 0.001)
         return self._decode(ask(self._session, self.key, self._encoded(request), self._encoding, left, timeout))
 

@@ -1,6 +1,8 @@
+import enum
 import math
+import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 import pytest
@@ -11,7 +13,7 @@ from msgspec import Meta
 import robo
 from robo import parameter_files
 from robo.errors import ContractError, ParameterError, ParameterFileError
-from robo.parameters import build, describe, parse_assignment, parse_value
+from robo.parameters import build, change, describe, flat, parse_assignment, parse_value
 
 
 class Tuning(robo.Parameters):
@@ -63,6 +65,55 @@ def test_whatever_is_given_is_taken_or_refused_by_name(values: dict[str, Any]) -
         assert {field: getattr(tuning, field) for field in known} == known | values
     assert all(line.startswith("node") for line in complaints)
     assert len(complaints) <= len(values)
+
+
+class Mode(enum.Enum):
+    SLOW = "slow"
+    FAST = "fast"
+
+
+def test_choices_and_what_is_allowed_on_purpose() -> None:
+    class Chosen(robo.Parameters):
+        mode: Mode = Mode.SLOW
+        side: Literal["left", "right"] = "left"
+        limit: Annotated[float, robo.NON_FINITE] = math.inf
+
+    chosen = build(Chosen, {"mode": "fast", "side": "right", "limit": -math.inf}, "x")
+    assert (chosen.mode, chosen.side, chosen.limit) == (Mode.FAST, "right", -math.inf)
+    assert flat(chosen) == {"mode": "fast", "side": "right", "limit": -math.inf, "use_sim_time": False}
+    assert [info.type for info in describe(Chosen)][:2] == ["slow or fast", "left or right"]
+    with pytest.raises(ParameterError) as error:
+        build(Chosen, {"mode": "x", "side": "up"}, "n")
+    assert str(error.value).splitlines() == [
+        "n: mode = 'x': invalid enum value 'x'; use slow or fast",
+        "n: side = 'up': invalid enum value 'up'; use left or right",
+    ]
+
+
+class Inner(msgspec.Struct, frozen=True):
+    p: Annotated[float, Meta(ge=0)] = 1.0
+    i: float = 0.0
+
+
+def test_nested_parameters_have_names_with_dots() -> None:
+    class Nested(robo.Parameters):
+        gains: Inner = Inner(2.0)
+        frame: Annotated[str, robo.READ_ONLY] = "base"
+
+    first = build(Nested, {"gains": {"i": 3}}, "n")
+    assert first.gains == Inner(2.0, 3.0)
+    second = change(first, {"gains.p": 4}, "n")
+    assert (first.gains.p, second.gains) == (2.0, Inner(4.0, 3.0))
+    assert list(flat(second)) == ["gains.p", "gains.i", "frame", "use_sim_time"]
+    assert change(second, {"frame": "base"}, "n") == second
+    for changes, reason in (
+        ({"gains.p": -1}, "gains.p = -1: expected float >= 0.0"),
+        ({"gains.d": 1}, "no parameter 'gains.d'; did you mean gains.p?"),
+        ({"gains": 5}, "no parameter 'gains'"),
+        ({"frame": "x"}, "frame is read-only"),
+    ):
+        with pytest.raises(ParameterError, match=re.escape(reason)):
+            change(second, changes, "n")
 
 
 def test_steps() -> None:
