@@ -128,8 +128,9 @@ def check(nodes: Sequence[Checked], problems: list[Problem], loose: list[Problem
 
     Args:
         nodes: all of the launch.
-        problems: takes what is said of one node that has no such parameter, and refused values.
-        loose: takes what is said of several nodes of which none has such a parameter.
+        problems: takes what is said of one node that has no such parameter, or on the command line and
+            nobody has it, and refused values.
+        loose: takes what else is said of several nodes of which none has such a parameter.
     """
     declared: set[str] = set()
     for node in nodes:
@@ -144,7 +145,9 @@ def check(nodes: Sequence[Checked], problems: list[Problem], loose: list[Problem
                 if not setting.shared:
                     problems.append(_unknown(node, name, setting, own))
                 elif name not in declared:
-                    loose.append(_unknown_to_all(name, setting, declared))
+                    # What is said for this start alone is meant for somebody.
+                    mistakes = problems if setting.name_at is COMMAND_LINE else loose
+                    mistakes.append(_unknown_to_all(name, setting, declared))
                 continue
             values[name] = _value(setting, (own or {}).get(name))
             mistake = node.answer.mistakes.get(name) if node.answer is not None else None

@@ -5,6 +5,7 @@ from the robot's own router, to which the supervisor is a client.
 """
 
 import asyncio
+import graphlib
 import os
 import shutil
 import signal
@@ -212,7 +213,8 @@ class Supervisor:
                     self._on_exit(member, member.ended.result())
             await self._start_those_that_can()
             self._announce()
-            if not any(self._goes_on(m) for m in self._members.values()):
+            going = any(m.running or m.restarting for m in self._members.values())
+            if not going and not self._can_start_more():
                 self._finish(None)
             if not self._stop.is_set():
                 await self._changed.wait()
@@ -248,17 +250,19 @@ class Supervisor:
             await self._start(member)
             self._changed.set()
 
-    def _goes_on(self, member: Member) -> bool:
-        """Whether a process runs, or will."""
-        return member.running or member.restarting or (member.waiting and self._may_start(member))
-
-    def _may_start(self, member: Member) -> bool:
-        """Whether a process that waits can still be started."""
-        return all(
-            self._members[need].may_reach(until)
-            or (self._members[need].waiting and self._may_start(self._members[need]))
-            for need, until in member.plan.needs.items()
-        )
+    def _can_start_more(self) -> bool:
+        """Whether any process that waits can still be started."""
+        able = {name for name, member in self._members.items() if member.waiting}
+        while True:
+            blocked = {
+                name
+                for name in able
+                for need, until in self._members[name].plan.needs.items()
+                if need not in able and not self._members[need].may_reach(until)
+            }
+            if not blocked:
+                return bool(able)
+            able -= blocked
 
     def _announce(self) -> None:
         # What has done its work and ended well is as good as ready.
@@ -315,16 +319,14 @@ class Supervisor:
 
     def _stop_limit(self) -> float:
         """All that the manifest grants to those that stop one after the other."""
+        if all(m.plan.stop.timeout <= StopPlan().timeout for m in self._members.values()):
+            return STOP_LIMIT
         spans: dict[str, float] = {}
-
-        def span(name: str) -> float:
-            if name not in spans:
-                member = self._members[name]
-                spans[name] = 1.5 * member.plan.stop.timeout + max(map(span, member.plan.needs), default=0.0)
-            return spans[name]
-
-        granted = any(m.plan.stop.timeout > StopPlan().timeout for m in self._members.values())
-        return max(STOP_LIMIT, *map(span, self._members)) if granted else STOP_LIMIT
+        needs = {name: member.plan.needs for name, member in self._members.items()}
+        for name in graphlib.TopologicalSorter(needs).static_order():
+            longest = max((spans[need] for need in needs[name]), default=0.0)
+            spans[name] = 1.5 * self._members[name].plan.stop.timeout + longest
+        return max(STOP_LIMIT, *spans.values())
 
     def _kill_all(self) -> None:
         for member in self._members.values():

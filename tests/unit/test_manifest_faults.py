@@ -157,6 +157,10 @@ def test_parameters_of_the_command_line_are_checked() -> None:
     assert mistakes(text, parameters={"a.log_rte": "1"}) == [
         "command line:1:1: /a has no parameter 'log_rte'; did you mean log_rate?"
     ]
+    assert mistakes(text, parameters={"log_rte": "1"}) == [
+        "command line:1:1: no node has a parameter 'log_rte'; did you mean log_rate?"
+    ]
+    assert mistakes(text, parameters={"zzz.qqq": "1"}) == ["command line:1:1: no node has a parameter 'zzz.qqq'"]
     assert "log_rate = 'x'" in mistakes(text, parameters={"log_rate": "x"})[0]
     assert "there is no node aa; did you mean a?" in mistakes(text, parameters={"aa.log_rate": "1"})[0]
 
