@@ -7,6 +7,7 @@ from the robot's own router, to which the supervisor is a client.
 import asyncio
 import graphlib
 import os
+import secrets
 import shutil
 import signal
 import sys
@@ -31,6 +32,7 @@ from robo.supervisor.console import Console
 from robo.supervisor.log_files import LogFiles, log_folder
 from robo.supervisor.member import Member
 from robo.supervisor.process import Child, describe_exit
+from robo.supervisor.watchdog import RUN_VARIABLE, Watchdog, sweep
 
 STOP_LIMIT = 2.0
 """How long the stop of a launch may take, s, before all that still run are killed, unless the manifest
@@ -50,7 +52,8 @@ class Supervisor:
         """
         self._plan = plan
         self._console = console
-        self._environment = dict(environment)
+        self._run_id = secrets.token_hex(8)
+        self._environment = {**environment, RUN_VARIABLE: self._run_id}
         self._folder = Path(tempfile.mkdtemp(prefix="robo-"))
         self._socket = f"unixsock-stream/{self._folder}/router.sock"
         self._router_network = msgspec.structs.replace(router, listen=(self._socket, *router.listen))
@@ -76,6 +79,7 @@ class Supervisor:
             The exit code: 0 all went well, 1 a process failed, 130 interrupted.
         """
         self._begin = time.monotonic()
+        watchdog = Watchdog(self._run_id, self._folder)
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             loop.add_signal_handler(number, self._on_signal, number)
@@ -94,6 +98,9 @@ class Supervisor:
             await self._stop_router()
             if watcher is not None:
                 await asyncio.to_thread(close_session, watcher)
+            for pid in await asyncio.to_thread(sweep, self._run_id):
+                self._console.warn(f"ended process {pid}, which a node had left behind")
+            watchdog.dismiss()
             shutil.rmtree(self._folder, ignore_errors=True)
             self._log_files.close()
         self._summarize()

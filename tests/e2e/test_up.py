@@ -1,5 +1,6 @@
 """Robots as users start them: real processes, a terminal's signals, plain Zenoh clients."""
 
+import signal
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -42,7 +43,7 @@ def test_the_reference_robot_comes_alive_and_stops_cleanly(endpoint: str, tmp_pa
             assert str(inboxes[key].samples[0].encoding) == f"application/msgpack;{type_name}"
         inboxes["r1/current_position"].wait_until(lambda ms: ms[-1]["z"] > 0.1, "it drives")
         children = robot.children()
-        assert len(children) == 5  # four nodes and the router
+        assert len(children) == 6  # four nodes, the router and the watchdog
         begin = time.monotonic()
         robot.interrupt()
         assert robot.wait() == 130
@@ -199,3 +200,39 @@ def test_one_node_alone(endpoint: str) -> None:
         assert not node.children()
         node.interrupt()
         assert node.wait() == 0
+
+
+DAEMON = """\
+import os, sys, time
+if os.fork() == 0:
+    os.setsid()
+    if os.fork() == 0:
+        open(sys.argv[1], "w").write(str(os.getpid()))
+        time.sleep(600)
+    os._exit(0)
+print("started", flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.mark.parametrize("killed", [True, False])
+def test_nothing_outlives_the_launch(killed: bool, endpoint: str, tmp_path: Path) -> None:
+    """Neither nodes nor what daemonised itself, not even after kill -9 of the supervisor."""
+    (tmp_path / "daemon.py").write_text(DAEMON)
+    (tmp_path / "m.yaml").write_text(
+        "groups:\n  g:\n    nodes:\n"
+        "      tracker: {service: robo_services.position_tracker}\n"
+        f"      daemon: {{run: [python, {tmp_path}/daemon.py, {tmp_path}/pid], ready: {{log: started}}}}\n"
+    )
+    with robo("up", "m.yaml", "--listen", endpoint, cwd=str(tmp_path)) as launch:
+        launch.wait_for("is ready: 2 nodes")
+        eventually(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text() != "", "the daemon runs")
+        processes = [*launch.children(), psutil.Process(int((tmp_path / "pid").read_text()))]
+        if killed:
+            launch.process.send_signal(signal.SIGKILL)
+        else:
+            launch.interrupt()
+            assert launch.wait() == 130
+            assert "which a node had left behind" in launch.output
+        _, alive = psutil.wait_procs(processes, timeout=10)
+        assert not [p for p in alive if p.status() != psutil.STATUS_ZOMBIE]
