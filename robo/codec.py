@@ -4,6 +4,7 @@ Payload: MessagePack map, encoding `application/msgpack;<type name>`. JSON (`app
 read as well. Attachment: sequence number and source time, two little-endian int64.
 """
 
+import math
 import struct
 from collections.abc import Callable
 from typing import Generic, NamedTuple, TypeVar
@@ -102,3 +103,18 @@ def decode_any(payload: bytes) -> object:
         return msgspec.msgpack.decode(payload)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise Malformed(f"neither MessagePack nor JSON: {error}") from None
+
+
+def jsonable(value: object) -> object:
+    """Plain data as JSON can hold it: bytes as base64, NaN and infinities as "nan", "inf", "-inf"."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, dict):
+        return {str(key): jsonable(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [jsonable(item) for item in value]
+    if isinstance(value, (bytes, memoryview)):
+        import base64  # nodes carry it only if they need it
+
+        return base64.b64encode(value).decode("ascii")
+    return value

@@ -104,7 +104,7 @@ class ParameterServer:
 
     def _reply(self, query: zenoh.Query, key: str, value: object, *, in_json: bool) -> None:
         if in_json:
-            query.reply(key, msgspec.json.encode(value), encoding=codec.JSON)
+            query.reply(key, msgspec.json.encode(codec.jsonable(msgspec.to_builtins(value))), encoding=codec.JSON)
         else:
             queries.reply(query, key, value)
 

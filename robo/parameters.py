@@ -150,6 +150,8 @@ def _changed(current: P, changes: Mapping[str, object], owner: str, *, read_only
             suggestion = f"did you mean {close[0]}?" if close else f"it has {', '.join(leaves) or 'none'}"
             mistakes.append(f"{owner} has no parameter {name!r}; {suggestion}")
             continue
+        if NON_FINITE in _extras(hint) and value in ("inf", "-inf", "nan"):
+            value = float(str(value))  # as JSON has to write them
         shown = repr(value) if len(repr(value)) <= 60 else f"{repr(value)[:57]}…"
         try:
             new: object = msgspec.convert(value, hint)

@@ -28,6 +28,9 @@ _PLACEHOLDER = re.compile(r"\$\{([^{}\n]*)\}")
 
 T = TypeVar("T")
 
+LARGEST = 2**63 - 1
+"""A larger whole number stays text: neither MessagePack nor JSON could carry it on."""
+
 MAX_NODES = 200_000
 """A file that unfolds to more than this (aliases of aliases) is refused."""
 
@@ -308,10 +311,9 @@ def resolve_scalar(text: str) -> object:
     """What a plain word means in YAML 1.2: null, true, 3, 0.5, or itself."""
     if text in _SPECIAL:
         return _SPECIAL[text]
-    if _INT.match(text):
-        return int(text) if len(text) < 400 else text
-    if _BASED_INT.match(text):
-        return int(text, 0)
+    if _INT.match(text) or _BASED_INT.match(text):
+        number = int(text, 0 if _BASED_INT.match(text) else 10) if len(text) < 100 else LARGEST + 1
+        return number if abs(number) <= LARGEST else text
     if _FLOAT.match(text):
         return float(text)
     return text

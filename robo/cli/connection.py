@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import msgspec
 
+from robo.codec import jsonable
 from robo.session import Network, open_session
 
 import zenoh  # isort: skip  (after robo.session, which sets how Zenoh starts its threads)
@@ -30,7 +31,7 @@ def print_line(text: str) -> None:
 
 def print_json(value: object) -> None:
     """An object as a line of JSON."""
-    print_line(msgspec.json.encode(value).decode())
+    print_line(msgspec.json.encode(jsonable(msgspec.to_builtins(value))).decode())
 
 
 def print_table(rows: Sequence[Sequence[str]]) -> None:

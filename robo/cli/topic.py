@@ -4,8 +4,6 @@ import sys
 import time
 from collections.abc import Sequence
 
-import msgspec
-
 from robo.cli.connection import connect_to_robot, hint, print_json, print_line, print_table
 from robo.names import key_of
 from robo.tools import topics
@@ -37,7 +35,7 @@ def print_messages(key: str, *, once: bool, json: bool, connect: Sequence[str]) 
         for sample in stream.samples():
             received = topics.read(sample)
             if json:
-                print_json(msgspec.structs.replace(received, message=topics.jsonable(received.message)))
+                print_json(received)
             else:
                 print_line(_message_text(received))
             if once:

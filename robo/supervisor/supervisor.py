@@ -21,6 +21,7 @@ import msgspec
 import zenoh
 
 from robo import discovery, names
+from robo.codec import jsonable
 from robo.discovery import NodeToken
 from robo.errors import NetworkError
 from robo.launch.plan import Plan, ProcessPlan, StopPlan
@@ -152,7 +153,10 @@ class Supervisor:
             # A name of its own for each start: what was killed leaves its socket behind.
             listen=(f"unixsock-stream/{self._folder}/{self._starts}.sock",),
         )
-        variables = {SPEC_VARIABLE: msgspec.json.encode(spec).decode(), "ROBO_SUPERVISED": "1"}
+        variables = {
+            SPEC_VARIABLE: msgspec.json.encode(jsonable(msgspec.to_builtins(spec))).decode(),
+            "ROBO_SUPERVISED": "1",
+        }
         if plan.service is None:
             variables |= {"ROBO_NAMESPACE": plan.namespace, "ROBO_CONNECT": self._socket}
         if plan.log.level is not None:

@@ -1,6 +1,5 @@
 """Looking at topics: which there are, what they carry, how often."""
 
-import base64
 import math
 import statistics
 import threading
@@ -120,19 +119,6 @@ def read(sample: zenoh.Sample) -> Received:
         message=message,
         error=error,
     )
-
-
-def jsonable(value: object) -> object:
-    """Plain data as JSON can hold it: bytes as base64, NaN and infinities as "nan", "inf", "-inf"."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    if isinstance(value, dict):
-        return {str(key): jsonable(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [jsonable(item) for item in value]
-    if isinstance(value, (bytes, memoryview)):
-        return base64.b64encode(value).decode("ascii")
-    return value
 
 
 class RateMeter:

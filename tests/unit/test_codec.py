@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 import robo_messages
 from robo import codec
-from robo.codec import Malformed, TopicDecoder
-from robo.tools.topics import RateMeter, jsonable
+from robo.codec import Malformed, TopicDecoder, jsonable
+from robo.tools.topics import RateMeter
 from robo_messages import Bool, Twist, Vector3
 
 TWIST = Twist(Vector3(x=0.5), Vector3(z=-1.0))

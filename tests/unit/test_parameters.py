@@ -80,6 +80,7 @@ def test_choices_and_what_is_allowed_on_purpose() -> None:
 
     chosen = build(Chosen, {"mode": "fast", "side": "right", "limit": -math.inf}, "x")
     assert (chosen.mode, chosen.side, chosen.limit) == (Mode.FAST, "right", -math.inf)
+    assert build(Chosen, {"limit": "-inf"}, "x").limit == -math.inf
     assert flat(chosen) == {"mode": "fast", "side": "right", "limit": -math.inf, "use_sim_time": False}
     assert [info.type for info in describe(Chosen)][:2] == ["slow or fast", "left or right"]
     with pytest.raises(ParameterError) as error:

@@ -71,6 +71,12 @@ def test_nothing_but_plain_data_is_made() -> None:
     assert read("a: !!str 5")[0] == {"a": "5"}
 
 
+def test_whole_numbers_fit_64_bits_or_stay_text() -> None:
+    value, _ = read("[9223372036854775807, -9223372036854775807, 0xff, 9223372036854775808, 0xffffffffffffffffff]")
+    assert value == [2**63 - 1, 1 - 2**63, 255, "9223372036854775808", "0xffffffffffffffffff"]
+    assert read("9" * 5000)[0] == "9" * 5000
+
+
 @given(st.text())
 def test_any_text_is_read_or_refused_with_a_place(text: str) -> None:
     value, problems = read(text)
