@@ -336,6 +336,13 @@ class Node:
             discovery.status_key(self.namespace, self.name), zenoh.handlers.FifoChannel(16)
         )
         threading.Thread(target=self._answer_status, name="robo-status", daemon=True).start()
+        self._running = True
+        if isinstance(self.clock, SimClock):
+            self._follow_clock(self.clock)
+        for subscription in self._subscriptions:
+            subscription.start()
+        for timer in self._timers:
+            timer.start()
         self._parameter_server = ParameterServer(
             self._session,
             self.namespace,
@@ -345,13 +352,6 @@ class Node:
             self._explain,
             self.set_parameters,
         )
-        self._running = True
-        if isinstance(self.clock, SimClock):
-            self._follow_clock(self.clock)
-        for subscription in self._subscriptions:
-            subscription.start()
-        for timer in self._timers:
-            timer.start()
         self._token = self._session.liveliness().declare_token(self._node_token().key())
         if type(self).main is not Node.main:
             self._main_thread = threading.Thread(target=self._run_main, name="robo-main", daemon=True)

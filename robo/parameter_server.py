@@ -77,6 +77,7 @@ class ParameterServer:
         self._explain = explain
         self._set_all = set_all
         self._loop = QueryLoop(session, parameters_key(namespace, node, "*"), self._answer)
+        self._loop.start()
 
     def stop(self, timeout: float) -> bool:
         """Take no more queries. Returns whether the last one was done within `timeout` seconds."""

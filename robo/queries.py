@@ -30,6 +30,9 @@ class QueryLoop:
         self._workers: list[threading.Thread] = []
         self._idle = 0
         self._lock = threading.Lock()
+
+    def start(self) -> None:
+        """Begin to answer."""
         self.spare()
 
     def spare(self) -> None:

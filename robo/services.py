@@ -60,6 +60,7 @@ class ServiceServer(Generic[Q, A]):
         self.served = 0
         """Calls answered."""
         self._loop = QueryLoop(session, self.key, self._answer)
+        self._loop.start()
         self._token = session.liveliness().declare_token(token.key())
 
     def stop(self, timeout: float) -> bool:
