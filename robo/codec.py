@@ -68,6 +68,17 @@ class TopicDecoder(Generic[M]):
         self._type = type_
         self.fast: Callable[[bytes], M] = msgspec.msgpack.Decoder(type_).decode
 
+    def decode(self, payload: bytes, encoding: str) -> M:
+        """Decode a payload of either form.
+
+        Raises:
+            Malformed: the payload is neither MessagePack nor JSON of this type.
+        """
+        try:
+            return self.fast(payload)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            return self.explain(payload, encoding)
+
     def explain(self, payload: bytes, encoding: str) -> M:
         """Decode what `fast` refused.
 

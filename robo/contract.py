@@ -16,7 +16,7 @@ import msgspec
 import robo_messages
 from robo import parameters
 from robo.errors import ContractError
-from robo.qos import DEFAULT_DEPTH, check_depth
+from robo.qos import DEFAULT_DEPTH, DEFAULT_TIMEOUT, check_depth
 from robo_messages import Message
 
 if TYPE_CHECKING:
@@ -61,9 +61,12 @@ class Publisher(Generic[M]):
         if instance is None:
             return self
         # Node.start() puts the real publisher into the instance, where it hides this descriptor.
-        raise ContractError(
-            f"{owner.__name__}.{self._attribute} is used before the node has started; use it in on_start() or later"
-        )
+        raise _too_early(owner, self._attribute)
+
+
+def _too_early(owner: type[object], attribute: str) -> ContractError:
+    text = f"{owner.__name__}.{attribute} is used before the node has started; use it in on_start() or later"
+    return ContractError(text)
 
 
 class Client(Generic[Q, A]):
@@ -72,7 +75,9 @@ class Client(Generic[Q, A]):
     On a node, `self.reset(Trigger.Request())` is the call.
     """
 
-    def __init__(self, request_type: type[Q], response_type: type[A], service: str, *, timeout: float = 2.0) -> None:
+    def __init__(
+        self, request_type: type[Q], response_type: type[A], service: str, *, timeout: float = DEFAULT_TIMEOUT
+    ) -> None:
         """
         Args:
             request_type: what is asked.
@@ -95,9 +100,7 @@ class Client(Generic[Q, A]):
     def __get__(self, instance: Node | None, owner: type[object]) -> Client[Q, A] | ServiceClient[Q, A]:
         if instance is None:
             return self
-        raise ContractError(
-            f"{owner.__name__}.{self._attribute} is used before the node has started; use it in on_start() or later"
-        )
+        raise _too_early(owner, self._attribute)
 
 
 class SubscriptionDeclaration(msgspec.Struct, frozen=True):

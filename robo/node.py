@@ -22,8 +22,8 @@ from robo.executor import TimerLoop, Turn, taking
 from robo.parameter_server import ParameterServer, Said
 from robo.parameters import Parameters as AnyParameters
 from robo.parameters import build, change, flat
-from robo.qos import DEFAULT_DEPTH, KEEP_ALL
-from robo.services import DEFAULT_TIMEOUT, ServiceClient, ServiceServer, service_token
+from robo.qos import DEFAULT_DEPTH, DEFAULT_TIMEOUT, KEEP_ALL
+from robo.services import ServiceClient, ServiceServer, service_token
 from robo.session import Network, close_session, open_session
 from robo_messages import Clock as ClockMessage
 from robo_messages import Log, Message, Parameter, ParameterEvent, Time

@@ -13,6 +13,9 @@ KEEP_ALL: Final = 0
 
 DEFAULT_DEPTH: Final = 10
 
+DEFAULT_TIMEOUT: Final = 2.0
+"""How long a call of a service waits for its answer, s."""
+
 
 def check_depth(depth: int) -> int:
     """`depth` if it is KEEP_ALL or a positive number.

@@ -2,7 +2,7 @@
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import msgspec
 import zenoh
@@ -77,6 +77,19 @@ class Fault(msgspec.Struct, frozen=True):
     error: str
     """What kind: the name of the exception's class."""
     message: str
+
+
+def first_answer(replies: Iterable[zenoh.Reply]) -> zenoh.Sample | Fault | None:
+    """The first reply to a query, or the error in its place; None where nobody answered in time."""
+    for one in replies:
+        if one.ok is not None:
+            return one.ok
+        if one.err is not None:
+            try:
+                return msgspec.msgpack.decode(one.err.payload.to_bytes(), type=Fault)
+            except (msgspec.DecodeError, UnicodeDecodeError):
+                return None  # Zenoh's own word for a server that did not answer in time
+    return None
 
 
 def reply(query: zenoh.Query, key: str, value: object, encoding: str = codec.MSGPACK) -> None:

@@ -19,14 +19,12 @@ from robo.codec import Malformed, TopicDecoder
 from robo.discovery import EndpointToken
 from robo.errors import ServiceError, ServiceTimeout
 from robo.executor import Turn, paused, taking
+from robo.qos import DEFAULT_TIMEOUT
 from robo.queries import Fault, QueryLoop
 from robo_messages import Message
 
 Q = TypeVar("Q", bound=Message)
 A = TypeVar("A", bound=Message)
-
-DEFAULT_TIMEOUT = 2.0
-"""How long a call waits for its answer, s."""
 
 
 def service_token(
@@ -71,7 +69,7 @@ class ServiceServer(Generic[Q, A]):
     def _answer(self, query: zenoh.Query) -> None:
         payload = query.payload.to_bytes() if query.payload is not None else b"\x80"  # nothing is an empty map
         try:
-            request = self._decode(payload, str(query.encoding))
+            request = self._decoder.decode(payload, str(query.encoding))
         except Malformed as reason:
             queries.reply_error(query, "Malformed", str(reason))
             return
@@ -85,12 +83,6 @@ class ServiceServer(Generic[Q, A]):
             queries.reply_error(query, type(error).__name__, str(error))
             self._on_error(error)
         self.served += 1
-
-    def _decode(self, payload: bytes, encoding: str) -> Q:
-        try:
-            return self._decoder.fast(payload)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-            return self._decoder.explain(payload, encoding)
 
 
 class ServiceClient(Generic[Q, A]):
@@ -163,14 +155,10 @@ class ServiceClient(Generic[Q, A]):
         return msgspec.msgpack.encode(request), attachment
 
     def _decode(self, sample: zenoh.Sample) -> A:
-        payload = sample.payload.to_bytes()
         try:
-            return self._decoder.fast(payload)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-            try:
-                return self._decoder.explain(payload, str(sample.encoding))
-            except Malformed as reason:
-                raise ServiceError(f"service {self.key}: the answer is {reason}") from None
+            return self._decoder.decode(sample.payload.to_bytes(), str(sample.encoding))
+        except Malformed as reason:
+            raise ServiceError(f"service {self.key}: the answer is {reason}") from None
 
 
 def ask(
@@ -200,15 +188,11 @@ def ask(
         consolidation=zenoh.ConsolidationMode.NONE,
     )
     begin = time.monotonic()
-    for reply in replies:
-        if reply.ok is not None:
-            return reply.ok
-        if reply.err is not None:
-            try:
-                fault = msgspec.msgpack.decode(reply.err.payload.to_bytes(), type=Fault)
-            except (msgspec.DecodeError, UnicodeDecodeError):
-                break  # Zenoh's own word for a server that did not answer in time
-            raise ServiceError(f"service {key}: {fault.error}: {fault.message}", fault.error, fault.message)
+    answer = queries.first_answer(replies)
+    if isinstance(answer, Fault):
+        raise ServiceError(f"service {key}: {answer.error}: {answer.message}", answer.error, answer.message)
+    if answer is not None:
+        return answer
     if time.monotonic() - begin < timeout * 0.9:
         raise ServiceTimeout(f"service {key}: its server went away without an answer")
     raise ServiceTimeout(f"service {key} did not answer within {granted:g} s")

@@ -9,7 +9,7 @@ import msgspec
 import robo_messages
 from robo.cli.up import is_manifest, print_json
 from robo.errors import ManifestError, UsageError
-from robo.launch import arguments, faults, reader, resolve
+from robo.launch import faults, resolve
 from robo.launch.check import Findings, check, ends_of
 from robo.launch.find import find_manifest
 from robo.launch.graph import FORMATS, draw
@@ -27,15 +27,16 @@ def run_check(words: Sequence[str], *, robot_name: str | None, json: bool, graph
     Raises:
         UsageError: the words make no sense.
     """
-    files = [word for word in words if ":=" not in word]
+    names = [word for word in words if ":=" not in word]
     given: dict[str, object] = {
         name: Word(value) for name, assign, value in (word.partition(":=") for word in words) if assign
     }
-    for word in files:
+    files: list[Path] = []
+    for word in names:
         if not is_manifest(word):
             raise UsageError(f"{word!r} is no manifest and no name:=value")
         try:
-            find_manifest(word)
+            files.append(find_manifest(word))
         except ManifestError as error:
             raise UsageError(str(error)) from None
     if not files:
@@ -46,39 +47,30 @@ def run_check(words: Sequence[str], *, robot_name: str | None, json: bool, graph
         raise UsageError("--graph draws one manifest, and goes without --json; --graph json gives data")
     found: list[Problem] = []
     notes: list[Problem] = []
-    for word in files:
-        findings, drawing = _check_one(word, given, robot_name, graph)
+    for file in files:
+        findings, drawing = _check_one(file, given, robot_name, graph)
         found += findings.faults
         notes += findings.notes
-        if drawing is not None and not json:
+        if drawing is not None:
             print(drawing)
     if json:
         print_json({"faults": faults.as_data(found), "notes": faults.as_data(notes)})
     else:
-        _report(files, found, notes, to_stderr=graph is not None)
+        _report(names, found, notes, to_stderr=graph is not None)
     return 1 if found else 0
 
 
 def _check_one(
-    word: str, given: dict[str, object], robot_name: str | None, graph: str | None
+    file: Path, given: dict[str, object], robot_name: str | None, graph: str | None
 ) -> tuple[Findings, str | None]:
-    file = find_manifest(word)
     resolution = resolve.resolve(file, given, robot=robot_name, stand_ins=True)
     findings = check(resolution)
-    absent = _absent(file, given)
+    absent = resolution.stood_in
     if absent:
         text = f"checked without {', '.join(absent)}; give {absent[0]}:=VALUE to check with it"
         note = Problem(Position(str(file), 1, 1), text)
         findings = Findings(findings.faults, (*findings.notes, note))
     return findings, draw(resolution.plan, ends_of(resolution), graph) if graph is not None else None
-
-
-def _absent(file: Path, given: dict[str, object]) -> list[str]:
-    try:
-        manifest = reader.read(file.read_text(encoding="utf-8"), file, [])
-    except (OSError, UnicodeDecodeError):
-        return []  # said as a fault already
-    return arguments.missing(manifest, given) if manifest is not None else []
 
 
 def _report(files: Sequence[str], found: Sequence[Problem], notes: Sequence[Problem], *, to_stderr: bool) -> None:

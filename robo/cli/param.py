@@ -21,7 +21,7 @@ from robo_messages import ParameterEvent
 def print_list(node: str | None, *, json: bool, connect: Sequence[str]) -> None:
     """Print the parameters of one node or of all, with their values."""
     with connect_to_robot(connect) as session:
-        found, silent = _read([_find(session, node)] if node else nodes.list_nodes(session), session)
+        found, silent = _read(session, node)
     if json:
         print_json(found)
     else:
@@ -83,7 +83,7 @@ def print_descriptions(node: str, names: Sequence[str], *, json: bool, connect: 
 def dump(node: str | None, file: Path | None, *, connect: Sequence[str]) -> None:
     """Write the values of one node or of all as a parameter file."""
     with connect_to_robot(connect) as session:
-        found, silent = _read([_find(session, node)] if node else nodes.list_nodes(session), session)
+        found, silent = _read(session, node)
     text = parameters.to_yaml(found)
     if file is None:
         print_line(text.rstrip())
@@ -152,15 +152,14 @@ def _find(session: zenoh.Session, node: str) -> NodeToken:
     return nodes.find_node(nodes.list_nodes(session), node)
 
 
-def _read(
-    wanted: Sequence[NodeToken], session: zenoh.Session
-) -> tuple[dict[str, dict[str, object]], list[NodeUnreachable]]:
-    """The values of nodes, and which did not answer."""
+def _read(session: zenoh.Session, node: str | None) -> tuple[dict[str, dict[str, object]], list[NodeUnreachable]]:
+    """The values of one node or of all, and which did not answer."""
+    wanted = [_find(session, node)] if node else nodes.list_nodes(session)
     found: dict[str, dict[str, object]] = {}
     silent: list[NodeUnreachable] = []
-    for node in wanted:
+    for token in wanted:
         try:
-            found[node.full_name] = parameters.get(session, node)
+            found[token.full_name] = parameters.get(session, token)
         except NodeUnreachable as error:
             silent.append(error)
     return found, silent

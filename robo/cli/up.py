@@ -14,10 +14,10 @@ from robo.launch import arguments, faults, reader, resolve
 from robo.launch.check import unmatched
 from robo.launch.faults import ManifestFaults
 from robo.launch.find import find_manifest
-from robo.launch.plan import ProcessPlan
+from robo.launch.resolve import Resolution
 from robo.launch.substitution import Word
 from robo.launch.values import Assignment
-from robo.yaml_tree import Position, Problem
+from robo.yaml_tree import Problem
 
 DEFAULT_MANIFEST = "robot.yaml"
 
@@ -64,13 +64,13 @@ def run_up(
     )
     problems = found.problems
     if not dry_run:
-        problems = (*problems, *_missing_programs(found.plan.processes, supervisor.search_path()))
+        problems = (*problems, *_missing_programs(found, supervisor.search_path()))
     if problems:
         if json:
             print_json({"faults": faults.as_data(problems)})
             return 1
         raise ManifestFaults(problems)
-    unheard = [*found.loose, *unmatched(found)]
+    unheard = [*found.loose, *(problem for problem, _ in unmatched(found))]
     if unheard:
         print(faults.as_notes(unheard, "warning"), file=sys.stderr)
     if dry_run:
@@ -129,11 +129,11 @@ def print_json(value: object) -> None:
     sys.stdout.buffer.flush()
 
 
-def _missing_programs(processes: Sequence[ProcessPlan], search: str) -> list[Problem]:
+def _missing_programs(found: Resolution, search: str) -> list[Problem]:
     """Commands that are not there: better said before the rest of the robot runs."""
     return [
-        Problem(_position(process.source), f"{process.full_name}: there is no program {process.command[0]!r}")
-        for process in processes
+        Problem(found.positions[process.full_name], f"{process.full_name}: there is no program {process.command[0]!r}")
+        for process in found.plan.processes
         if process.command
         and shutil.which(
             str(Path(process.cwd or ".") / process.command[0]) if "/" in process.command[0] else process.command[0],
@@ -141,11 +141,6 @@ def _missing_programs(processes: Sequence[ProcessPlan], search: str) -> list[Pro
         )
         is None
     ]
-
-
-def _position(source: str) -> Position:
-    file, line, column = source.rsplit(":", 2)
-    return Position(file, int(line), int(column))
 
 
 def _arguments_of(file: Path) -> tuple[str, list[arguments.ArgumentInfo]]:

@@ -72,20 +72,24 @@ def check(resolution: Resolution) -> Findings:
     faults += _unknown_remaps(resolution)
     for topic in resolution.plan.topics:
         faults += _promise(topic, by_key, may_be_served=bool(silent) or not all_known)
-    for problem, entry in zip(unmatched(resolution), resolution.unmatched, strict=True):
-        # A file may serve several launches: that a node is not in this one is no fault.
-        (faults if "did you mean" in problem.text or not entry.names_one_node else notes).append(problem)
+    for problem, is_fault in unmatched(resolution):
+        (faults if is_fault else notes).append(problem)
     return Findings(in_order(faults), in_order(notes))
 
 
-def unmatched(resolution: Resolution) -> list[Problem]:
-    """The entries of parameter files that mean no node of this launch."""
+def unmatched(resolution: Resolution) -> list[tuple[Problem, bool]]:
+    """The entries of parameter files that mean no node of this launch, and whether that is a fault.
+
+    A file may serve several launches: that a node is not in this one is none, but a pattern that
+    matches nothing and a name that is nearly another one's are.
+    """
     present = [name.rpartition("/")[2] for name in resolution.positions]
     found = []
     for entry in resolution.unmatched:
         close = difflib.get_close_matches(entry.pattern.rpartition("/")[2], present, n=1)
         hint = f"; did you mean {close[0]}?" if close else ""
-        found.append(Problem(entry.position, f"{entry.pattern} matches no node of this launch{hint}"))
+        problem = Problem(entry.position, f"{entry.pattern} matches no node of this launch{hint}")
+        found.append((problem, bool(close) or not entry.names_one_node))
     return found
 
 

@@ -50,6 +50,8 @@ class Resolution(msgspec.Struct, frozen=True, kw_only=True):
     """By full name and left side, where a remapping is written."""
     unmatched: tuple[ParameterEntry, ...]
     """Entries of parameter files that mean no node."""
+    stood_in: tuple[str, ...]
+    """Arguments that have to be given and were not."""
 
 
 def load(
@@ -104,7 +106,8 @@ def resolve(
             walk.manifest(manifest, scope.inner(found), _Context())
         except _TooMuch as error:
             walk.complain(error.position, str(error))
-    return walk.finish(manifest, file, found, groups, parameters)
+    absent = args.missing(manifest, given) if manifest is not None else []
+    return walk.finish(manifest, file, found, absent, groups, parameters)
 
 
 class _TooMuch(Exception):
@@ -442,6 +445,7 @@ class _Walk:
         manifest: Manifest | None,
         file: Path,
         found: Mapping[str, object],
+        absent: Sequence[str],
         groups: Collection[str],
         parameters: Sequence[Assignment],
     ) -> Resolution:
@@ -481,6 +485,7 @@ class _Walk:
             positions={d.plan.full_name: d.position for d in drafts},
             remaps={d.plan.full_name: d.remap_at for d in drafts},
             unmatched=tuple(self._files.unmatched()),
+            stood_in=tuple(absent),
         )
 
     def _unique(self) -> list[_Draft]:

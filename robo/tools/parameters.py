@@ -9,7 +9,7 @@ from robo import parameter_files
 from robo.discovery import NodeToken
 from robo.errors import NodeUnreachable, ParameterError
 from robo.parameter_server import Result, Said, parameters_key
-from robo.queries import Fault
+from robo.queries import Fault, first_answer
 
 TIMEOUT = 0.5
 """How long a node may take to answer, s."""
@@ -115,13 +115,9 @@ def _named(names: Sequence[str]) -> dict[str, object] | None:
 def _ask(session: zenoh.Session, node: NodeToken, verb: str, request: object) -> object:
     key = parameters_key(node.namespace, node.node, verb)
     payload = msgspec.msgpack.encode(request) if request is not None else None
-    for reply in session.get(key, payload=payload, timeout=TIMEOUT):
-        if reply.ok is not None:
-            return msgspec.msgpack.decode(reply.ok.payload.to_bytes())
-        if reply.err is not None:
-            try:
-                fault = msgspec.msgpack.decode(reply.err.payload.to_bytes(), type=Fault)
-            except (msgspec.DecodeError, UnicodeDecodeError):
-                break  # Zenoh's own word for a node that did not answer in time
-            raise ParameterError(fault.message)
+    answer = first_answer(session.get(key, payload=payload, timeout=TIMEOUT))
+    if isinstance(answer, Fault):
+        raise ParameterError(answer.message)
+    if answer is not None:
+        return msgspec.msgpack.decode(answer.payload.to_bytes())
     raise NodeUnreachable(f"{node.full_name} did not answer within {TIMEOUT:g} s; is a callback of it stuck?")
