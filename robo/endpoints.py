@@ -153,7 +153,7 @@ def slots(message_type: type[Message], depth: int) -> int:
         return depth or 16
     if _holds(message_type, (list, dict)):
         return max(depth, 256) if depth else 2048
-    return max(depth, 8192)
+    return max(depth, 4096)
 
 
 def _holds(hint: Any, kinds: tuple[type, ...]) -> bool:

@@ -7,7 +7,7 @@ callback holds up neither another node's subscription nor the network.
 How a channel and `depth` go together (measured in `benchmarks/`): Zenoh delivers a batch of up to a
 thousand small messages at once. A ring of ten slots would lose most of a batch although the callback
 could keep up, so the ring has room for several (see `endpoints.slots`), and `depth` is enforced here:
-who has not caught up for `STALE` goes on with the newest `depth`.
+where what has piled up would take a callback longer than `STALE`, it goes on with the newest `depth`.
 """
 
 import threading
@@ -29,8 +29,7 @@ from robo_messages import Message
 M = TypeVar("M", bound=Message)
 
 STALE = 0.02
-"""A callback that has not caught up with its topic for this long, s, gets the newest `depth` next: no
-message waits much longer behind others that nobody asked to keep."""
+"""How long a message may wait behind others that nobody asked to keep, s."""
 
 
 class Turn:
@@ -163,7 +162,7 @@ class SubscriptionLoop(Generic[M]):
         self._callback = callback
         self._on_error = on_error
         self._on_malformed = on_malformed
-        self._backlog: deque[zenoh.Sample] = deque(maxlen=depth or None)
+        self._backlog: deque[zenoh.Sample] = deque()
         self.received = 0
         """Messages given to the callback."""
         self.malformed = 0
@@ -202,8 +201,9 @@ class SubscriptionLoop(Generic[M]):
                 if not take_turn(False):
                     wait_turn()
                 holding = True
-                caught_up = monotonic()
+                since, handled = monotonic(), 0
                 while True:
+                    handled += 1
                     try:
                         callback(decode(sample.payload.to_bytes()))
                         self.received += 1
@@ -216,28 +216,29 @@ class SubscriptionLoop(Generic[M]):
                     if more is None:
                         break
                     sample = more
-                    if not keep_all and monotonic() - caught_up > STALE:
+                    if not keep_all and (passed := monotonic() - since) > STALE:
                         backlog.appendleft(sample)
-                        self._cut_back()
+                        self._cut_back(passed / handled)
                         sample = backlog.popleft()
-                        caught_up = monotonic()
+                        since, handled = since + passed, 0
                 pass_turn()
                 holding = False
         except zenoh.ZError:  # undeclared, and nothing is left in the channel
             if holding:
                 pass_turn()
 
-    def _cut_back(self) -> None:
-        """Move what has piled up in the channel into the backlog, which keeps the newest `depth`."""
+    def _cut_back(self, per_message: float) -> None:
+        """Keep the newest `depth` of what has piled up if the last of it would wait for more than STALE."""
         try_recv, backlog = self._handler.try_recv, self._backlog
-        total = len(backlog)
         try:
             while (sample := try_recv()) is not None:
                 backlog.append(sample)
-                total += 1
         except zenoh.ZError:
             pass  # undeclared meanwhile: what is in the backlog is all there is
-        self.dropped += total - len(backlog)
+        if len(backlog) * per_message > STALE:
+            while len(backlog) > self._depth:
+                backlog.popleft()
+                self.dropped += 1
 
     def _handle(self, error: BaseException, sample: zenoh.Sample) -> None:
         """Tell a payload that is not MessagePack of this type from a callback that raised."""

@@ -96,9 +96,10 @@ def zenoh_config(network: Network) -> zenoh.Config:
     if router:
         settings |= {"listen/retry": _RETRY, "listen/timeout_ms": -1, "listen/exit_on_failure": False}
     if all(endpoint.startswith("unixsock-stream/") for endpoint in network.connect + network.listen):
-        # Between processes of one machine: a longer queue keeps both ends busy, and without priorities
-        # there is one queue to look into. Over a slow link it would hold old messages.
-        settings |= {"transport/unicast/qos/enabled": False, "transport/link/tx/queue/size/data": 16}
+        # Between processes of one machine a longer queue keeps both ends busy; over a slow link it would
+        # hold old messages. Leave `transport/unicast/qos` on: without it a publisher that drops a
+        # message once on a full queue now and then drops all of them from then on (zenoh 1.10).
+        settings["transport/link/tx/queue/size/data"] = 16
     for key, value in settings.items():
         try:
             config.insert_json5(key, msgspec.json.encode(value).decode())

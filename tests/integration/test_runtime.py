@@ -1,7 +1,11 @@
 """Nodes in the test's own process, seen by a plain Zenoh client."""
 
+import signal
+import subprocess
+import sys
 import threading
 import time
+from pathlib import Path
 from typing import Annotated
 
 import msgpack
@@ -211,6 +215,41 @@ def test_a_slow_callback_gets_the_newest_and_holds_up_nobody(session: zenoh.Sess
     assert sorted(slow_ages[2:])[len(slow_ages) // 2] < 0.01
     assert sorted(ages)[len(ages) // 2] < 0.01
     assert len(ages) > 10 * len(slow_ages)
+
+
+SINK = """
+import sys
+from robo.session import Network, open_session
+
+session = open_session(Network(mode="peer", listen=(sys.argv[1],)))
+subscriber = session.declare_subscriber("flood")
+print("ready", flush=True)
+for sample in subscriber:
+    if bytes(sample.payload) == b"the end":
+        print("the end", flush=True)
+"""
+
+
+def test_a_publisher_that_had_to_drop_messages_goes_on_when_there_is_room(tmp_path: Path) -> None:
+    endpoint = f"unixsock-stream/{tmp_path}/sink"
+    command = [sys.executable, "-c", SINK, endpoint]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as sink:
+        assert sink.stdout is not None
+        try:
+            assert sink.stdout.readline() == "ready\n"
+            session = open_session(Network(mode="peer", connect=(endpoint,)))
+            publisher = session.declare_publisher("flood", congestion_control=zenoh.CongestionControl.DROP)
+            sink.send_signal(signal.SIGSTOP)
+            for _ in range(100):  # more than all queues and the socket hold
+                publisher.put(bytes(64_000))
+            sink.send_signal(signal.SIGCONT)
+            arrived = threading.Event()
+            stdout = sink.stdout
+            threading.Thread(target=lambda: stdout.readline() and arrived.set(), daemon=True).start()
+            eventually(lambda: publisher.put("the end") is None and arrived.wait(0.05), "a message gets through")
+            close_session(session)
+        finally:
+            sink.kill()
 
 
 def test_one_callback_at_a_time(session: zenoh.Session, other: zenoh.Session) -> None:

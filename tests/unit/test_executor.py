@@ -105,7 +105,7 @@ def test_a_timer_follows_a_changed_period() -> None:
 
 
 def test_channels_have_room_that_fits_the_type() -> None:
-    assert slots(Twist, 1) == slots(Odometry, 10) == 8192
+    assert slots(Twist, 1) == slots(Odometry, 10) == 4096
     assert slots(Twist, 10_000) == 10_000
     assert slots(LaserScan, 1) == 256
     assert slots(Image, 3) == slots(PointCloud2, 3) == 3
