@@ -21,7 +21,7 @@ from robo.errors import NetworkError
 from robo.session import Network, close_session, open_session
 from robo_messages import Image, String, Twist, Vector3
 from robo_services.position_tracker import PositionTracker
-from tests.support import Inbox, eventually
+from tests.support import PATIENCE, Inbox, eventually
 
 
 class Echo(Node):
@@ -245,8 +245,16 @@ def test_a_publisher_that_had_to_drop_messages_goes_on_when_there_is_room(tmp_pa
             sink.send_signal(signal.SIGCONT)
             arrived = threading.Event()
             stdout = sink.stdout
-            threading.Thread(target=lambda: stdout.readline() and arrived.set(), daemon=True).start()
-            eventually(lambda: publisher.put("the end") is None and arrived.wait(0.05), "a message gets through")
+
+            def wait_for_the_end() -> None:
+                if stdout.readline():
+                    arrived.set()
+
+            threading.Thread(target=wait_for_the_end, daemon=True).start()
+            end = time.monotonic() + PATIENCE
+            while not arrived.wait(0.05):
+                assert time.monotonic() < end, "no message gets through"
+                publisher.put("the end")
             close_session(session)
         finally:
             sink.kill()
