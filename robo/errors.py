@@ -69,5 +69,9 @@ class NodeUnreachable(RoboError, TimeoutError):
     """A node runs and does not answer."""
 
 
+class RunError(RoboError):
+    """A run is not there, or could not do what it was asked to."""
+
+
 class UsageError(RoboError):
     """A command line makes no sense."""

@@ -34,6 +34,9 @@ A = TypeVar("A", bound=Message)
 
 SET_WHILE_RUNNING = "set while running"
 
+READY_PERIOD = 0.05
+"""How often a node that has a `ready` of its own is asked, s."""
+
 STOP_TIMEOUT = 2.0
 """How long `close` waits for a callback that is running, s."""
 
@@ -43,6 +46,8 @@ class NodeStatus(msgspec.Struct, frozen=True):
 
     node: str
     """The full name."""
+    published: dict[str, int]
+    """Messages published, by topic."""
     received: dict[str, int]
     """Messages given to callbacks, by topic."""
     malformed: dict[str, int]
@@ -122,6 +127,7 @@ class Node:
         self._events_lock = threading.Lock()
         self._callback_errors = 0
         self._running = False
+        self._token: zenoh.LivelinessToken | None = None
         self._main_thread: threading.Thread | None = None
         self._shutdown = threading.Event()
 
@@ -129,6 +135,14 @@ class Node:
 
     def on_start(self) -> None:
         """Called when the publishers exist and before any other callback runs."""
+
+    def ready(self) -> bool:
+        """Whether the node can do its work. Override it where starting is not all: a sensor has to warm up.
+
+        It is asked as a callback until it says yes; then the node's liveliness token shows, and what
+        needs this node starts.
+        """
+        return True
 
     def on_stop(self) -> None:
         """Called after the last callback, while the publishers still exist."""
@@ -352,10 +366,22 @@ class Node:
             self._explain,
             self.set_parameters,
         )
-        self._token = self._session.liveliness().declare_token(self._node_token().key())
+        if type(self).ready is Node.ready:
+            self._declare_ready()
+        else:
+            self._readiness = self.create_timer(READY_PERIOD, self._check_ready, Clock())
         if type(self).main is not Node.main:
             self._main_thread = threading.Thread(target=self._run_main, name="robo-main", daemon=True)
             self._main_thread.start()
+
+    def _declare_ready(self) -> None:
+        self._token = self.session.liveliness().declare_token(self._node_token().key())
+
+    def _check_ready(self) -> None:
+        if self._token is None and self.ready():
+            self._declare_ready()
+            self._timers.remove(self._readiness)
+            self._readiness.stop(0)
 
     def wait(self, timeout: float | None = None) -> bool:
         """Block until the node is shut down. Returns whether it was, within `timeout` seconds."""
@@ -367,7 +393,9 @@ class Node:
             return
         self.shutdown(self.exit_code)
         self._running = False
-        self._token.undeclare()
+        if self._token is not None:
+            self._token.undeclare()
+            self._token = None
         if self._main_thread is not None and self._main_thread is not threading.current_thread():
             self._main_thread.join(STOP_TIMEOUT)
         for client in self._clients:
@@ -411,6 +439,7 @@ class Node:
         subscriptions = list(self._subscriptions)
         return NodeStatus(
             node=self.full_name,
+            published={p.topic: p.published for p in list(self._publishers)},
             received={s.topic: s.received for s in subscriptions},
             malformed={s.topic: s.malformed for s in subscriptions},
             dropped={s.topic: s.dropped for s in subscriptions},

@@ -4,6 +4,7 @@ A supervisor puts the finished spec into the environment, and into the arguments
 whoever reads the process list. Otherwise the arguments are those of the node's command line.
 """
 
+import faulthandler
 import os
 import sys
 
@@ -12,6 +13,7 @@ from robo import lean
 
 def main() -> None:
     """Run the node, and exit with its exit code."""
+    faulthandler.enable()  # a supervisor that ends a node that hangs asks it first where it is
     lean.import_msgspec()
     import msgspec
 

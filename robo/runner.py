@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import msgspec
 
-from robo import log
+from robo import heartbeat, log
 from robo.discovery import wait_for_nodes
 from robo.errors import RoboError
 from robo.node import Node
@@ -86,6 +86,7 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
         if unseen:
             node.logger.warning("starting although it does not see %s", ", ".join(sorted(unseen)))
         node.start(session)
+        heartbeat.begin(node)
         node.wait()
         node.close()
         return node.exit_code

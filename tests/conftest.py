@@ -20,6 +20,14 @@ def intel_log() -> Path:
     return INTEL_LOG
 
 
+@pytest.fixture(autouse=True, scope="session")
+def _logs_of_their_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Robots that tests start keep their logs apart from the user's."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
 @pytest.fixture
 def endpoint() -> str:
     """A Zenoh endpoint on loopback that nobody listens on."""

@@ -100,6 +100,8 @@ def root(
         "robo up robot.yaml control tracking use_sim:=false",
         "robo up -p velocity_controller.linear_velocity:=0.3",
         "robo up fleet.yaml robots:=5 --dry-run",
+        "robo up -d --wait --robot-name r1",
+        "robo up mine.yaml --watch",
         "robo up simulation.yaml --show-args",
     )
 )
@@ -127,8 +129,14 @@ def up(
         str | None,
         typer.Option("--log-level", metavar="LEVEL", help="debug, info, warn, error or fatal (or ROBO_LOG_LEVEL)."),
     ] = None,
+    detach: Annotated[bool, typer.Option("-d", "--detach", help="Run in the background; `robo down` ends it.")] = False,
+    wait: Annotated[bool, typer.Option("--wait", help="With -d: return once everything is ready.")] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Start again what a changed source, parameter file or manifest touches.")
+    ] = False,
+    timing: Annotated[bool, typer.Option("--timing", help="Print where the time of the start went.")] = False,
 ) -> None:
-    """Start a robot and keep it in the foreground until Ctrl-C.
+    """Start a robot and keep it in the foreground until Ctrl-C, or in the background.
 
     MANIFEST is looked for as a path, then in ./launch, then among those that ship with robo
     (robot.yaml, simulation.yaml, real_robot.yaml, replay.yaml, fleet.yaml); robot.yaml by default.
@@ -150,6 +158,10 @@ def up(
             connect=connect or [],
             listen=listen or [],
             log_level=log_level,
+            timing=timing,
+            watch=watch,
+            detach=detach,
+            wait=wait,
         )
     raise typer.Exit(code)
 
@@ -197,6 +209,151 @@ def schema(
         from robo.cli.check import print_schema
 
         print_schema(name)
+
+
+Everything = Annotated[list[str], typer.Argument(metavar="NODE|GROUP...", help="Full names, names or groups.")]
+
+
+@app.command(epilog=examples("robo ps", "robo ps --watch", "robo ps --json | jq -r 'select(.state != \"ready\").node'"))
+def ps(
+    robot_name: RobotName = None,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON Lines, an object for each process.")] = False,
+    watch: Annotated[bool, typer.Option("--watch", help="Again and again, until Ctrl-C.")] = False,
+    interval: Annotated[float, typer.Option("--interval", metavar="S", help="How often, with --watch.", min=0.1)] = 1.0,
+    connect: Connect = None,
+) -> None:
+    """List the processes of running robots: state, restarts, processor, memory, messages per second."""
+    with errors():
+        from robo.cli.runs import print_processes
+
+        print_processes(robot=robot_name, json=json, watch=watch, interval=interval, connect=connect or [])
+
+
+@app.command(epilog=examples("robo stop velocity_controller", "robo stop control --robot-name r1"))
+def stop(names: Everything, robot_name: RobotName = None, json: Json = False, connect: Connect = None) -> None:
+    """Stop nodes or groups of a running robot, until `robo start`."""
+    _have_done("stop", names, robot_name, json, connect)
+
+
+@app.command(epilog=examples("robo start velocity_controller", "robo start /r1/velocity_controller"))
+def start(names: Everything, robot_name: RobotName = None, json: Json = False, connect: Connect = None) -> None:
+    """Start nodes or groups of a running robot that have stopped or failed."""
+    _have_done("start", names, robot_name, json, connect)
+
+
+@app.command(epilog=examples("robo restart position_tracker", "robo restart control --robot-name r1"))
+def restart(names: Everything, robot_name: RobotName = None, json: Json = False, connect: Connect = None) -> None:
+    """Stop nodes or groups of a running robot and start them again."""
+    _have_done("restart", names, robot_name, json, connect)
+
+
+def _have_done(verb: str, names: list[str], robot: str | None, json: bool, connect: list[str] | None) -> None:
+    with errors():
+        from robo.cli.runs import command
+
+        command(verb, names, robot=robot, json=json, connect=connect or [])
+
+
+@app.command(epilog=examples("robo down", "robo down --robot-name r1", "robo down --all"))
+def down(
+    robot_name: RobotName = None,
+    every: Annotated[bool, typer.Option("--all", help="Every robot on the network.")] = False,
+    timeout: Annotated[float, typer.Option("--timeout", metavar="S", help="How long to wait for its end.")] = 30.0,
+    connect: Connect = None,
+) -> None:
+    """End the run of a robot, wherever it was started, and wait until it is over."""
+    with errors():
+        from robo.cli.runs import down as end
+
+        end(robot=robot_name, every=every, timeout=timeout, connect=connect or [])
+
+
+@app.command(epilog=examples("robo why position_tracker", "robo why --json"))
+def why(
+    names: Annotated[list[str] | None, typer.Argument(metavar="[NODE|GROUP]...", help="All by default.")] = None,
+    robot_name: RobotName = None,
+    json: Json = False,
+    connect: Connect = None,
+) -> None:
+    """Tell why nodes are as they are: how they ended, their last words, what they wait for, stale inputs."""
+    with errors():
+        from robo.cli.runs import why as explain_nodes
+
+        explain_nodes(names or [], robot=robot_name, json=json, connect=connect or [])
+
+
+@app.command(epilog=examples("robo events", "robo events --json | jq 'select(.event == \"degraded\")'"))
+def events(
+    robot_name: RobotName = None,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON Lines.")] = False,
+    follow: Annotated[bool, typer.Option("--follow/--no-follow", help="Wait for more, until Ctrl-C.")] = True,
+    connect: Connect = None,
+) -> None:
+    """Print what has happened in running robots, and what happens."""
+    with errors():
+        from robo.cli.runs import print_events
+
+        print_events(robot=robot_name, json=json, follow=follow, connect=connect or [])
+
+
+@app.command(
+    epilog=examples(
+        "robo logs",
+        "robo logs position_tracker -f",
+        "robo logs --since 10m --level warn",
+        "robo logs --list",
+        "robo logs --run 2026-11-21_18-30-00_4711 --json",
+    )
+)
+def logs(
+    nodes: Annotated[list[str] | None, typer.Argument(metavar="[NODE]...", help="Only these.")] = None,
+    robot_name: RobotName = None,
+    follow: Annotated[bool, typer.Option("-f", "--follow", help="Wait for more, until Ctrl-C.")] = False,
+    lines: Annotated[int | None, typer.Option("-n", "--lines", metavar="N", help="Only the last N.", min=0)] = None,
+    since: Annotated[
+        str | None, typer.Option("--since", metavar="TIME", help="30s, 10m, 2h, 1d ago, or 2026-11-21T18:30.")
+    ] = None,
+    level: Annotated[str | None, typer.Option("--level", metavar="LEVEL", help="This level and above.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON Lines.")] = False,
+    run_name: Annotated[str | None, typer.Option("--run", metavar="RUN", help="An earlier run.")] = None,
+    list_runs: Annotated[bool, typer.Option("--list", help="List the runs that are kept.")] = False,
+) -> None:
+    """Print what the processes of a run on this machine have printed; of the latest run by default."""
+    with errors():
+        from robo.cli.logs import print_logs, print_runs
+
+        if list_runs:
+            print_runs(robot=robot_name, json=json)
+            return
+        print_logs(
+            nodes or [],
+            robot=robot_name,
+            run=run_name,
+            follow=follow,
+            lines=lines,
+            since=since,
+            level=level,
+            json=json,
+        )
+
+
+@app.command(epilog=examples("robo doctor", "robo doctor --kill-test", "robo doctor --json"))
+def doctor(
+    kill_test: Annotated[
+        bool, typer.Option("--kill-test", help="Start a robot, kill -9 its supervisor, and look whether all is gone.")
+    ] = False,
+    json: Json = False,
+    connect: Connect = None,
+) -> None:
+    """Check this machine: Python, packages, ports, multicast, router, clock, permissions, leftovers.
+
+    Exit code: 0 all is well, 1 something has to be mended.
+    """
+    with errors():
+        from robo.cli.doctor import examine
+
+        code = examine(kill_test=kill_test, json=json, connect=connect or [])
+    raise typer.Exit(code)
 
 
 @app.command(add_help_option=False, context_settings={"ignore_unknown_options": True})

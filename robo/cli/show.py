@@ -6,7 +6,7 @@ from pathlib import Path
 
 from robo.launch.arguments import ROBOT_NAME, ArgumentInfo
 from robo.launch.expression import as_text
-from robo.launch.plan import Plan, ProcessPlan
+from robo.launch.plan import Plan, ProcessPlan, ReadyPlan
 
 
 def arguments_text(file: Path, description: str, args: Sequence[ArgumentInfo]) -> str:
@@ -58,17 +58,32 @@ def _process_lines(process: ProcessPlan) -> list[str]:
     lines += [
         f"  param    {name:{width}} = {said.value!r}  # {said.source}" for name, said in process.parameters.items()
     ]
-    if process.ready.when == "log":
-        lines.append(f"  ready    when its output holds {process.ready.pattern!r}")
+    if conditions := ready_text(process.ready):
+        lines.append(f"  ready    {conditions}")
     if process.restart.policy != "never":
         restart = process.restart
         lines.append(
-            f"  restart  {restart.policy}, after {restart.delay:g} s, at most {restart.max} in {restart.window:g} s"
+            f"  restart  {restart.policy}, after {restart.delay:g} s, later up to {restart.max_delay:g} s;"
+            f" degraded from {restart.max + 1} in {restart.window:g} s"
         )
-    if process.log.output != "screen" or process.log.level:
+    if process.log.output != "both" or process.log.level:
         lines.append(f"  log      {process.log.output}, from level {process.log.level or 'info'}")
     if process.priority is not None:
         lines.append(f"  nice     {process.priority}")
     if process.cpus:
         lines.append(f"  cpus     {', '.join(map(str, process.cpus))}")
     return lines
+
+
+def ready_text(ready: ReadyPlan) -> str:
+    """What a process has to show besides its token or its start."""
+    conditions = []
+    if ready.log is not None:
+        conditions.append(f"its output holds {ready.log!r}")
+    if ready.port is not None:
+        conditions.append(f"{ready.port} accepts connections")
+    if ready.probe:
+        conditions.append(f"`{shlex.join(ready.probe)}` succeeds")
+    if ready.topics:
+        conditions.append(f"data come on {', '.join(ready.topics)}")
+    return f"when {' and '.join(conditions)}" if conditions else ""

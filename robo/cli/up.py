@@ -9,11 +9,13 @@ import msgspec
 
 from robo import log
 from robo.cli import show
+from robo.cli.background import notify_starter, start_in_background
 from robo.errors import UsageError
 from robo.launch import arguments, faults, reader, resolve
 from robo.launch.check import unmatched
 from robo.launch.faults import ManifestFaults
 from robo.launch.find import find_manifest
+from robo.launch.plan import Plan
 from robo.launch.resolve import Resolution
 from robo.launch.substitution import Word
 from robo.launch.values import Assignment
@@ -33,6 +35,10 @@ def run_up(
     connect: Sequence[str],
     listen: Sequence[str],
     log_level: str | None,
+    timing: bool,
+    watch: bool,
+    detach: bool,
+    wait: bool,
 ) -> int:
     """Do what `robo up` was asked to.
 
@@ -45,6 +51,8 @@ def run_up(
     name, groups, given = split_words(words)
     if json and not (dry_run or show_args):
         raise UsageError("--json goes with --dry-run or --show-args")
+    if wait and not detach:
+        raise UsageError("--wait goes with -d: in the foreground `robo up` tells when all is ready")
     if log_level is not None:
         log.level_of(log_level)
     file = find_manifest(name)
@@ -59,12 +67,17 @@ def run_up(
         # Before node classes are looked at in a forked process, which then has Zenoh already.
         from robo.session import Network
         from robo.supervisor import supervisor
-    found = resolve.resolve(
-        file, given, robot=robot_name, groups=groups, parameters=[assignment(text) for text in parameters]
-    )
+        from robo.supervisor.run_environment import search_path
+
+    assignments = [assignment(text) for text in parameters]
+
+    def read() -> Resolution:
+        return resolve.resolve(file, given, robot=robot_name, groups=groups, parameters=assignments)
+
+    found = read()
     problems = found.problems
     if not dry_run:
-        problems = (*problems, *_missing_programs(found, supervisor.search_path()))
+        problems = (*problems, *_missing_programs(found, search_path()))
     if problems:
         if json:
             print_json({"faults": faults.as_data(problems)})
@@ -81,7 +94,22 @@ def run_up(
         return 0
     if not found.plan.processes:
         raise UsageError(f"{found.plan.manifest} starts nothing with these arguments")
-    return supervisor.run(found.plan, Network.from_environment("router", connect, listen), log_level=log_level)
+    if detach:
+        options = [f"--robot-name={found.plan.robot}"] + ["--timing"] * timing + ["--watch"] * watch
+        options += [f"--param={text}" for text in parameters] + [f"--log-level={log_level}"] * (log_level is not None)
+        options += [f"--connect={e}" for e in connect] + [f"--listen={e}" for e in listen]
+        return start_in_background([*words, *options], found.plan.robot, wait=wait)
+
+    def read_again() -> Plan | None:
+        again = read()
+        if again.problems:
+            print(faults.as_text(again.problems), file=sys.stderr)
+        return None if again.problems else again.plan
+
+    run_options = supervisor.Options(
+        log_level=log_level, timing=timing, reload=read_again if watch else None, notify=notify_starter()
+    )
+    return supervisor.run(found.plan, Network.from_environment("router", connect, listen), run_options)
 
 
 def split_words(words: Sequence[str]) -> tuple[str, list[str], dict[str, object]]:

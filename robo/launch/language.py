@@ -37,6 +37,7 @@ PLACEHOLDER: Final[Schema] = {"type": "string", "pattern": r"\$\{"}
 TEXT: Final[Schema] = {"type": "string"}
 SCALAR: Final[Schema] = {"type": ["string", "number", "boolean", "null"]}
 CONDITION: Final[Schema] = {"type": ["boolean", "string"]}
+_LIST: Final[Schema] = {"type": "array", "items": TEXT}
 COMMAND: Final[Schema] = _one_of(TEXT, {"type": "array", "items": SCALAR, "minItems": 1})
 
 
@@ -54,6 +55,7 @@ RESTART_POLICIES: Final = ("never", "on-failure", "always")
 LOG_OUTPUTS: Final = ("screen", "file", "both")
 LOG_LEVELS: Final = ("debug", "info", "warn", "error", "fatal")
 NEEDS: Final = ("started", "ready", "completed")
+READY_WHEN: Final = ("node", "started")
 STOP_SIGNALS: Final = ("INT", "TERM", "HUP", "QUIT", "USR1", "USR2", "KILL")
 
 _CONDITIONS = {
@@ -112,6 +114,7 @@ NODE: Final = {
     "prefix": Key("Words before the command: gdb -ex run --args, valgrind.", COMMAND),
     "needs": Key("Nodes that come first: {position_tracker: ready}.", _ref("needs")),
     "ready": Key("What tells that it is ready.", _ref("ready")),
+    "watchdog": Key("A node that gives no sign of life for so long hangs, s; 0 for never.", _number(minimum=0)),
     "required": Key("Whether the launch ends with it.", CONDITION),
     "stop": Key("How it is told to end.", _ref("stop")),
     "priority": Key("The nice value; lower runs first.", _integer(minimum=-20, maximum=19)),
@@ -121,9 +124,14 @@ NODE: Final = {
 }
 RESTART: Final = {
     "policy": Key("never, on-failure or always.", _words(*RESTART_POLICIES)),
-    "delay": Key("Before it is started again, s.", _number(minimum=0)),
-    "max": Key("At most so many restarts in a window.", _integer(minimum=0)),
+    "delay": Key("Before it is started again the first time, s.", _number(minimum=0)),
+    "backoff": Key("What each further delay is multiplied with.", _number(minimum=1)),
+    "max_delay": Key("The longest delay, s.", _number(minimum=0)),
+    "jitter": Key("The part of a delay that is left to chance, 0 to 1.", _number(minimum=0)),
+    "max": Key("More restarts than these in a window make it degraded: from then on max_delay.", _integer(minimum=0)),
     "window": Key("The window, s.", _number(minimum=0)),
+    "reset_after": Key("After being ready for so long it is healthy: delays begin anew, s.", _number(minimum=0)),
+    "propagate": Key("Whether what needs it is started again with it.", CONDITION),
 }
 STOP: Final = {
     "signal": Key("The first signal.", _words(*STOP_SIGNALS)),
@@ -134,7 +142,12 @@ LOG: Final = {
     "output": Key("Where output goes.", _words(*LOG_OUTPUTS)),
 }
 READY: Final = {
-    "log": Key("Ready with the first line of output in which this pattern is found.", TEXT),
+    "when": Key("node: its liveliness token; started: its start.", _words(*READY_WHEN)),
+    "log": Key("A line of output in which this pattern is found.", TEXT),
+    "port": Key("Something listens there: 8080 or host:8080.", _one_of({"type": "integer", "minimum": 1}, TEXT)),
+    "probe": Key("A command that ends with exit code 0, tried again and again.", COMMAND),
+    "topics": Key("Its topics that carry data, at the rate that is promised of them.", _one_of(TEXT, _LIST)),
+    "timeout": Key("How long it may take, s; 0 for ever. Then it has failed.", _number(minimum=0)),
 }
 TOPIC: Final = {
     "type": Key("The message type: sensor/LaserScan.", TEXT),
@@ -161,7 +174,7 @@ SHORT_FORMS: Final[dict[str, tuple[dict[str, Key], tuple[Schema, ...]]]] = {
     "restart": (RESTART, (_words(*RESTART_POLICIES),)),
     "stop": (STOP, (_words(*STOP_SIGNALS),)),
     "log": (LOG, (_words(*LOG_OUTPUTS, *LOG_LEVELS),)),
-    "ready": (READY, (_words("node", "started"),)),
+    "ready": (READY, (_words(*READY_WHEN),)),
     "topic": (TOPIC, (TEXT,)),
     "params_item": (PARAMS_ITEM, (TEXT,)),
     "variable": (VARIABLE, (SCALAR,)),

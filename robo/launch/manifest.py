@@ -55,8 +55,13 @@ class Restart(msgspec.Struct, frozen=True):
 
     policy: Scalar | None = None
     delay: Scalar | None = None
+    backoff: Scalar | None = None
+    max_delay: Scalar | None = None
+    jitter: Scalar | None = None
     max: Scalar | None = None
     window: Scalar | None = None
+    reset_after: Scalar | None = None
+    propagate: Scalar | None = None
 
 
 class Stop(msgspec.Struct, frozen=True):
@@ -80,6 +85,10 @@ class Ready(msgspec.Struct, frozen=True):
     """`node` or `started`."""
     log: Scalar | None = None
     """A pattern in its output."""
+    port: Scalar | None = None
+    probe: Scalar | Items | None = None
+    topics: tuple[Scalar, ...] = ()
+    timeout: Scalar | None = None
 
 
 class Need(msgspec.Struct, frozen=True):
@@ -123,6 +132,7 @@ class Node(msgspec.Struct, frozen=True, kw_only=True):
     prefix: Scalar | Items | None
     needs: tuple[Need, ...] | None
     ready: Ready | None
+    watchdog: Scalar | None
     required: Scalar | None
     stop: Stop
     priority: Scalar | None

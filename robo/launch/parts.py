@@ -7,7 +7,7 @@ and maps are joined.
 import re
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, TypeVar
 
 import msgspec
@@ -21,6 +21,9 @@ from robo.launch.substitution import BROKEN, Scope
 from robo.yaml_tree import Entry, Items, Position, Problem, Scalar, shown
 
 T = TypeVar("T")
+
+WATCHDOG = 5.0
+"""How long a node may give no sign of life where the manifest does not say it, s."""
 
 _CPUS = re.compile(r"\s*(\d{1,4})\s*(?:-\s*(\d{1,4}))?\s*")
 _RATE = re.compile(r"\s*(>=|<=|>|<|==?)?\s*([0-9.eE+-]+)\s*(?:Hz)?\s*")
@@ -164,8 +167,13 @@ class Parts:
             RestartPlan,
             policy=self._word(said, "policy", language.RESTART_POLICIES),
             delay=self._number(said, "delay"),
+            backoff=self._number(said, "backoff", 1),
+            max_delay=self._number(said, "max_delay"),
+            jitter=self._number(said, "jitter", 0, 1),
             max=self._whole(said, "max"),
             window=self._number(said, "window"),
+            reset_after=self._number(said, "reset_after"),
+            propagate=self._flag(said, "propagate"),
         )
 
     def stop(self) -> StopPlan:
@@ -188,22 +196,54 @@ class Parts:
             output=self._word(said, "output", language.LOG_OUTPUTS),
         )
 
-    def ready(self, service: str | None) -> ReadyPlan:
-        """What tells that it is ready."""
-        default = ReadyPlan(when="started" if service is None else "node")
+    def ready(self, service: str | None, namespace: str, remap: Mapping[str, str]) -> ReadyPlan:
+        """What tells that it is ready: for a service its token, for a command its start, and what is said besides."""
+        default: Literal["node", "started"] = "started" if service is None else "node"
         written = self.last(lambda layer: layer.node.ready)
         if written is None:
-            return default
+            return ReadyPlan(when=default)
         ready, scope = written
-        if ready.log is None:
-            when = self._word([(ready, scope)], "when", ("node", "started"))
-            return default if when is None else self._plan(ReadyPlan, when=when)
-        pattern = scope.text(ready.log)
+        said = [written]
+        return self._plan(
+            ReadyPlan,
+            when=self._word(said, "when", language.READY_WHEN) or default,
+            log=self._pattern(ready.log, scope) if ready.log is not None else None,
+            port=self._port(ready.port, scope) if ready.port is not None else None,
+            probe=self._words((ready.probe, scope), "probe") if ready.probe is not None else None,
+            topics=[
+                names.resolve(topic, namespace=namespace, node="node", remappings=remap)
+                for scalar in ready.topics
+                if (topic := scope.text(scalar)) is not None
+                and self._is_name(topic, namespace, "node", scalar.position)
+            ],
+            timeout=self._number(said, "timeout"),
+        )
+
+    def _pattern(self, scalar: Scalar, scope: Scope) -> str | None:
+        pattern = scope.text(scalar)
         try:
             re.compile(pattern or "")
         except (re.error, RecursionError, OverflowError) as error:
-            self._complain(ready.log.position, f"ready: log: {shown(pattern)} is no pattern: {error}")
-        return ReadyPlan(when="log", pattern=pattern)
+            self._complain(scalar.position, f"ready: log: {shown(pattern)} is no pattern: {error}")
+            return None
+        return pattern
+
+    def _port(self, scalar: Scalar, scope: Scope) -> str | None:
+        text = scope.text(scalar)
+        if text is None:
+            return None
+        host, _, port = text.rpartition(":")
+        if port.isdecimal() and port.isascii() and 0 < int(port) < 65_536:
+            return f"{host or '127.0.0.1'}:{int(port)}"
+        self._complain(scalar.position, f"ready: port: {shown(text)} is no port; write 8080 or host:8080")
+        return None
+
+    def watchdog(self, service: str | None) -> float:
+        """How long it may give no sign of life, s; 0 for ever: under a debugger it stands still on purpose."""
+        seconds = self._number([(layer.node, layer.scope) for layer in self._layers], "watchdog")
+        if seconds is not None:
+            return seconds
+        return 0.0 if service is None or self.last(lambda layer: layer.node.prefix) else WATCHDOG
 
     def priority(self) -> int | None:
         """The nice value."""
@@ -311,9 +351,15 @@ class Parts:
         self._complain(written[0].position, f"{field}: {shown(text)} is not known; use {', '.join(allowed)}")
         return None
 
-    def _number(self, said: Sequence[tuple[Any, Scope]], field: str) -> float | None:
+    def _number(
+        self, said: Sequence[tuple[Any, Scope]], field: str, low: float = 0, high: float | None = None
+    ) -> float | None:
         written = self._value(said, field)
-        return self._as_number(*written, field, 0, None) if written else None
+        return self._as_number(*written, field, low, high) if written else None
+
+    def _flag(self, said: Sequence[tuple[Any, Scope]], field: str) -> bool | None:
+        written = self._value(said, field)
+        return written[1].truth(written[0], default=False) if written else None
 
     def _whole(self, said: Sequence[tuple[Any, Scope]], field: str) -> int | None:
         written = self._value(said, field)

@@ -27,11 +27,21 @@ class RestartPlan(msgspec.Struct, frozen=True, kw_only=True):
 
     policy: Literal["never", "on-failure", "always"] = "never"
     delay: float = 0.5
+    """Before the first restart, s."""
+    backoff: float = 2.0
+    """What each further delay is multiplied with."""
+    max_delay: float = 30.0
     """s."""
+    jitter: float = 0.1
+    """By up to this part a delay is shorter, so that what fell together does not rise together."""
     max: int = 5
-    """At most so many restarts in a window."""
+    """More restarts in a window are a storm: the process is degraded and tried again every `max_delay`."""
     window: float = 60.0
     """s."""
+    reset_after: float = 10.0
+    """How long it must have been ready to count as healthy, s."""
+    propagate: bool = False
+    """Whether the processes that need it are started again with it."""
 
 
 class StopPlan(msgspec.Struct, frozen=True, kw_only=True):
@@ -47,14 +57,24 @@ class LogPlan(msgspec.Struct, frozen=True, kw_only=True):
     """Where output goes, and from which level on."""
 
     level: str | None = None
-    output: Literal["screen", "file", "both"] = "screen"
+    output: Literal["screen", "file", "both"] = "both"
 
 
 class ReadyPlan(msgspec.Struct, frozen=True, kw_only=True):
-    """What tells that a process is ready: its liveliness token, its start, or a line of its output."""
+    """What tells that a process is ready; all of it, where several things are said."""
 
-    when: Literal["node", "started", "log"] = "node"
-    pattern: str | None = None
+    when: Literal["node", "started"] = "node"
+    """Its liveliness token, or its start."""
+    log: str | None = None
+    """A line of its output holds this pattern."""
+    port: str | None = None
+    """`host:port` accepts connections."""
+    probe: tuple[str, ...] = ()
+    """This command ends with exit code 0."""
+    topics: tuple[str, ...] = ()
+    """These keys carry data, at the rate that is promised of them."""
+    timeout: float = 60.0
+    """How long it may take, s; 0 for ever."""
 
 
 class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
@@ -73,6 +93,8 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
     env: dict[str, str]
     needs: dict[str, Until]
     """By full name, what other processes must have reached before this one starts."""
+    watchdog: float
+    """A node that gives no sign of life for so long hangs, s; 0 for never."""
     required: bool
     """Whether the launch ends with this process."""
     restart: RestartPlan

@@ -252,6 +252,7 @@ class _Reader:
             prefix=self.words(parts, "prefix"),
             needs=self.needs(parts),
             ready=self.ready(parts),
+            watchdog=self.scalar(parts, "watchdog"),
             required=self.scalar(parts, "required"),
             stop=self.stop(parts),
             priority=self.scalar(parts, "priority"),
@@ -383,17 +384,23 @@ class _Reader:
         tree = parts.get("ready")
         if isinstance(tree, Map):
             inner = self.fields(tree, "ready", language.READY)
-            return Ready(log=self.scalar(inner, "log"))
-        when = self.one_of(parts, "ready", ("node", "started"))
+            return Ready(
+                when=self.one_of(inner, "when", language.READY_WHEN),
+                log=self.scalar(inner, "log"),
+                port=self.scalar(inner, "port"),
+                probe=self.words(inner, "probe"),
+                topics=self.scalars(inner, "topics"),
+                timeout=self.scalar(inner, "timeout"),
+            )
+        when = self.one_of(parts, "ready", language.READY_WHEN)
         return None if when is None else Ready(when=when)
 
     def restart(self, parts: Parts) -> Restart:
         inner = self._short(parts, "restart", "policy", language.RESTART)
+        numbers = ("delay", "backoff", "max_delay", "jitter", "max", "window", "reset_after", "propagate")
         return Restart(
-            self.one_of(inner, "policy", language.RESTART_POLICIES),
-            self.scalar(inner, "delay"),
-            self.scalar(inner, "max"),
-            self.scalar(inner, "window"),
+            policy=self.one_of(inner, "policy", language.RESTART_POLICIES),
+            **{key: self.scalar(inner, key) for key in numbers},
         )
 
     def stop(self, parts: Parts) -> Stop:

@@ -23,9 +23,9 @@ class Console:
         self._colours[SELF] = "1"
         self._open = True
 
-    def line(self, node: str, text: str) -> None:
-        """Show one line of a node's output."""
-        self._write(node, self._with_level(text))
+    def line(self, node: str, text: str, *, at: float | None = None) -> None:
+        """Show one line of a node's output; `at` is its time, s since the epoch, by default now."""
+        self._write(node, self._with_level(text), at)
 
     def say(self, text: str) -> None:
         """Show what the supervisor itself has to say."""
@@ -35,10 +35,10 @@ class Console:
         """Show what went wrong."""
         self._write(SELF, self._painted(text, _LEVEL_COLOURS["ERROR"]))
 
-    def _write(self, node: str, text: str) -> None:
+    def _write(self, node: str, text: str, at: float | None = None) -> None:
         if not self._open:
             return
-        now = time.time()
+        now = time.time() if at is None else at
         stamp = time.strftime("%H:%M:%S", time.localtime(now)) + f".{int(now * 1000) % 1000:03d}"
         name = self._painted(f"{node:{self._width}} |", self._colours.get(node, "0"))
         try:

@@ -1,40 +1,133 @@
-"""Output of processes in files: a folder for each run, a file for each process."""
+"""Output of processes in files: a folder for each run, JSON Lines for each process, rotated and pruned.
+
+<base>/<robot>/<begin>_<pid>/run.json            what run it is
+<base>/<robot>/<begin>_<pid>/<node>.jsonl        one record a line; `.1` is the file before it
+"""
 
 import os
+import shutil
 import time
 from pathlib import Path
-from typing import TextIO
+from typing import BinaryIO
+
+import msgspec
+
+LARGEST = 10_000_000
+"""A file that has grown beyond this is set aside, bytes."""
+
+KEPT_FILES = 3
+"""How many files of a process are kept, the present one included."""
+
+KEPT_RUNS = 10
+"""How many runs of a robot are kept."""
+
+SUPERVISOR = "robo"
+"""The name under which the supervisor's own lines are kept."""
+
+_LEVELS = ("DEBUG", "INFO", "WARN", "ERROR", "FATAL")
 
 
-def log_folder(robot: str) -> Path:
-    """The folder for a new run: below ROBO_LOG_DIR, or where the desktop standard keeps state."""
+class LogRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One line of output."""
+
+    time: int
+    """ns since the epoch."""
+    node: str
+    """As it is called on the console."""
+    message: str
+    level: str | None = None
+    """DEBUG to FATAL where the line begins with it, as robo's nodes write it."""
+    stream: str = "stderr"
+
+
+class RunInfo(msgspec.Struct, frozen=True, kw_only=True):
+    """What `run.json` says."""
+
+    run: str
+    """The run's id."""
+    robot: str
+    manifest: str
+    begin: int
+    """ns since the epoch."""
+    pid: int
+    """Of the supervisor."""
+    nodes: list[str]
+
+
+def record(node: str, stream: str, text: str) -> LogRecord:
+    """A line with its level taken off and the time of now."""
+    level = text[:5].rstrip()
+    if level not in _LEVELS or not (len(text) == len(level) or text[len(level)] == " "):
+        return LogRecord(time=time.time_ns(), node=node, message=text, stream=stream)
+    return LogRecord(time=time.time_ns(), node=node, message=text[6:], level=level, stream=stream)
+
+
+def log_base() -> Path:
+    """Where all runs are kept: ROBO_LOG_DIR, or where the desktop standard keeps state."""
     state = os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
-    base = Path(os.environ.get("ROBO_LOG_DIR") or Path(state) / "robo" / "log")
-    return base / f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{robot}_{os.getpid()}"
+    return Path(os.environ.get("ROBO_LOG_DIR") or Path(state) / "robo" / "log")
 
 
 class LogFiles:
     """The log files of one run, each made with its first line."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self._files: dict[str, TextIO] = {}
+    def __init__(self, info: RunInfo, base: Path | None = None) -> None:
+        """Nothing is written before the first line, or `begin`."""
+        stamp = time.strftime("%Y-%m-%d_%H-%M-%S", time.localtime(info.begin / 1e9))
+        self._robot_folder = (base or log_base()) / info.robot.replace("/", ".")
+        self.folder = self._robot_folder / f"{stamp}_{info.pid}"
+        self._info = info
+        self._files: dict[str, _Rotating] = {}
 
-    def line(self, label: str, text: str) -> None:
-        """Add a line, with the time, to a process's file.
+    def begin(self) -> None:
+        """Make the folder, and remove the oldest runs.
+
+        Raises:
+            OSError: it cannot be made.
+        """
+        self.folder.mkdir(parents=True, exist_ok=True)
+        (self.folder / "run.json").write_bytes(msgspec.json.encode(self._info) + b"\n")
+        runs = sorted(folder for folder in self._robot_folder.iterdir() if (folder / "run.json").exists())
+        for folder in runs[:-KEPT_RUNS]:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def write(self, line: LogRecord) -> None:
+        """Add a line to its process's file.
 
         Raises:
             OSError: it cannot be written.
         """
-        if label not in self._files:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            path = self.folder / f"{label.replace('/', '.')}.log"
-            self._files[label] = path.open("a", encoding="utf-8", buffering=1)
-        now = time.time()
-        stamp = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(now))
-        self._files[label].write(f"{stamp}.{int(now * 1000) % 1000:03d} {text}\n")
+        if line.node not in self._files:
+            self._files[line.node] = _Rotating(self.folder / f"{line.node.replace('/', '.')}.jsonl")
+        self._files[line.node].write(msgspec.json.encode(line) + b"\n")
 
     def close(self) -> None:
         """Close all files."""
         for file in self._files.values():
             file.close()
+
+
+class _Rotating:
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file: BinaryIO = path.open("ab", buffering=0)
+        self._size = self._file.tell()
+
+    def write(self, line: bytes) -> None:
+        if self._size + len(line) > LARGEST:
+            self._rotate()
+        self._file.write(line)
+        self._size += len(line)
+
+    def _rotate(self) -> None:
+        self._file.close()
+        for number in range(KEPT_FILES - 1, 0, -1):
+            older = self._path.with_name(f"{self._path.name}.{number}")
+            newer = self._path.with_name(f"{self._path.name}.{number - 1}") if number > 1 else self._path
+            if newer.exists():
+                newer.replace(older)
+        self._file = self._path.open("ab", buffering=0)
+        self._size = 0
+
+    def close(self) -> None:
+        self._file.close()

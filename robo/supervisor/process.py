@@ -1,14 +1,23 @@
-"""One child process: its output, its end, and how it is stopped."""
+"""One child process: its output, its heartbeat, its end, and how it is stopped."""
 
 import asyncio
 import os
 import signal
+import socket
+import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
+from typing import IO
 
-_LONGEST_LINE = 16_384
-_LAST_LINES = 20
+from robo.heartbeat import HEARTBEAT_VARIABLE
+from robo.supervisor.output import Budget, pump
+
+spawned: set[int] = set()
+"""The processes that asyncio waits for: nobody else may collect them."""
+
+_LAST_LINES = 30
+_LONGEST_BEAT = 1_000_000
 
 
 class Child:
@@ -16,13 +25,28 @@ class Child:
     and whatever the process starts can be ended with it.
     """
 
-    def __init__(self, name: str, on_line: Callable[[str], None]) -> None:
-        self.name = name
+    def __init__(
+        self,
+        on_line: Callable[[str, str], None],
+        on_beat: Callable[[bytes], None] | None = None,
+        beat_period: float = 1.0,
+    ) -> None:
+        """
+        Args:
+            on_line: takes the name of the stream, `stdout` or `stderr`, and a line.
+            on_beat: takes the heartbeats of a node.
+            beat_period: the time between two, s.
+        """
         self.last_lines: deque[str] = deque(maxlen=_LAST_LINES)
         """The end of its stderr, for the summary of a failure."""
         self._on_line = on_line
+        self._on_beat = on_beat
+        self._beat_period = beat_period
+        self._heart: socket.socket | None = None
         self._process: asyncio.subprocess.Process | None = None
         self._pumps: list[asyncio.Task[None]] = []
+        self._ours = ExitStack()
+        """What is to be closed at the end."""
 
     @property
     def pid(self) -> int | None:
@@ -45,32 +69,55 @@ class Child:
         Raises:
             OSError: the program or the folder is not there, or may not be used.
         """
-        self._process = await asyncio.create_subprocess_exec(
-            *command,
-            env=environment,
-            cwd=cwd,
-            stdin=asyncio.subprocess.DEVNULL,
-            stdout=asyncio.subprocess.PIPE,
-            stderr=asyncio.subprocess.PIPE,
-            process_group=0,
-        )
-        assert self._process.stdout is not None
-        assert self._process.stderr is not None
+        ours, theirs = ExitStack(), ExitStack()
+        try:
+            # Pipes of our own: asyncio's would not tell of the end of a process whose children keep them open.
+            (out, their_out), (err, their_err) = _pipe(ours, theirs), _pipe(ours, theirs)
+            handed_down: tuple[int, ...] = ()
+            if self._on_beat is not None:
+                self._heart, heart = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+                self._heart.setblocking(False)
+                ours.callback(self._close_heart)
+                theirs.enter_context(heart)
+                handed_down = (heart.fileno(),)
+                environment = {**environment, HEARTBEAT_VARIABLE: f"{heart.fileno()}:{self._beat_period:g}"}
+            self._process = await asyncio.create_subprocess_exec(
+                *command,
+                env=environment,
+                cwd=cwd,
+                stdin=asyncio.subprocess.DEVNULL,
+                stdout=their_out,
+                stderr=their_err,
+                pass_fds=handed_down,
+                process_group=0,
+            )
+        except BaseException:
+            ours.close()
+            raise
+        finally:
+            theirs.close()
+        spawned.add(self._process.pid)
+        self._ours = ours
+        budget = Budget(time.monotonic())
         self._pumps = [
-            asyncio.create_task(self._pump(self._process.stdout, keep=False)),
-            asyncio.create_task(self._pump(self._process.stderr, keep=True)),
+            asyncio.create_task(pump(await _reader(out, ours), lambda text: self._on_line("stdout", text), budget)),
+            asyncio.create_task(pump(await _reader(err, ours), self._on_error_line, budget)),
         ]
+        if self._heart is not None:
+            asyncio.get_running_loop().add_reader(self._heart, self._read_beats)
 
     async def wait(self) -> int:
         """Wait for the end of the process, show the rest of its output, and end what it left behind."""
         assert self._process is not None
         code = await self._process.wait()
+        spawned.discard(self._process.pid)
         with suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         # A grandchild outside the group may hold the pipes open: its output is not waited for.
         await asyncio.wait(self._pumps, timeout=0.5)
-        for pump in self._pumps:
-            pump.cancel()
+        for task in self._pumps:
+            task.cancel()
+        self._ours.close()
         return code
 
     def send(self, number: signal.Signals) -> None:
@@ -80,38 +127,47 @@ class Child:
             with suppress(ProcessLookupError):
                 os.killpg(self._process.pid, number)
 
-    async def stop(
-        self,
-        ended: "asyncio.Future[int] | asyncio.Task[int]",
-        *,
-        patience: float,
-        first: signal.Signals = signal.SIGINT,
-    ) -> None:
+    async def stop(self, ended: "asyncio.Task[int]", *, patience: float, first: signal.Signals = signal.SIGINT) -> None:
         """Ask the process to end, then insist: TERM after `patience` s, KILL after half as long again."""
         for number, seconds in ((first, patience), (signal.SIGTERM, patience / 2), (signal.SIGKILL, 5.0)):
             self.send(number)
+            self.send(signal.SIGCONT)  # one that is stopped could not obey
             done, _ = await asyncio.wait([ended], timeout=seconds)
             if done:
                 return
 
-    async def _pump(self, stream: asyncio.StreamReader, *, keep: bool) -> None:
-        """Pass on output line by line, whatever its encoding and however long its lines."""
-        rest = b""
-        while chunk := await stream.read(65_536):
-            *lines, rest = (rest + chunk).split(b"\n")
-            for line in lines:
-                self._pass_on(line, keep=keep)
-            if len(rest) > _LONGEST_LINE:
-                self._pass_on(rest, keep=keep)
-                rest = b""
-        if rest:
-            self._pass_on(rest, keep=keep)
+    def _on_error_line(self, text: str) -> None:
+        self.last_lines.append(text)
+        self._on_line("stderr", text)
 
-    def _pass_on(self, line: bytes, *, keep: bool) -> None:
-        text = line.decode("utf-8", "replace").rstrip("\r")
-        if keep:
-            self.last_lines.append(text)
-        self._on_line(text)
+    def _read_beats(self) -> None:
+        assert self._heart is not None
+        assert self._on_beat is not None
+        with suppress(BlockingIOError, ConnectionError):
+            while beat := self._heart.recv(_LONGEST_BEAT):
+                self._on_beat(beat)
+
+    def _close_heart(self) -> None:
+        if self._heart is not None:
+            with suppress(ValueError):
+                asyncio.get_running_loop().remove_reader(self._heart)
+            self._heart.close()
+            self._heart = None
+
+
+def _pipe(ours: ExitStack, theirs: ExitStack) -> tuple[IO[bytes], int]:
+    """A pipe: our end to read, and the descriptor that the process gets."""
+    reader, writer = os.pipe()
+    theirs.callback(os.close, writer)
+    return ours.enter_context(os.fdopen(reader, "rb", buffering=0)), writer
+
+
+async def _reader(pipe: IO[bytes], ours: ExitStack) -> asyncio.StreamReader:
+    reader = asyncio.StreamReader()
+    loop = asyncio.get_running_loop()
+    transport, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), pipe)
+    ours.callback(transport.close)
+    return reader
 
 
 def describe_exit(code: int) -> str:

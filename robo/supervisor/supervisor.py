@@ -1,77 +1,122 @@
-"""Starts the processes of a plan in order, watches them, and stops them in reverse order.
+"""One run of a plan: its router, its processes in order, their health, and the end of all of them.
 
-The supervisor is one asyncio loop. Processes are ready when their liveliness token shows; tokens come
-from the robot's own router, to which the supervisor is a client.
+The supervisor is one asyncio loop. Each process has a task of its own that lives its life (`Member`);
+this module lets them know of each other, of the network and of commands.
 """
 
 import asyncio
 import graphlib
 import os
-import secrets
 import shutil
 import signal
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Coroutine, Mapping, Set
 from functools import partial
 from pathlib import Path
 
 import msgspec
+import psutil
 import zenoh
 
 from robo import discovery, names
-from robo.codec import jsonable
 from robo.discovery import NodeToken
 from robo.errors import NetworkError
-from robo.launch.plan import Plan, ProcessPlan, StopPlan
-from robo.parameter_server import Said
+from robo.heartbeat import WATCH_VARIABLE
+from robo.launch.plan import Plan, ProcessPlan, StopPlan, TopicPlan
 from robo.router import LINGER, NETWORK_VARIABLE
-from robo.runner import SPEC_VARIABLE, NodeSpec
 from robo.session import Network, close_session, open_session
+from robo.supervisor import orphans, process
 from robo.supervisor.console import Console
-from robo.supervisor.log_files import LogFiles, log_folder
-from robo.supervisor.member import Member
+from robo.supervisor.control import Control
+from robo.supervisor.log_files import SUPERVISOR, LogFiles, LogRecord, RunInfo, record
+from robo.supervisor.member import Changes, Member
+from robo.supervisor.orphans import RUN_VARIABLE
 from robo.supervisor.process import Child, describe_exit
-from robo.supervisor.watchdog import RUN_VARIABLE, Watchdog, sweep
+from robo.supervisor.reload import FileWatch, files_of, same
+from robo.supervisor.run_environment import RunEnvironment, search_path
+from robo.supervisor.status import Asked, Done, Event, Explanation, ProcessStatus, State, supervisor_token
+from robo.supervisor.timing import Started, timing_text
+from robo.supervisor.topic_watch import Flow, TopicWatch
+from robo.supervisor.watchdog import Watchdog
 
 STOP_LIMIT = 2.0
 """How long the stop of a launch may take, s, before all that still run are killed, unless the manifest
 gives single processes more."""
 
+_HURRY = 0.5
+"""How long processes have after a second Ctrl-C, s."""
+
+_TICK = 0.25
+_MOST_EVENTS = 1000
+
+
+class Options(msgspec.Struct, frozen=True, kw_only=True):
+    """How a run differs from a plain one."""
+
+    log_level: str | None = None
+    """Of every node; by default ROBO_LOG_LEVEL or info."""
+    timing: bool = False
+    """Print where the time of the start went."""
+    reload: Callable[[], Plan | None] | None = None
+    """Reads the manifest again, None where it has mistakes; with it changed files restart what they touch."""
+    notify: Callable[[str], None] | None = None
+    """Is told `up`, `ready` and `down`: for whoever waits for a run in the background."""
+
 
 class Supervisor:
     """One run of a plan."""
 
-    def __init__(self, plan: Plan, router: Network, console: Console, environment: Mapping[str, str]) -> None:
+    def __init__(
+        self, plan: Plan, router: Network, console: Console, environment: Mapping[str, str], options: Options
+    ) -> None:
         """
         Args:
             plan: what to start.
             router: how the robot's router joins the network; its unix socket is added.
             console: where output goes.
             environment: of every process.
+            options: how this run differs from a plain one.
         """
         self._plan = plan
         self._console = console
-        self._run_id = secrets.token_hex(8)
-        self._environment = {**environment, RUN_VARIABLE: self._run_id}
+        self._options = options
+        self._run_id = orphans.new_run_id()
         self._folder = Path(tempfile.mkdtemp(prefix="robo-"))
         self._socket = f"unixsock-stream/{self._folder}/router.sock"
         self._router_network = msgspec.structs.replace(router, listen=(self._socket, *router.listen))
-        self._log_files = LogFiles(log_folder(plan.robot))
-        self._members: dict[str, Member] = {}
-        for process in plan.processes:
-            member = Member(process, label_of(plan, process), partial(self._show, process.log.output))
-            member.on_ready = self._notice_change
-            self._members[process.full_name] = member
-        self._starts = 0
-        self._router = Child("router", lambda line: console.line("robo", f"router: {line}"))
+        self._base = {**environment, RUN_VARIABLE: self._run_id}
+        if options.reload is not None:
+            self._base[WATCH_VARIABLE] = "1"
+        self._environment = RunEnvironment(self._base, self._folder, self._socket, self._shows_token)
+        self._log_files = LogFiles(
+            RunInfo(
+                run=self._run_id,
+                robot=plan.robot,
+                manifest=plan.manifest,
+                begin=time.time_ns(),
+                pid=os.getpid(),
+                nodes=[p.full_name for p in plan.processes],
+            )
+        )
+        self._logs_work = True
+        self.changes = Changes()
+        self._members = {p.full_name: Member(p, label_of(plan, p), self) for p in plan.processes}
+        self._lives: dict[str, asyncio.Task[None]] = {}
+        self._chores: set[asyncio.Task[None]] = set()
+        self._router = Child(lambda _, line: self._console.line(SUPERVISOR, f"router: {line}"))
+        self._topics: TopicWatch | None = None
+        self._control: Control | None = None
+        self._files = FileWatch()
+        self._events: list[Event] = []
         self._stop = asyncio.Event()
-        self._changed = asyncio.Event()
-        self._restarts: set[asyncio.Task[None]] = set()
         self._exit_code: int | None = None
+        self._fallen: list[Member] = []
         self._stop_requests = 0
         self._announced = False
+        self._phases: list[tuple[str, float]] = []
+        self._born = psutil.Process().create_time()
 
     async def run(self) -> int:
         """Start everything, wait for the end, stop everything.
@@ -80,111 +125,78 @@ class Supervisor:
             The exit code: 0 all went well, 1 a process failed, 130 interrupted.
         """
         self._begin = time.monotonic()
+        self._phase("Python, manifest and node classes")
         watchdog = Watchdog(self._run_id, self._folder)
+        orphans.adopt_orphans()
+        process.spawned.add(watchdog.pid)
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             loop.add_signal_handler(number, self._on_signal, number)
         watcher: zenoh.Session | None = None
         router: asyncio.Task[None] | None = None
+        looking: asyncio.Task[None] | None = None
         try:
+            self._begin_logs()
+            if orphans.leftovers():
+                ended = await asyncio.to_thread(orphans.end_leftovers)
+                self._warn(f"ended {len(ended)} processes that an earlier run had left behind: {ended}")
             await self._start_router()
             router = asyncio.create_task(self._keep_router())
-            await self._start_those_that_can()
-            watcher = await self._watch_tokens(loop)
+            self._phase("router started")
+            for name in self._members:
+                self._begin_life(name)
+            watcher = await self._join(loop)
+            self._event("up", "")
+            looking = asyncio.create_task(self._look_after())
             await self._supervise()
         finally:
             await self._stop_all()
-            if router is not None:
-                router.cancel()
+            self._event("down", "")
+            for task in filter(None, (*self._lives.values(), router, looking, *self._chores)):
+                task.cancel()
             await self._stop_router()
             if watcher is not None:
                 await asyncio.to_thread(close_session, watcher)
-            for pid in await asyncio.to_thread(sweep, self._run_id):
-                self._console.warn(f"ended process {pid}, which a node had left behind")
+            for pid in await asyncio.to_thread(orphans.sweep, self._run_id, (watchdog.pid,), adopted=True):
+                self._warn(f"ended process {pid}, which a node had left behind")
             watchdog.dismiss()
             shutil.rmtree(self._folder, ignore_errors=True)
+            self._summarize()
             self._log_files.close()
-        self._summarize()
+        if self._options.notify is not None:
+            self._options.notify("down")
         return self._result()
 
     # -- start -----------------------------------------------------------------------------------
 
     async def _start_router(self) -> None:
         variables = {NETWORK_VARIABLE: msgspec.json.encode(self._router_network).decode()}
-        await self._router.start([sys.executable, "-m", "robo.router"], self._environment | variables)
+        await self._router.start([sys.executable, "-m", "robo.router"], self._base | variables)
 
     async def _keep_router(self) -> None:
         """Start the router again when it dies; nodes and tools find it again by themselves."""
         while True:
             code = await self._router.wait()
-            self._console.warn(f"the router ended with {describe_exit(code)}; starting it again")
+            self._warn(f"the router ended with {describe_exit(code)}; starting it again")
             await asyncio.sleep(0.1)
             await self._start_router()
 
-    async def _start_those_that_can(self) -> None:
-        """Start every process whose needs are met."""
-        for member in self._members.values():
-            if member.waiting and all(self._members[n].reached(until) for n, until in member.plan.needs.items()):
-                await self._start(member)
+    def _begin_life(self, name: str) -> None:
+        life = asyncio.create_task(self._members[name].live(), name=name)
+        life.add_done_callback(self._on_life_over)
+        self._lives[name] = life
 
-    async def _start(self, member: Member) -> None:
-        problem = await member.start(self._variables(member.plan))
-        if problem is not None:
-            self._console.warn(problem)
-        assert member.ended is not None
-        member.ended.add_done_callback(lambda _: self._changed.set())
+    def _on_life_over(self, life: "asyncio.Task[None]") -> None:
+        if not life.cancelled() and life.exception() is not None:
+            self._warn(f"{life.get_name()} is not looked after any more: {life.exception()!r}")
+            self._finish(1)
 
-    def _variables(self, plan: ProcessPlan) -> dict[str, str]:
-        """The environment of a process. A command learns its name and its network there, in any language."""
-        self._starts += 1
-        spec = NodeSpec(
-            service=plan.service or "",
-            name=plan.name,
-            namespace=plan.namespace,
-            parameters={name: said.value for name, said in plan.parameters.items()},
-            sources={
-                name: [Said(one.value, one.source) for one in (*said.over, said)]
-                for name, said in plan.parameters.items()
-            },
-            remappings=plan.remap,
-            needs=tuple(name for name, until in plan.needs.items() if until == "ready" and self._shows_token(name)),
-            mode="peer",
-            connect=(self._socket,),
-            # A name of its own for each start: what was killed leaves its socket behind.
-            listen=(f"unixsock-stream/{self._folder}/{self._starts}.sock",),
-        )
-        variables = {
-            SPEC_VARIABLE: msgspec.json.encode(jsonable(msgspec.to_builtins(spec))).decode(),
-            "ROBO_SUPERVISED": "1",
-        }
-        if plan.service is None:
-            variables |= {"ROBO_NAMESPACE": plan.namespace, "ROBO_CONNECT": self._socket}
-        if plan.log.level is not None:
-            variables["ROBO_LOG_LEVEL"] = plan.log.level
-        return self._environment | variables | plan.env
-
-    def _shows_token(self, name: str) -> bool:
-        return self._members[name].plan.ready.when == "node"
-
-    def _notice_change(self) -> None:
-        self._changed.set()
-
-    def _show(self, output: str, label: str, text: str) -> None:
-        """One line of a process's output, to where the manifest wants it."""
-        if output != "file":
-            self._console.line(label, text)
-        if output != "screen":
-            try:
-                self._log_files.line(label, text)
-            except OSError as error:
-                self._console.warn(f"log file of {label}: {error}")
-
-    async def _watch_tokens(self, loop: asyncio.AbstractEventLoop) -> zenoh.Session | None:
-        """Learn from liveliness tokens which nodes are ready."""
+    async def _join(self, loop: asyncio.AbstractEventLoop) -> zenoh.Session | None:
+        """Learn from liveliness tokens which nodes are ready, and answer commands."""
         try:
             session = await asyncio.to_thread(open_session, Network(mode="client", connect=(self._socket,)))
         except NetworkError as error:
-            self._console.warn(f"the robot's router cannot be reached: {error}")
+            self._warn(f"the robot's router cannot be reached: {error}")
             self._finish(1)
             return None
 
@@ -195,7 +207,33 @@ class Supervisor:
                     loop.call_soon_threadsafe(self._on_token, token)
 
         session.liveliness().declare_subscriber(discovery.ALL_TOKENS, notice, history=True)
+        self._topics = TopicWatch(session, self._promises())
+        verbs = {
+            "ps": self._ps,
+            "why": self._why,
+            "events": self._past_events,
+            "stop": self._stop_some,
+            "start": self._start_some,
+            "restart": self._restart_some,
+            "down": self._down,
+        }
+        self._control = Control(session, self._plan.robot, verbs, loop)
+        token = supervisor_token(self._plan.robot, os.getpid(), discovery.hostname())
+        self._token = session.liveliness().declare_token(token)
         return session
+
+    def _promises(self) -> list[TopicPlan]:
+        """The topics whose messages are counted: something is promised of them, or somebody waits for them."""
+        found = {
+            t.key: t for t in self._plan.topics if not t.external and (t.min_rate is not None or t.max_age is not None)
+        }
+        for member in self._members.values():
+            for key in member.plan.ready.topics:
+                plain = TopicPlan(
+                    key=key, type=None, min_rate=None, max_rate=None, max_age=None, external=False, source=""
+                )
+                found.setdefault(key, plain)
+        return list(found.values())
 
     def _on_token(self, token: NodeToken) -> None:
         member = self._members.get(token.full_name)
@@ -204,195 +242,416 @@ class Supervisor:
         if token.host == discovery.hostname() and member.owns(token.pid):
             member.notice_token()
         elif self._announced:
-            self._console.warn(f"another {token.full_name} has come up (process {token.pid} on {token.host})")
+            self._warn(f"another {token.full_name} has come up (process {token.pid} on {token.host})")
         else:  # the newcomer gives way
-            self._console.warn(
-                f"{token.full_name} runs already (process {token.pid}); stop it or choose another --robot-name"
-            )
+            self._warn(f"{token.full_name} runs already (process {token.pid}); stop it or choose another --robot-name")
             self._finish(1)
+
+    # -- what members ask --------------------------------------------------------------------------
+
+    def environment(self, plan: ProcessPlan) -> dict[str, str]:
+        """The environment of a process; each start has its own."""
+        return self._environment.of(plan)
+
+    def unmet(self, plan: ProcessPlan) -> list[str]:
+        """What a process still waits for, in words."""
+        found = []
+        for name, until in plan.needs.items():
+            need = self._members.get(name)
+            if need is not None and not need.reached(until):
+                hopeless = "" if need.may_reach(until) else f", which is {need.state}"
+                found.append(f"{need.label} {until}{hopeless}")
+        return found
+
+    def flow(self, key: str) -> Flow | None:
+        """What comes on a topic that is watched."""
+        return self._topics.flows.get(key) if self._topics is not None else None
+
+    def output(self, member: Member, stream: str, text: str) -> None:
+        """A line that a process has printed."""
+        where = member.plan.log.output
+        if where != "file":
+            self._console.line(member.label, text)
+        if where != "screen":
+            self._log(record(member.label, stream, text))
+
+    def changed(self, member: Member, before: State) -> None:
+        """A process has come to another state, or to another reason for it."""
+        state, reason = member.state, member.reason
+        self.changes.notify()
+        if state == before:
+            return
+        self._event(state, reason, member)
+        closing = self._stop.is_set()
+        fell = state == "failed" or (state == "degraded" and not member.running)
+        if fell and not self._announced and not closing and self._options.notify is not None:
+            self._options.notify(f"{member.label} {reason}")
+        if state in ("failed", "restarting"):
+            self._warn(f"{member.label} {reason or state}")
+        elif state == "degraded":
+            self._warn(f"{member.label} is degraded: {reason}")
+        elif state == "completed" or (state == "stopped" and not closing):
+            self._say(f"{member.label} {reason}" if state == "completed" else f"{member.label} is stopped")
+        elif state == "ready" and (self._announced or member.restarts.count) and member.shows_readiness:
+            self._say(f"{member.label} is ready" + (" again" if member.restarts.count else ""))
+        if closing:
+            return
+        if member.finished:
+            for other in self._members.values():
+                until = other.plan.needs.get(member.plan.full_name)
+                if until is not None and not other.exits and not other.running and not member.may_reach(until):
+                    self._warn(f"{other.label} is not started: it needs {member.label} {until}")
+        if state == "restarting" and member.plan.restart.propagate:
+            self._restart_dependents(member)
+        if member.plan.required and (state in ("failed", "completed") or (state == "degraded" and not member.running)):
+            self._finish(0 if state == "completed" else 1)
+
+    def _restart_dependents(self, member: Member) -> None:
+        """Those that need it, and those that need these, start again after it."""
+        for other in self._members.values():
+            if member.plan.full_name in other.plan.needs and other.running and other.wanted:
+                self._do(other.restart(f"starting again with {member.label}, which it needs"))
 
     # -- while it runs -----------------------------------------------------------------------------
 
     async def _supervise(self) -> None:
-        """React to what happens until the launch is to end."""
-        seen: set[asyncio.Task[int]] = set()
-        while not self._stop.is_set():
-            self._changed.clear()
-            for member in self._members.values():
-                if member.ended is not None and member.ended.done() and member.ended not in seen:
-                    seen.add(member.ended)
-                    self._on_exit(member, member.ended.result())
-            await self._start_those_that_can()
+        """Wait until the launch is to end."""
+
+        def over() -> bool:
             self._announce()
-            going = any(m.running or m.restarting for m in self._members.values())
-            if not going and not self._can_start_more():
+            if not self._can_go_on():
                 self._finish(None)
-            if not self._stop.is_set():
-                await self._changed.wait()
+            return self._stop.is_set()
 
-    def _on_exit(self, member: Member, code: int) -> None:
-        member.exit_code = code
-        text = f"{member.label} ended with {describe_exit(code)}"
-        if member.wants_restart():
-            delay = member.plan.restart.delay
-            self._console.warn(
-                f"{text}; starting it again in {delay:g} s ({member.restarts} of {member.plan.restart.max})"
-            )
-            member.restarting = True
-            task = asyncio.create_task(self._restart(member, delay))
-            self._restarts.add(task)
-            task.add_done_callback(self._restarts.discard)
-            return
-        (self._console.warn if code else self._console.say)(text)
-        if member.restarts and member.restarts >= member.plan.restart.max:
-            self._console.warn(
-                f"{member.label} stays down: {member.restarts} restarts in {member.plan.restart.window:g} s"
-            )
-        for other in self._members.values():
-            until = other.plan.needs.get(member.plan.full_name)
-            if other.waiting and until is not None and not member.reached(until):
-                self._console.warn(f"{other.label} is not started: it needs {member.label} {until}")
-        if member.plan.required:
-            self._finish(1 if code else 0)
+        await self.changes.until(over)
 
-    async def _restart(self, member: Member, delay: float) -> None:
-        await asyncio.sleep(delay)
-        if not self._stop.is_set():
-            await self._start(member)
-            self._changed.set()
-
-    def _can_start_more(self) -> bool:
-        """Whether any process that waits can still be started."""
-        able = {name for name, member in self._members.items() if member.waiting}
+    def _can_go_on(self) -> bool:
+        """Whether anything runs, will run, or has been stopped by a command that another may undo."""
+        waiting: set[str] = set()
+        for name, member in self._members.items():
+            if member.running or member.next_start is not None or not member.wanted:
+                return True
+            if not member.finished:
+                waiting.add(name)
+        # What waits can go on if what it waits for can.
         while True:
             blocked = {
                 name
-                for name in able
+                for name in waiting
                 for need, until in self._members[name].plan.needs.items()
-                if need not in able and not self._members[need].may_reach(until)
+                if need in self._members and need not in waiting and not self._members[need].may_reach(until)
             }
             if not blocked:
-                return bool(able)
-            able -= blocked
+                return bool(waiting)
+            waiting -= blocked
+
+    async def _look_after(self) -> None:
+        """See a few times a second whether all are healthy."""
+        last = time.monotonic()
+        while True:
+            await asyncio.sleep(_TICK)
+            now = time.monotonic()
+            flows = self._topics.flows.values() if self._topics is not None else ()
+            for flow in flows:
+                flow.mark(now)
+            for member in self._members.values():
+                if now - last > 4 * _TICK:
+                    member.forgive(now)
+                member.measure()
+                why = member.check(now)
+                if why is not None:
+                    self._on_hang(member, why)
+            last = now
+            orphans.reap(process.spawned)
+            if self._options.reload is not None and self._announced:
+                self._look_for_changed_files()
+
+    def _on_hang(self, member: Member, why: str) -> None:
+        if member.plan.restart.policy == "never" and not member.plan.required:
+            member.stays_hung(why)
+        else:
+            self._do(member.end_because(why, ask_where=True))
 
     def _announce(self) -> None:
         # What has done its work and ended well is as good as ready.
-        if self._announced or not all(m.ready or m.reached("completed") for m in self._members.values()):
+        if self._announced or not all(m.unhurt() for m in self._members.values()):
             return
         self._announced = True
         seconds = time.monotonic() - self._begin
         where = ", ".join(e for e in self._router_network.listen if not e.startswith("unixsock"))
         count = len(self._members)
         nodes = "1 node" if count == 1 else f"{count} nodes"
-        self._console.say(f"{self._plan.robot} is ready: {nodes} in {seconds:.2f} s, at {where}; Ctrl-C stops")
-        if any(m.plan.log.output != "screen" for m in self._members.values()):
-            self._console.say(f"log files are in {self._log_files.folder}")
+        self._say(f"{self._plan.robot} is ready: {nodes} in {seconds:.2f} s, at {where}; Ctrl-C stops")
+        if self._options.timing:
+            for line in timing_text(self._phases, self._started()):
+                self._say(line)
+        self._event("ready", "")
+
+    def _started(self) -> dict[str, Started]:
+        shift = time.time() - time.monotonic() - self._born
+        return {
+            name: Started(m.label, list(m.plan.needs), m.started_at + shift, m.ready_at + shift)
+            for name, m in self._members.items()
+            if m.ready
+        }
+
+    def _phase(self, what: str) -> None:
+        self._phases.append((what, time.time() - self._born))
+
+    # -- changed files -------------------------------------------------------------------------------
+
+    def _look_for_changed_files(self) -> None:
+        touched = self._files.changed(
+            {"": files_of(self._plan)} | {name: (*m.files, *files_of(m.plan)) for name, m in self._members.items()}
+        )
+        if not touched:
+            return
+        if "" in touched:
+            assert self._options.reload is not None
+            plan = self._options.reload()
+            if plan is not None:
+                self._take_over(plan)
+        for name in touched.keys() - {""}:
+            member = self._members.get(name)
+            if member is not None and member.wanted and not member.reason.startswith("changed"):
+                self._do(member.restart(f"changed: {', '.join(sorted(touched[name]))}"))
+
+    def _take_over(self, plan: Plan) -> None:
+        """Go on with another plan: only what is different in it is started, stopped, or started again."""
+        self._plan = plan
+        wanted = {p.full_name: p for p in plan.processes}
+        for name, new in wanted.items():
+            member = self._members.get(name)
+            if member is None:
+                self._members[name] = Member(new, label_of(plan, new), self)
+                self._begin_life(name)
+            elif not same(member.plan, new):
+                member.take_over(new)
+                self._do(member.restart("changed: its part of the manifest or of its parameter files"))
+            else:
+                member.plan = new
+        for name in self._members.keys() - wanted.keys():
+            self._do(self._remove(name))
+
+    async def _remove(self, name: str) -> None:
+        await self._members[name].stop()
+        del self._members[name]
+        self._lives.pop(name).cancel()
+        self.changes.notify()
+
+    # -- commands ------------------------------------------------------------------------------------
+
+    async def _ps(self, asked: Asked) -> list[ProcessStatus]:
+        return [self._status(member) for member in self._chosen(asked)]
+
+    async def _why(self, asked: Asked) -> list[Explanation]:
+        return [m.explain(self._status(m), self.unmet(m.plan)) for m in self._chosen(asked)]
+
+    async def _past_events(self, asked: Asked) -> list[Event]:
+        chosen = {m.plan.full_name for m in self._chosen(asked)} if asked.names else None
+        return [event for event in self._events if chosen is None or event.node in chosen]
+
+    async def _stop_some(self, asked: Asked) -> Done:
+        chosen = self._chosen(asked)
+        await asyncio.gather(*(member.stop() for member in chosen))
+        return Done([m.plan.full_name for m in chosen])
+
+    async def _start_some(self, asked: Asked) -> Done:
+        chosen = [member for member in self._chosen(asked) if not member.running]
+        await asyncio.gather(*(member.restart("as asked") for member in chosen))
+        return Done([m.plan.full_name for m in chosen])
+
+    async def _restart_some(self, asked: Asked) -> Done:
+        chosen = self._chosen(asked)
+        await asyncio.gather(*(member.restart("as asked") for member in chosen))
+        return Done([m.plan.full_name for m in chosen])
+
+    async def _down(self, _: Asked) -> Done:
+        self._say("stopping, as robo down asks")
+        asyncio.get_running_loop().call_later(0.05, self._finish, 0)  # the answer leaves before the network does
+        return Done([*self._members])
+
+    def _chosen(self, asked: Asked) -> list[Member]:
+        """The members that names mean: full names, names as the output has them, names of groups or their parts."""
+        if not asked.names:
+            return list(self._members.values())
+        found: dict[str, Member] = {}
+        for name in asked.names:
+            wanted = name.strip("/")
+            means = {
+                full: m
+                for full, m in self._members.items()
+                if wanted in (full.strip("/"), m.label, m.plan.name) or f"/{m.plan.group}/".find(f"/{wanted}/") >= 0
+            }
+            if not means:
+                there = ", ".join(m.label for m in self._members.values())
+                raise LookupError(f"robot {self._plan.robot} has no node or group {name!r}; it has {there}")
+            found |= means
+        return list(found.values())
+
+    def _status(self, member: Member) -> ProcessStatus:
+        return member.status(self._plan.robot, self._run_id, discovery.hostname())
 
     # -- stop ----------------------------------------------------------------------------------------
 
     def _on_signal(self, number: signal.Signals) -> None:
         self._stop_requests += 1
         if self._stop_requests == 1:
-            self._console.say("stopping; once more to kill")
+            self._say("stopping; Ctrl-C again to hurry, a third time to kill")
             self._finish(128 + signal.SIGINT if number == signal.SIGINT else 0)
+        elif self._stop_requests == 2:
+            for member in self._members.values():
+                member.send(signal.SIGTERM)
+            asyncio.get_running_loop().call_later(_HURRY, self._kill_all)
         else:
             self._kill_all()
 
     def _finish(self, exit_code: int | None) -> None:
         """End the launch; the first one to say so decides the exit code."""
         if not self._stop.is_set():
+            self._fallen = [m for m in self._members.values() if m.failed]
             self._exit_code = exit_code
             self._stop.set()
-            self._changed.set()
+            self.changes.notify()
 
     async def _stop_all(self) -> None:
         """Stop processes, each after those that need it; all at once where nothing needs another."""
-        for restart in list(self._restarts):
-            restart.cancel()
+        self._stop.set()
+        for member in self._members.values():
+            member.wanted = False
         limit = asyncio.get_running_loop().call_later(self._stop_limit(), self._kill_all)
         stopping: dict[str, asyncio.Task[None]] = {}
-        while running := {n: m for n, m in self._members.items() if m.running}:
-            needed = {need for member in running.values() for need in member.plan.needs}
-            for name, member in running.items():
-                if name not in stopping and name not in needed:
-                    assert member.ended is not None
-                    assert member.child is not None
-                    member.asked_to_stop = True
-                    stop = member.child.stop(
-                        member.ended,
-                        patience=member.plan.stop.timeout,
-                        first=signal.Signals[f"SIG{member.plan.stop.signal}"],
-                    )
-                    stopping[name] = asyncio.create_task(stop)
-            await asyncio.wait([m.ended for m in running.values() if m.ended], return_when=asyncio.FIRST_COMPLETED)
+        while alive := {n: m for n, m in self._members.items() if m.running or m.spawning}:
+            needed = {need for member in alive.values() for need in member.plan.needs}
+            for name, member in alive.items():
+                if name not in stopping and name not in needed and member.running:
+                    stopping[name] = asyncio.create_task(member.stop())
+            self.changes.notify()
+            await self.changes.until(partial(self._has_got_on, alive.keys(), stopping.keys() | needed))
         await asyncio.gather(*stopping.values())
         limit.cancel()
 
+    def _has_got_on(self, alive: Set[str], settled: Set[str]) -> bool:
+        """Whether one of those that were alive has ended, or one that was being started can be stopped now."""
+        members = self._members
+        return any(not (members[n].running or members[n].spawning) for n in alive) or any(
+            members[n].running for n in alive - settled
+        )
+
     def _stop_limit(self) -> float:
         """All that the manifest grants to those that stop one after the other."""
-        if all(m.plan.stop.timeout <= StopPlan().timeout for m in self._members.values()):
+        plans = {name: m.plan for name, m in self._members.items()}
+        if all(plan.stop.timeout <= StopPlan().timeout for plan in plans.values()):
             return STOP_LIMIT
         spans: dict[str, float] = {}
-        needs = {name: member.plan.needs for name, member in self._members.items()}
-        for name in graphlib.TopologicalSorter(needs).static_order():
-            longest = max((spans[need] for need in needs[name]), default=0.0)
-            spans[name] = 1.5 * self._members[name].plan.stop.timeout + longest
+        for name in graphlib.TopologicalSorter({n: p.needs for n, p in plans.items()}).static_order():
+            if name in plans:
+                longest = max((spans.get(need, 0.0) for need in plans[name].needs), default=0.0)
+                spans[name] = 1.5 * plans[name].stop.timeout + longest
         return max(STOP_LIMIT, *spans.values())
 
     def _kill_all(self) -> None:
         for member in self._members.values():
             if member.running:
-                assert member.child is not None
-                self._console.warn(f"{member.label} does not end; killing it")
-                member.asked_to_stop = True
-                member.child.send(signal.SIGKILL)
+                self._warn(f"{member.label} does not end; killing it")
+                member.send(signal.SIGKILL)
 
     async def _stop_router(self) -> None:
         if self._router.running:
             ended = asyncio.create_task(self._router.wait())
             await self._router.stop(ended, patience=LINGER + 0.5)
 
-    # -- afterwards ------------------------------------------------------------------------------------
+    # -- what is said ----------------------------------------------------------------------------------
+
+    def _event(self, what: str, reason: str, member: Member | None = None) -> None:
+        event = Event(
+            time=time.time_ns(),
+            robot=self._plan.robot,
+            node=member.plan.full_name if member is not None else "",
+            event=what,
+            reason=reason,
+            pid=member.pid if member is not None else os.getpid(),
+            restarts=member.restarts.count if member is not None else 0,
+        )
+        self._events.append(event)
+        del self._events[:-_MOST_EVENTS]
+        if self._control is not None:
+            self._control.publish(event)
+        if member is None and self._options.notify is not None and what != "down":
+            self._options.notify(what)
+
+    def _say(self, text: str) -> None:
+        self._console.say(text)
+        self._log(LogRecord(time=time.time_ns(), node=SUPERVISOR, message=text, level="INFO"))
+
+    def _warn(self, text: str) -> None:
+        self._console.warn(text)
+        self._log(LogRecord(time=time.time_ns(), node=SUPERVISOR, message=text, level="WARN"))
+
+    def _begin_logs(self) -> None:
+        try:
+            self._log_files.begin()
+        except OSError as error:
+            self._logs_work = False
+            self._console.warn(f"no log files: {error}")
+
+    def _log(self, line: LogRecord) -> None:
+        if not self._logs_work:
+            return
+        try:
+            self._log_files.write(line)
+        except OSError as error:  # a full disk must not stop a robot
+            self._logs_work = False
+            self._console.warn(f"no more log files: {error}")
 
     def _summarize(self) -> None:
         """Repeat why processes failed: their own last words may have scrolled away."""
-        for member in self._members.values():
-            if member.failed and member.exit_code is not None and member.child is not None:
-                self._console.warn(f"{member.label} failed: {describe_exit(member.exit_code)}")
-                for line in list(member.child.last_lines)[-5:]:
-                    self._console.warn(f"  {line}")
+        for member in self._fallen:
+            if not member.exits:
+                continue
+            last = member.exits[-1]
+            self._warn(f"{member.label} failed: {last.reason}")
+            for line in last.last_lines[-8:]:
+                self._warn(f"  {line}")
 
     def _result(self) -> int:
         if self._exit_code is not None:
             return self._exit_code
-        return 1 if any(m.failed or m.waiting for m in self._members.values()) else 0
+        unstarted = any(not m.exits and not m.finished for m in self._members.values())
+        return 1 if self._fallen or unstarted else 0
+
+    # -- inside ----------------------------------------------------------------------------------------
+
+    def _shows_token(self, name: str) -> bool:
+        return self._members[name].plan.ready.when == "node"
+
+    def _do(self, work: Coroutine[object, object, None]) -> None:
+        chore: asyncio.Task[None] = asyncio.create_task(work)
+        self._chores.add(chore)
+        chore.add_done_callback(self._chores.discard)
 
 
-def run(plan: Plan, router: Network, *, log_level: str | None = None) -> int:
+def run(plan: Plan, router: Network, options: Options | None = None) -> int:
     """Run a plan in the foreground until it ends or is interrupted.
 
     Args:
         plan: what to start.
         router: how the robot's router joins the network.
-        log_level: of every node; by default ROBO_LOG_LEVEL or info.
+        options: how this run differs from a plain one.
 
     Returns:
         The exit code for the command.
     """
+    options = options or Options()
     console = Console(sorted({label_of(plan, p) for p in plan.processes}))
     environment = dict(os.environ) | {"PYTHONUNBUFFERED": "1", "PATH": search_path()}
-    if log_level is not None:
-        environment["ROBO_LOG_LEVEL"] = log_level
-    return asyncio.run(_run(plan, router, console, environment))
+    if options.log_level is not None:
+        environment["ROBO_LOG_LEVEL"] = options.log_level
+    return asyncio.run(_run(plan, router, console, environment, options))
 
 
-async def _run(plan: Plan, router: Network, console: Console, environment: Mapping[str, str]) -> int:
-    return await Supervisor(plan, router, console, environment).run()
-
-
-def search_path() -> str:
-    """Where the programs of a launch are looked for: `python` and `robo` are those that run here."""
-    return os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
+async def _run(plan: Plan, router: Network, console: Console, environment: Mapping[str, str], options: Options) -> int:
+    return await Supervisor(plan, router, console, environment, options).run()
 
 
 def label_of(plan: Plan, process: ProcessPlan) -> str:

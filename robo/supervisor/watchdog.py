@@ -1,20 +1,18 @@
 """Nothing outlives its launch: a small process that ends what a killed supervisor leaves behind.
 
-Every process of a launch carries its run's id in the environment, which children inherit even where they
-leave their parent's group and session. The watchdog waits at the end of a pipe: when the supervisor
-goes without having dismissed it, it ends all processes with that id.
+It is forked at the start and waits at the end of a pipe: when the supervisor goes without having
+dismissed it, it ends all that belongs to the run.
 """
 
 import os
 import shutil
 import signal
-from collections.abc import Iterator
+import time
 from pathlib import Path
 from typing import NoReturn
 
-import psutil
-
-RUN_VARIABLE = "ROBO_RUN"
+from robo.supervisor.cgroup import ControlGroup
+from robo.supervisor.orphans import sweep
 
 
 class Watchdog:
@@ -26,21 +24,26 @@ class Watchdog:
             run: its id.
             folder: of temporary files, which go with it.
         """
+        self._group = ControlGroup.make(run)
         reader, self._writer = os.pipe()
-        self._pid = os.fork()
-        if self._pid == 0:
+        self.pid = os.fork()
+        if self.pid == 0:
             os.close(self._writer)
-            _watch(reader, run, folder)
+            _watch(reader, run, folder, self._group)
         os.close(reader)
+        # The watchdog stays outside.
+        self._inside = self._group is not None and self._group.enter()
 
     def dismiss(self) -> None:
         """The run has ended as it should."""
+        if self._group is not None and self._inside:
+            self._group.leave()
         os.write(self._writer, b".")
         os.close(self._writer)
-        os.waitpid(self._pid, 0)
+        os.waitpid(self.pid, 0)
 
 
-def _watch(reader: int, run: str, folder: Path) -> NoReturn:
+def _watch(reader: int, run: str, folder: Path, group: ControlGroup | None) -> NoReturn:
     try:
         os.setsid()  # a terminal's Ctrl-C, or its end, is for the supervisor
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -50,37 +53,12 @@ def _watch(reader: int, run: str, folder: Path) -> NoReturn:
             os.dup2(nothing, stream)
         if not os.read(reader, 1):
             sweep(run)
+            if group is not None:
+                group.kill()
             shutil.rmtree(folder, ignore_errors=True)
+        for _ in range(100):
+            if group is None or group.remove():
+                break
+            time.sleep(0.01)  # what was killed takes a moment to go
     finally:
         os._exit(0)
-
-
-def processes_of(run: str) -> Iterator[psutil.Process]:
-    """The processes that carry a run's id, this one left out."""
-    for process in psutil.process_iter():
-        try:
-            if process.pid != os.getpid() and process.environ().get(RUN_VARIABLE) == run:
-                yield process
-        except (psutil.Error, OSError):
-            continue  # gone, or somebody else's
-
-
-def sweep(run: str) -> list[int]:
-    """End every process that carries a run's id: INT, TERM, KILL.
-
-    Returns:
-        The process ids of those that were there.
-    """
-    first: list[int] = []
-    for number, patience in ((signal.SIGINT, 1.0), (signal.SIGTERM, 1.0), (signal.SIGKILL, 2.0)):
-        found = list(processes_of(run))
-        first = first or [process.pid for process in found]
-        for process in found:
-            try:
-                process.send_signal(number)
-            except psutil.Error:
-                continue
-        psutil.wait_procs(found, timeout=patience)
-        if not found:
-            break
-    return first

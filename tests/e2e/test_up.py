@@ -104,7 +104,7 @@ def test_a_killed_controller_leaves_a_robot_that_others_can_drive(endpoint: str)
         odometry = Inbox(plain, "r1/odom")
         robot.wait_for("r1 is ready")
         robot.child("velocity_controller").kill()
-        robot.wait_for("velocity_controller ended with killed by SIGKILL")
+        robot.wait_for("velocity_controller was killed by SIGKILL")
         odometry.wait_until(lambda ms: _speed(ms[-1]) == 0.0, "it stands without commands")
         before = odometry.messages[-1]["pose"]["pose"]["position"]
 

@@ -409,7 +409,7 @@ groups:
     assert a.command == ("nice", "-n", "5", "driver", "--port", "/dev/tty 1", "my_robot", "-v", "3")
     assert a.cwd == f"{os.getcwd()}/work"
     assert a.needs == {"/b": "completed"}
-    assert (a.ready.when, a.ready.pattern) == ("log", r"listening on \d+")
+    assert (a.ready.when, a.ready.log) == ("started", r"listening on \d+")
     assert a.required
     assert a.restart == RestartPlan(policy="always", delay=2.0, max=3)
     assert (a.stop.signal, a.stop.timeout) == ("TERM", 3.0)

@@ -1,0 +1,191 @@
+"""`robo ps`, `stop`, `start`, `restart`, `down`, `why` and `events`: printing what supervisors say."""
+
+import sys
+import time
+from collections.abc import Sequence
+
+from robo.cli.connection import connect_to_robot, hint, print_json, print_line, print_table
+from robo.errors import RunError
+from robo.supervisor.status import Event, Exit, Explanation, ProcessStatus
+from robo.tools import runs
+
+_COLOURS = {"ready": "32", "completed": "32", "degraded": "33", "restarting": "33", "starting": "36", "failed": "31"}
+_STALE = 2.0
+"""An input of which nothing has come for so long is named by `robo why`, s."""
+
+
+def print_processes(*, robot: str | None, json: bool, watch: bool, interval: float, connect: Sequence[str]) -> None:
+    """Print the table of processes, once or again and again.
+
+    Raises:
+        RunError: no supervisor answers.
+    """
+    with connect_to_robot(connect) as session:
+        while True:
+            found = runs.processes(session, robot)
+            if not found and not watch:
+                raise RunError("no supervisor answers: no robot was started here with `robo up`")
+            if watch and not json and sys.stdout.isatty():
+                print("\x1b[H\x1b[J", end="")
+            if json:
+                for status in found:
+                    print_json(status)
+            else:
+                print_table([_HEAD, *map(_row, found)])
+            if not watch:
+                return
+            time.sleep(interval)
+
+
+_HEAD = ("ROBOT", "GROUP", "NODE", "STATE", "PID", "RESTARTS", "UPTIME", "CPU", "MEMORY", "OUT", "IN", "REASON")
+
+
+def _row(status: ProcessStatus) -> tuple[str, ...]:
+    return (
+        status.robot,
+        status.group or "-",
+        status.node,
+        _painted(status.state),
+        "-" if status.pid is None else str(status.pid),
+        str(status.restarts),
+        "-" if status.uptime is None else duration(status.uptime),
+        "-" if status.cpu is None else f"{status.cpu:.0f}%",
+        "-" if status.memory is None else f"{status.memory / 1e6:.0f}M",
+        _rate(status.published),
+        _rate(status.received),
+        status.reason,
+    )
+
+
+def _rate(topics: dict[str, float]) -> str:
+    return f"{sum(topics.values()):.0f}/s" if topics else "-"
+
+
+def _painted(state: str) -> str:
+    # As wide as the longest state, so that colours do not shift the columns.
+    text = f"{state:10}"
+    return f"\x1b[{_COLOURS[state]}m{text}\x1b[0m" if sys.stdout.isatty() and state in _COLOURS else text
+
+
+def command(verb: str, names: Sequence[str], *, robot: str | None, json: bool, connect: Sequence[str]) -> None:
+    """Have something done to nodes or groups, and say what was done.
+
+    Raises:
+        RoboError: there is no such robot or node, or it is not clear which robot is meant.
+    """
+    with connect_to_robot(connect) as session:
+        done = runs.command(session, runs.robot_of(session, robot, names), verb, names)
+    if json:
+        print_json(done)
+        return
+    word = {"stop": "stopped", "start": "started", "restart": "restarted"}[verb]
+    for node in done.nodes:
+        print_line(f"{word} {node}")
+    if not done.nodes:
+        hint("nothing to do: all of it runs")
+
+
+def down(*, robot: str | None, every: bool, timeout: float, connect: Sequence[str]) -> None:
+    """End the run of a robot, or of all, and wait until it is over.
+
+    Raises:
+        RoboError: there is no such robot, it is not clear which is meant, or it does not end.
+    """
+    with connect_to_robot(connect) as session:
+        if every:
+            robots = sorted({status.robot for status in runs.processes(session)})
+            if not robots:
+                raise RunError("no supervisor answers: no robot was started here with `robo up`")
+        else:
+            robots = [runs.robot_of(session, robot)]
+        supervisors = {r: runs.supervisor_of(session, r) for r in robots}
+        for name in robots:
+            runs.command(session, name, "down", [])
+    for name, supervisor in supervisors.items():
+        runs.wait_for_end(supervisor, timeout)
+        print_line(f"{name} is down")
+
+
+def why(names: Sequence[str], *, robot: str | None, json: bool, connect: Sequence[str]) -> None:
+    """Print why nodes are as they are.
+
+    Raises:
+        RoboError: there is no such robot or node.
+    """
+    with connect_to_robot(connect) as session:
+        found = runs.explain(session, runs.robot_of(session, robot, names), names)
+    for explanation in found:
+        if json:
+            print_json(explanation)
+        else:
+            print("\n".join(_explained(explanation)))
+
+
+def _explained(found: Explanation) -> list[str]:
+    status = found.process
+    for_how_long = f" for {duration(status.uptime)}" if status.uptime is not None else ""
+    pid = f", process {status.pid}" if status.pid is not None else ""
+    lines = [f"{status.node} is {status.state}{f': {status.reason}' if status.reason else ''}"]
+    lines.append(f"  running{for_how_long}{pid}" if status.pid is not None else "  not running")
+    if found.next_start is not None:
+        lines.append(f"  starts again in {found.next_start:.1f} s")
+    lines += [f"  waits for {need}" for need in found.unmet_needs]
+    for entry in found.inputs:
+        if entry.received == 0:
+            lines.append(f"  has received nothing on {entry.topic} for {duration(entry.age)}")
+        elif entry.age > _STALE:
+            lines.append(f"  has received nothing on {entry.topic} for {duration(entry.age)}, {entry.received} before")
+        if entry.malformed:
+            lines.append(f"  could not read {entry.malformed} messages on {entry.topic}")
+        if entry.dropped:
+            lines.append(f"  fell behind by {entry.dropped} messages on {entry.topic}")
+    if found.callback_errors:
+        lines.append(f"  its callbacks raised {found.callback_errors} times; robo logs {status.node} --level error")
+    if status.restarts:
+        lines.append(f"  started again {status.restarts} times")
+    for ended in found.exits[-5:]:
+        lines.append(f"  {_when(ended)} {ended.reason}, after {duration(ended.uptime)}")
+    if found.exits and found.exits[-1].last_lines:
+        lines.append("  its last words:")
+        lines += [f"    {line}" for line in found.exits[-1].last_lines[-12:]]
+    return lines
+
+
+def _when(ended: Exit) -> str:
+    return time.strftime("%H:%M:%S", time.localtime(ended.time / 1e9))
+
+
+def print_events(*, robot: str | None, json: bool, follow: bool, connect: Sequence[str]) -> None:
+    """Print what has happened and what happens, until Ctrl-C."""
+    with connect_to_robot(connect) as session:
+        stream = runs.EventStream(session, robot)
+        seen: set[tuple[int, str, str]] = set()
+        for event in stream.past():
+            seen.add((event.time, event.node, event.event))
+            _print_event(event, json=json)
+        if not follow:
+            return
+        for event in stream.coming():
+            if (event.time, event.node, event.event) not in seen:
+                _print_event(event, json=json)
+
+
+def _print_event(event: Event, *, json: bool) -> None:
+    if json:
+        print_json(event)
+        return
+    stamp = time.strftime("%H:%M:%S", time.localtime(event.time / 1e9)) + f".{event.time // 10**6 % 1000:03d}"
+    who = event.node or event.robot
+    print_line(f"{stamp} {who} {event.event}{f': {event.reason}' if event.reason else ''}")
+
+
+def duration(seconds: float) -> str:
+    """A time span in words, coarser the longer it is."""
+    if seconds < 60:
+        return f"{seconds:.1f}s"
+    minutes, rest = divmod(int(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    days, hours = divmod(hours, 24)
+    if days:
+        return f"{days}d{hours:02d}h"
+    return f"{hours}h{minutes:02d}m" if hours else f"{minutes}m{rest:02d}s"

@@ -1,0 +1,67 @@
+"""A run's control keys: what `robo ps`, `why`, `stop`, `start`, `restart`, `down` and `events` ask for.
+
+`@robo/<robot>/supervisor/<verb>` takes and gives MessagePack; `@robo/<robot>/events` carries what happens.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping
+from typing import Any
+
+import msgspec
+import zenoh
+
+from robo import codec
+from robo.queries import QueryLoop, reply, reply_error
+from robo.supervisor.status import Asked, Event, control_key, event_key
+
+_LONGEST = 60.0
+"""How long a command may take, s."""
+
+Verb = Callable[[Asked], Awaitable[object]]
+
+
+class Control:
+    """Answers for one run, from its asyncio loop."""
+
+    def __init__(
+        self, session: zenoh.Session, robot: str, verbs: Mapping[str, Verb], loop: asyncio.AbstractEventLoop
+    ) -> None:
+        """`verbs` are called in the loop; a LookupError tells that a name is not known."""
+        self._verbs = verbs
+        self._loop = loop
+        self._events = session.declare_publisher(event_key(robot), encoding=f"{codec.MSGPACK};supervisor/Event")
+        self._queries = QueryLoop(session, control_key(robot, "*"), self._answer)
+        self._queries.start()
+
+    def publish(self, event: Event) -> None:
+        """Tell whoever listens."""
+        self._events.put(msgspec.msgpack.encode(event))
+
+    def _answer(self, query: zenoh.Query) -> None:
+        self._queries.spare()  # a stop takes a while, and `ps` does not wait for it
+        # The key of the supervisor itself: the query's may ask all robots.
+        prefix = str(self._queries.key).rpartition("/")[0]
+        verb = str(query.key_expr).rpartition("/")[2]
+        work = self._verbs.get(verb)
+        if work is None:
+            reply_error(query, "UsageError", f"there is no verb {verb!r}; use {', '.join(self._verbs)}")
+            return
+        payload = query.payload.to_bytes() if query.payload is not None else b""
+        try:
+            asked = msgspec.msgpack.decode(payload, type=Asked) if payload else Asked()
+        except msgspec.DecodeError as error:
+            reply_error(query, "UsageError", f"the request cannot be read: {error}")
+            return
+
+        async def do() -> Any:
+            return await work(asked)
+
+        try:
+            answer = asyncio.run_coroutine_threadsafe(do(), self._loop).result(_LONGEST)
+        except LookupError as error:
+            reply_error(query, "NodeNotFound", str(error.args[0]))
+            return
+        except (RuntimeError, TimeoutError) as error:
+            reply_error(query, "RoboError", str(error) or f"not done within {_LONGEST:g} s")
+            return
+        reply(query, f"{prefix}/{verb}", answer)

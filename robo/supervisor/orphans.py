@@ -1,0 +1,161 @@
+"""Finding the processes of a run wherever they have gone, and ending them.
+
+Every process of a launch carries its run's id in the environment, which children inherit even where they
+leave their parent's group and session. The id tells which process the run's supervisor is, so that a
+later run knows what is left over of one that has died.
+"""
+
+import ctypes
+import os
+import secrets
+import signal
+import sys
+from collections.abc import Callable, Container, Iterator, Sequence
+from pathlib import Path
+
+import psutil
+
+RUN_VARIABLE = "ROBO_RUN"
+
+PATIENCE = (0.5, 0.25, 0.5)
+"""How long to wait after INT, TERM and KILL, s. All of it is less than 2 s."""
+
+_SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER, linux/prctl.h
+
+
+def new_run_id() -> str:
+    """`<random>-<pid>-<start of this process, s>-<its pid namespace>`."""
+    own = psutil.Process()
+    return f"{secrets.token_hex(4)}-{own.pid}-{own.create_time():.2f}-{_pid_namespace()}"
+
+
+def supervisor_lives(run: str) -> bool:
+    """Whether the supervisor of a run still runs; also where this machine cannot know."""
+    _, _, rest = run.partition("-")
+    pid, _, rest = rest.partition("-")
+    begun, _, namespace = rest.partition("-")
+    if not pid.isdecimal() or namespace != _pid_namespace():
+        return True
+    try:
+        return f"{psutil.Process(int(pid)).create_time():.2f}" == begun
+    except psutil.Error:
+        return False
+
+
+def processes_of(run: str) -> list[psutil.Process]:
+    """The processes that carry a run's id, this one left out."""
+    return [process for process, found in _marked() if found == run]
+
+
+def leftovers() -> list[psutil.Process]:
+    """Processes of runs whose supervisor is gone."""
+    return [process for process, run in _marked() if not supervisor_lives(run)]
+
+
+def sweep(run: str, spare: Sequence[int] = (), *, adopted: bool = False) -> list[int]:
+    """End every process of a run: INT, TERM, KILL.
+
+    Args:
+        run: its id.
+        spare: process ids that are left alone.
+        adopted: also those descendants of this process that do not carry the id any more.
+
+    Returns:
+        The process ids of those that were there.
+    """
+
+    def find() -> list[psutil.Process]:
+        found = {p.pid: p for p in processes_of(run)}
+        if adopted:
+            found |= {p.pid: p for p in psutil.Process().children(recursive=True)}
+        return [p for pid, p in found.items() if pid not in spare and _is_alive(p)]
+
+    return _end(find)
+
+
+def end_leftovers() -> list[int]:
+    """End what earlier runs have left behind, and return the process ids."""
+    return _end(leftovers)
+
+
+def adopt_orphans() -> None:
+    """Become the parent of what descendants leave behind (Linux): it stays findable, and can be reaped."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(_SUBREAPER, 1, 0, 0, 0)
+
+
+def reap(own: Container[int]) -> None:
+    """Collect adopted processes that have ended, so that they do not stay zombies.
+
+    Args:
+        own: process ids that somebody else waits for.
+    """
+    while True:
+        try:
+            ended = os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+        except ChildProcessError:
+            return
+        if ended is None or ended.si_pid in own:
+            return
+        os.waitpid(ended.si_pid, os.WNOHANG)
+
+
+def _end(find: Callable[[], list[psutil.Process]]) -> list[int]:
+    first: list[int] = []
+    for number, patience in zip((signal.SIGINT, signal.SIGTERM, signal.SIGKILL), PATIENCE, strict=True):
+        found = find()
+        first = first or [process.pid for process in found]
+        for process in found:
+            try:
+                process.send_signal(number)
+                process.send_signal(signal.SIGCONT)
+            except psutil.Error:
+                continue
+        if not found:
+            break
+        psutil.wait_procs(found, timeout=patience)
+    return first
+
+
+def _is_alive(process: psutil.Process) -> bool:
+    try:
+        return process.status() != psutil.STATUS_ZOMBIE
+    except psutil.Error:
+        return False
+
+
+def _marked() -> Iterator[tuple[psutil.Process, str]]:
+    """All processes with a run's id, and the id."""
+    for pid in psutil.pids():
+        if pid == os.getpid():
+            continue
+        run = _run_of(pid)
+        if run:
+            try:
+                yield psutil.Process(pid), run
+            except psutil.Error:
+                continue
+
+
+def _run_of(pid: int) -> str | None:
+    if sys.platform != "linux":
+        try:
+            return psutil.Process(pid).environ().get(RUN_VARIABLE)
+        except (psutil.Error, OSError):
+            return None
+    try:  # psutil would take apart every variable of every process
+        environment = Path(f"/proc/{pid}/environ").read_bytes()
+    except OSError:
+        return None  # gone, or somebody else's
+    for variable in environment.split(b"\0"):
+        if variable.startswith(RUN_VARIABLE.encode() + b"="):
+            return variable.partition(b"=")[2].decode(errors="replace")
+    return None
+
+
+def _pid_namespace() -> str:
+    """Which processes a process id counts among: another container's mean nothing here."""
+    try:
+        return os.readlink("/proc/self/ns/pid").strip("pid:[]")
+    except OSError:
+        return "0"

@@ -1,0 +1,67 @@
+"""Which files a run depends on, and which of them have changed."""
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+
+import msgspec
+
+from robo.launch.plan import Plan, ProcessPlan
+
+_POSITION = re.compile(r"^(.+?):\d+(?::\d+)?$")
+
+
+class FileWatch:
+    """Notices changed files by the time of their last change."""
+
+    def __init__(self) -> None:
+        self._times: dict[str, int | None] = {}
+
+    def changed(self, files: Mapping[str, Iterable[str]]) -> dict[str, set[str]]:
+        """Whose files have changed since the last call, and which; a file that is new here has not."""
+        found: dict[str, set[str]] = {}
+        seen: dict[str, int | None] = {}
+        for owner, paths in files.items():
+            for path in paths:
+                if path not in seen:
+                    seen[path] = _time_of(path)
+                if path in self._times and seen[path] is not None and self._times[path] != seen[path]:
+                    found.setdefault(owner, set()).add(path)
+        # A file that is gone for a moment, while an editor replaces it, is not forgotten.
+        self._times = {path: at if at is not None else self._times.get(path) for path, at in seen.items()}
+        return found
+
+
+def files_of(plan: Plan | ProcessPlan) -> list[str]:
+    """The files that a plan was made of; for a process, those that it is given: in parameters or as words."""
+    if isinstance(plan, Plan):
+        sources = [plan.manifest, *(s for p in plan.processes for s in _sources(p))]
+        return sorted({match[1] if (match := _POSITION.match(s)) else s for s in sources})
+    given = [value.value for value in plan.parameters.values()] + list(plan.command if plan.service is None else ())
+    folder = plan.cwd or os.getcwd()
+    paths = {os.path.join(folder, text) for text in given if isinstance(text, str) and text}
+    return sorted(path for path in paths if os.path.isfile(path) and os.access(path, os.R_OK))
+
+
+def same(one: ProcessPlan, other: ProcessPlan) -> bool:
+    """Whether two plans of a process do the same, wherever it is written."""
+    return _essence(one) == _essence(other)
+
+
+def _essence(plan: ProcessPlan) -> object:
+    bare = msgspec.structs.replace(plan, source="", sources={}, parameters={})
+    return bare, {name: said.value for name, said in plan.parameters.items()}
+
+
+def _sources(process: ProcessPlan) -> Iterable[str]:
+    yield process.source
+    for value in process.parameters.values():
+        yield value.source
+        yield from (other.source for other in value.over)
+
+
+def _time_of(path: str) -> int | None:
+    try:
+        return os.stat(path).st_mtime_ns
+    except OSError:
+        return None

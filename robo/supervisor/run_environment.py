@@ -1,0 +1,65 @@
+"""What the processes of a run find in their environment."""
+
+import os
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import msgspec
+
+from robo.codec import jsonable
+from robo.launch.plan import ProcessPlan
+from robo.parameter_server import Said
+from robo.runner import SPEC_VARIABLE, NodeSpec
+
+
+class RunEnvironment:
+    """Makes the environment of each start of each process."""
+
+    def __init__(self, base: Mapping[str, str], folder: Path, router: str, shows_token: Callable[[str], bool]) -> None:
+        """
+        Args:
+            base: of every process.
+            folder: for the sockets of nodes.
+            router: the endpoint of the robot's router.
+            shows_token: whether a process, by full name, is a node whose token others can wait for.
+        """
+        self._base = dict(base)
+        self._folder = folder
+        self._router = router
+        self._shows_token = shows_token
+        self._starts = 0
+
+    def of(self, plan: ProcessPlan) -> dict[str, str]:
+        """A command learns its name and its network there, in any language; a service its whole spec."""
+        self._starts += 1
+        spec = NodeSpec(
+            service=plan.service or "",
+            name=plan.name,
+            namespace=plan.namespace,
+            parameters={name: said.value for name, said in plan.parameters.items()},
+            sources={
+                name: [Said(one.value, one.source) for one in (*said.over, said)]
+                for name, said in plan.parameters.items()
+            },
+            remappings=plan.remap,
+            needs=tuple(name for name, until in plan.needs.items() if until == "ready" and self._shows_token(name)),
+            mode="peer",
+            connect=(self._router,),
+            # A name of its own for each start: what was killed leaves its socket behind.
+            listen=(f"unixsock-stream/{self._folder}/{self._starts}.sock",),
+        )
+        variables = {
+            SPEC_VARIABLE: msgspec.json.encode(jsonable(msgspec.to_builtins(spec))).decode(),
+            "ROBO_SUPERVISED": "1",
+        }
+        if plan.service is None:
+            variables |= {"ROBO_NAMESPACE": plan.namespace, "ROBO_CONNECT": self._router}
+        if plan.log.level is not None:
+            variables["ROBO_LOG_LEVEL"] = plan.log.level
+        return self._base | variables | plan.env
+
+
+def search_path() -> str:
+    """Where the programs of a launch are looked for: `python` and `robo` are those that run here."""
+    return os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])

@@ -1,0 +1,86 @@
+"""Whether promises about topics are kept: the supervisor counts the messages of the topics concerned."""
+
+import time
+from collections import deque
+from functools import partial
+
+import zenoh
+
+from robo.launch.plan import TopicPlan
+
+_WINDOW = 2.0
+"""Over how long a rate is measured at least, s."""
+_TOLERANCE = 0.9
+"""A rate is kept from this part of it on: messages do not come evenly."""
+
+
+class Flow:
+    """How much comes on one topic; times in s, of any clock that does not step back."""
+
+    def __init__(self, promise: TopicPlan, now: float) -> None:
+        self.promise = promise
+        self.count = 0
+        self.last = now
+        """When the last message came; before there is one, when the watch began."""
+        self._window = max(_WINDOW, 3.0 / promise.min_rate if promise.min_rate else 0.0)
+        self._marks: deque[tuple[float, int]] = deque([(now, 0)])
+
+    def add(self, now: float) -> None:
+        """A message has come."""
+        self.count += 1
+        self.last = now
+
+    def mark(self, now: float) -> None:
+        """Remember how many there are; called a few times a second."""
+        self._marks.append((now, self.count))
+        while len(self._marks) > 2 and now - self._marks[1][0] >= self._window:
+            self._marks.popleft()
+
+    def begin_again(self, now: float) -> None:
+        """Its publisher has just become ready: what was before does not count."""
+        self.last = now
+        self._marks.clear()
+        self._marks.append((now, self.count))
+
+    def silent(self, now: float) -> float | None:
+        """For how long nothing has come, where that is longer than is promised, s."""
+        promise, age = self.promise, now - self.last
+        limit = promise.max_age if promise.max_age is not None else self._window if promise.min_rate else None
+        return age if limit is not None and age > limit else None
+
+    def problem(self, now: float) -> str | None:
+        """Which promise is not kept."""
+        promise = self.promise
+        silent = self.silent(now)
+        if silent is not None:
+            return f"nothing on {promise.key} for {silent:.1f} s"
+        begin, before = self._marks[0]
+        if promise.min_rate is not None and now - begin >= self._window:
+            rate = (self.count - before) / (now - begin)
+            if rate < promise.min_rate * _TOLERANCE:
+                return f"{promise.key} comes at {rate:.1f} Hz, promised are {promise.min_rate:g}"
+        return None
+
+    def flows(self, now: float) -> bool:
+        """Whether data come as they should: for readiness."""
+        begin, before = self._marks[0]
+        if self.promise.min_rate is None:
+            return self.count > before
+        needed = max(2.0, min(self.promise.min_rate, 10.0))
+        came, span = self.count - before, now - begin
+        return came >= needed and came >= self.promise.min_rate * _TOLERANCE * span
+
+
+class TopicWatch:
+    """The flows of all topics that somebody has promised something of, or waits for."""
+
+    def __init__(self, session: zenoh.Session, promises: list[TopicPlan]) -> None:
+        self.flows: dict[str, Flow] = {}
+        self._subscribers: list[object] = []
+        for promise in promises:
+            flow = self.flows[promise.key] = Flow(promise, time.monotonic())
+            self._subscribers.append(session.declare_subscriber(promise.key, partial(_count, flow)))
+
+
+def _count(flow: Flow, _: zenoh.Sample) -> None:
+    flow.add(time.monotonic())

@@ -1,0 +1,282 @@
+"""Whether this machine is fit to run robots: one check a function, each with what to do about it."""
+
+import os
+import platform
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+import psutil
+
+from robo.errors import NetworkError
+from robo.session import RENDEZVOUS, Network, close_session, open_session
+from robo.supervisor import orphans
+from robo.supervisor.cgroup import ControlGroup
+from robo.supervisor.log_files import log_base
+
+Verdict = Literal["ok", "note", "fault"]
+
+KILL_TEST_LIMIT = 2.0
+"""Within how many seconds after `kill -9` of its supervisor nothing of a run may live."""
+
+_MULTICAST = ("224.0.0.224", 7446)
+
+
+class Finding(msgspec.Struct, frozen=True):
+    """What one check has found."""
+
+    check: str
+    verdict: Verdict
+    message: str
+    fix: str = ""
+    """What to do, where there is something to do."""
+
+
+def examine(connect: Sequence[str], *, kill_test: bool = False) -> Iterator[Finding]:
+    """All checks, one after the other."""
+    checks: list[Callable[[], Finding]] = [
+        python,
+        packages,
+        lambda: port(connect),
+        lambda: router(connect),
+        multicast,
+        clock,
+        files,
+        memory,
+        leftovers,
+        no_orphans,
+    ]
+    for check in checks:
+        yield check()
+    if kill_test:
+        yield kill_and_look()
+
+
+def python() -> Finding:
+    """The interpreter, and whether it is in a virtual environment."""
+    where = f"{platform.python_implementation()} {platform.python_version()} at {sys.executable}"
+    if sys.prefix == sys.base_prefix:
+        return Finding("python", "note", f"{where}, in no virtual environment", "python3 -m venv .venv")
+    return Finding("python", "ok", where)
+
+
+def packages() -> Finding:
+    """What robo stands on."""
+    found, missing = [], []
+    for name in ("robo-zenoh", "eclipse-zenoh", "msgspec", "psutil", "PyYAML", "rich", "typer"):
+        try:
+            found.append(f"{name} {version(name)}")
+        except PackageNotFoundError:
+            missing.append(name)
+    if missing:
+        return Finding("packages", "fault", f"not installed: {', '.join(missing)}", "pip install robo-zenoh")
+    return Finding("packages", "ok", ", ".join(found))
+
+
+def port(connect: Sequence[str]) -> Finding:
+    """Whether the rendezvous can be listened at, or whether a Zenoh router has it."""
+    address = _tcp_of(connect)
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(address)
+        except OSError as error:
+            if _reaches_router(connect):
+                return Finding("port", "ok", f"port {address[1]} is taken by a Zenoh router: robots join it")
+            who = _listener(address[1])
+            return Finding(
+                "port",
+                "fault",
+                f"port {address[1]} on {address[0]} is taken{who} and no Zenoh answers there ({error.strerror})",
+                "stop that program, or choose another port: robo up --listen tcp/127.0.0.1:7448",
+            )
+    return Finding("port", "ok", f"port {address[1]} on {address[0]} is free")
+
+
+def router(connect: Sequence[str]) -> Finding:
+    """Whether a robot or a router answers."""
+    where = ", ".join(connect) or os.environ.get("ROBO_CONNECT") or RENDEZVOUS
+    if _reaches_router(connect):
+        return Finding("router", "ok", f"a router answers at {where}")
+    return Finding("router", "note", f"no router answers at {where}", "robo up starts one with each robot")
+
+
+def multicast() -> Finding:
+    """Whether multicast works; robo does not need it, other Zenoh programs find each other by it."""
+    try:
+        with (
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener,
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+        ):
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.bind(("", 0))
+            group = socket.inet_aton(_MULTICAST[0]) + socket.inet_aton("127.0.0.1")
+            listener.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
+            listener.settimeout(0.5)
+            sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
+            sender.sendto(b"robo", (_MULTICAST[0], listener.getsockname()[1]))
+            listener.recv(16)
+    except OSError as error:
+        return Finding("multicast", "note", f"does not work on loopback ({error}); robo does not need it")
+    return Finding("multicast", "ok", "works on loopback; robo does not need it")
+
+
+def clock() -> Finding:
+    """Whether the clock is set, and by whom."""
+    now = time.time()
+    if not 1_700_000_000 < now < 4_000_000_000:
+        return Finding("clock", "fault", f"the clock says {time.ctime(now)}", "set it: stamps would be wrong")
+    try:
+        shown = subprocess.run(
+            ["timedatectl", "show", "-p", "NTPSynchronized", "--value"], capture_output=True, text=True, timeout=2
+        ).stdout.strip()
+    except (OSError, subprocess.TimeoutExpired):
+        shown = ""
+    if shown == "no":
+        return Finding("clock", "note", "is not synchronised", "between hosts, stamps differ: timedatectl set-ntp true")
+    return Finding(
+        "clock", "ok", f"{time.strftime('%Y-%m-%d %H:%M:%S %Z')}{', synchronised' if shown == 'yes' else ''}"
+    )
+
+
+def files() -> Finding:
+    """Whether log files and sockets can be written."""
+    for what, folder in (("log files", log_base()), ("sockets", Path(tempfile.gettempdir()))):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.NamedTemporaryFile(dir=folder):
+                pass
+        except OSError as error:
+            return Finding("files", "fault", f"{what} cannot be written: {error}", "set ROBO_LOG_DIR or TMPDIR")
+    free = shutil.disk_usage(log_base()).free
+    if free < 500e6:
+        return Finding("files", "note", f"{free / 1e6:.0f} MB are free for logs in {log_base()}", "make room")
+    return Finding("files", "ok", f"logs are kept in {log_base()}, {free / 1e9:.1f} GB are free")
+
+
+def memory() -> Finding:
+    """Whether there is room for a few nodes: about 30 MB each."""
+    free = psutil.virtual_memory().available
+    if free < 300e6:
+        return Finding("memory", "note", f"{free / 1e6:.0f} MB are free", "a node needs about 30 MB")
+    return Finding("memory", "ok", f"{free / 1e9:.1f} GB are free, {os.cpu_count()} processors")
+
+
+def leftovers() -> Finding:
+    """Whether processes of earlier runs live on without their supervisor."""
+    found = orphans.leftovers()
+    if found:
+        pids = ", ".join(str(process.pid) for process in found)
+        return Finding("leftovers", "fault", f"processes of a run that is over: {pids}", "the next robo up ends them")
+    return Finding("leftovers", "ok", "no process of an earlier run is left")
+
+
+def no_orphans() -> Finding:
+    """By which means nothing survives its run here."""
+    means = ["a run id that children inherit", "a watchdog"]
+    if sys.platform == "linux":
+        means.append("orphans are adopted")
+    group = ControlGroup.make(f"doctor-{os.getpid()}")
+    if group is not None:
+        group.remove()
+        means.append("a control group")
+    return Finding("orphans", "ok", ", ".join(means))
+
+
+_TROUBLEMAKER = """\
+import os, signal, sys, time
+for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    signal.signal(number, signal.SIG_IGN)
+for _ in range(3):
+    if os.fork() == 0:
+        os.setsid()
+        if os.fork():
+            os._exit(0)
+        time.sleep(600)
+        os._exit(0)
+print("up", flush=True)
+time.sleep(600)
+"""
+
+
+def kill_and_look() -> Finding:
+    """Run a robot with processes that hide and ignore signals, `kill -9` its supervisor, and look what is left."""
+    with tempfile.TemporaryDirectory(prefix="robo-doctor-") as folder, socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        free = probe.getsockname()[1]
+        probe.close()
+        Path(folder, "trouble.py").write_text(_TROUBLEMAKER)
+        manifest = Path(folder, "kill_test.yaml")
+        manifest.write_text(
+            "groups:\n  test:\n    namespace: robo_kill_test\n    nodes:\n"
+            f"      trouble: {{run: [python, {folder}/trouble.py], ready: {{log: up}}}}\n"
+        )
+        command = [sys.executable, "-m", "robo", "up", str(manifest), "--listen", f"tcp/127.0.0.1:{free}"]
+        mark = {**os.environ, "ROBO_LOG_DIR": folder, "ROBO_KILL_TEST": folder}
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=mark) as run:
+            assert run.stdout is not None
+            ready = any("is ready" in line for line in run.stdout)
+            before = _marked(folder)
+            run.send_signal(signal.SIGKILL)
+            killed = time.monotonic()
+        if not ready:
+            return Finding("kill test", "fault", "the test robot did not start", f"try {' '.join(command)}")
+        while (alive := _marked(folder)) and time.monotonic() - killed < KILL_TEST_LIMIT:
+            time.sleep(0.02)
+        took = time.monotonic() - killed
+        for process in alive:
+            process.kill()
+    if alive:
+        return Finding("kill test", "fault", f"{len(alive)} of {len(before)} processes survived {took:.1f} s")
+    return Finding(
+        "kill test", "ok", f"kill -9 of the supervisor: {len(before)} processes, all gone after {took:.2f} s"
+    )
+
+
+def _marked(folder: str) -> list[psutil.Process]:
+    found = []
+    for process in psutil.process_iter():
+        try:
+            if process.environ().get("ROBO_KILL_TEST") == folder and process.status() != psutil.STATUS_ZOMBIE:
+                found.append(process)
+        except (psutil.Error, OSError):
+            continue
+    return found
+
+
+def _tcp_of(connect: Sequence[str]) -> tuple[str, int]:
+    endpoint = next(iter(connect), None) or os.environ.get("ROBO_CONNECT", "").split(",")[0] or RENDEZVOUS
+    host, _, number = endpoint.rpartition("/")[2].rpartition(":")
+    return (host, int(number)) if number.isdecimal() else ("127.0.0.1", 7447)
+
+
+def _reaches_router(connect: Sequence[str]) -> bool:
+    network = msgspec.structs.replace(Network.from_environment("client", connect), timeout=0.5)
+    try:
+        close_session(open_session(network))
+    except NetworkError:
+        return False
+    return True
+
+
+def _listener(number: int) -> str:
+    try:
+        connections = psutil.net_connections("tcp")
+    except psutil.Error:
+        return ""
+    for one in connections:
+        if one.status == psutil.CONN_LISTEN and one.laddr and one.laddr[1] == number and one.pid is not None:
+            try:
+                return f" by process {one.pid} ({psutil.Process(one.pid).name()})"
+            except psutil.Error:
+                return f" by process {one.pid}"
+    return ""

@@ -1,0 +1,202 @@
+"""Reading the log files of runs on this machine, those that are over included."""
+
+import heapq
+import os
+import re
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import BinaryIO
+
+import msgspec
+
+from robo.errors import RunError, UsageError
+from robo.supervisor.log_files import SUPERVISOR, LogRecord, RunInfo, log_base
+
+_SPAN = re.compile(r"(\d+(?:\.\d+)?)\s*(s|m|h|d)")
+_UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
+_RANKS = {"DEBUG": 10, "INFO": 20, "WARN": 30, "ERROR": 40, "FATAL": 50}
+_PERIOD = 0.1
+"""How often files are looked at for more, s."""
+
+
+class Run(msgspec.Struct, frozen=True):
+    """A run whose logs are kept."""
+
+    folder: Path
+    info: RunInfo
+
+
+def list_runs(robot: str | None = None, base: Path | None = None) -> list[Run]:
+    """The runs that are kept, oldest first."""
+    found = []
+    for file in (base or log_base()).glob("*/*/run.json"):
+        try:
+            info = msgspec.json.decode(file.read_bytes(), type=RunInfo)
+        except (OSError, msgspec.DecodeError):
+            continue  # cut short, or being removed
+        if robot is None or info.robot == robot.strip("/"):
+            found.append(Run(file.parent, info))
+    return sorted(found, key=lambda run: run.info.begin)
+
+
+def find_run(robot: str | None, name: str | None, base: Path | None = None) -> Run:
+    """The run that somebody means: by the name of its folder or its id, else the latest.
+
+    Raises:
+        RunError: there is none.
+    """
+    runs = list_runs(robot, base)
+    chosen = [run for run in runs if name is None or name in (run.folder.name, run.info.run)]
+    if chosen:
+        return chosen[-1]
+    whose = f" of robot {robot}" if robot is not None else ""
+    if name is not None and runs:
+        raise RunError(f"there is no run {name}{whose}; `robo logs --list` shows those that are kept")
+    raise RunError(f"no logs{whose} are kept in {base or log_base()}; `robo up` writes them")
+
+
+def check_nodes(run: Run, nodes: Sequence[str]) -> set[str]:
+    """The labels under which the output of nodes is kept; all where none is named.
+
+    Raises:
+        RunError: the run has no such node.
+    """
+    known = {node: node.strip("/").removeprefix(f"{run.info.robot}/") for node in run.info.nodes}
+    found = set()
+    for name in nodes:
+        wanted = name.strip("/")
+        means = {
+            label for full, label in known.items() if wanted in (full.strip("/"), label, label.rpartition("/")[2])
+        } | ({SUPERVISOR} if wanted == SUPERVISOR else set())
+        if not means:
+            raise RunError(f"the run has no node {name}; it has {', '.join([*known.values(), SUPERVISOR])}")
+        found |= means
+    return found
+
+
+def begin_of(text: str, now: Callable[[], float] = time.time) -> int:
+    """When `--since` begins, ns since the epoch: a time span ago (`10m`) or a local time (`2026-11-21T18:30`).
+
+    Raises:
+        UsageError: it is neither.
+    """
+    match = _SPAN.fullmatch(text.strip())
+    if match is not None:
+        return int((now() - float(match[1]) * _UNITS[match[2]]) * 1e9)
+    try:
+        return int(datetime.fromisoformat(text).timestamp() * 1e9)
+    except (ValueError, OverflowError):
+        raise UsageError(f"--since {text}: write 30s, 10m, 2h, 1d or a time such as 2026-11-21T18:30") from None
+
+
+class Filter:
+    """Which records are wanted. A line of stderr without a level belongs to the record before it: a traceback."""
+
+    def __init__(self, *, since: int = 0, least: str | None = None) -> None:
+        """
+        Raises:
+            UsageError: there is no such level.
+        """
+        self._since = since
+        wanted = (least or "debug").upper().replace("WARNING", "WARN")
+        if wanted not in _RANKS:
+            raise UsageError(f"--level {least}: use debug, info, warn, error or fatal")
+        self._least = _RANKS[wanted]
+        self._last: dict[str, int] = {}
+
+    def wants(self, record: LogRecord) -> bool:
+        """Whether a record is wanted."""
+        rank = _RANKS.get(record.level or "")
+        if rank is None:
+            rank = self._last.get(record.node, 20) if record.stream == "stderr" else 20
+        else:
+            self._last[record.node] = rank
+        return rank >= self._least and record.time >= self._since
+
+
+def read(run: Run, labels: set[str]) -> Iterator[LogRecord]:
+    """All records of a run, in order of time; of all processes where no labels are given."""
+    files: dict[str, list[Path]] = {}
+    for path in run.folder.glob("*.jsonl*"):
+        label = path.name.partition(".jsonl")[0]
+        if not labels or label in {name.replace("/", ".") for name in labels}:
+            files.setdefault(label, []).append(path)
+    oldest_first = [sorted(paths, key=lambda p: (len(p.name), p.name), reverse=True) for paths in files.values()]
+    return heapq.merge(*(_records(paths) for paths in oldest_first), key=lambda record: record.time)
+
+
+class Follower:
+    """The records that come after the moment in which it was made."""
+
+    def __init__(self, run: Run, labels: set[str]) -> None:
+        self._folder = run.folder
+        self._wanted = {f"{name.replace('/', '.')}.jsonl" for name in labels}
+        self._places: dict[Path, tuple[int, int]] = {}
+        """By file, which one it is (its inode) and how far it has been read."""
+        for path in self._paths():
+            stat = path.stat()
+            self._places[path] = stat.st_ino, stat.st_size
+
+    def records(self) -> Iterator[LogRecord]:
+        """Records as they come, without end."""
+        while True:
+            fresh: list[LogRecord] = []
+            for path in self._paths():
+                fresh += self._more(path)
+            yield from sorted(fresh, key=lambda record: record.time)
+            time.sleep(_PERIOD)
+
+    def _paths(self) -> list[Path]:
+        return [path for path in self._folder.glob("*.jsonl") if not self._wanted or path.name in self._wanted]
+
+    def _more(self, path: Path) -> list[LogRecord]:
+        found: list[LogRecord] = []
+        try:
+            with path.open("rb") as file:
+                inode = os.fstat(file.fileno()).st_ino
+                before, place = self._places.get(path, (0, 0))
+                if before != inode and path.with_name(f"{path.name}.1").exists():  # set aside, and begun anew
+                    with path.with_name(f"{path.name}.1").open("rb") as older:
+                        found += _whole_lines(older, place)[0]
+                    place = 0
+                records, place = _whole_lines(file, place)
+        except OSError:
+            return found  # it is just being set aside
+        self._places[path] = inode, place
+        return found + records
+
+
+def newest(records: Iterable[LogRecord], count: int | None) -> Iterable[LogRecord]:
+    """The last so many; all where no number is given."""
+    if count is None:
+        return records
+    return list(records)[-count:] if count else []
+
+
+def _records(paths: Sequence[Path]) -> Iterator[LogRecord]:
+    for path in paths:
+        try:
+            with path.open("rb") as file:
+                for line in file:
+                    record = _parsed(line)
+                    if record is not None:
+                        yield record
+        except FileNotFoundError:
+            continue  # the oldest went while we read
+
+
+def _whole_lines(file: BinaryIO, place: int) -> tuple[list[LogRecord], int]:
+    """The records after a place, and the place after them."""
+    file.seek(place)
+    whole, newline, _ = file.read().rpartition(b"\n")
+    records = [record for line in whole.split(b"\n") if (record := _parsed(line)) is not None]
+    return records, place + len(whole) + len(newline)
+
+
+def _parsed(line: bytes) -> LogRecord | None:
+    try:
+        return msgspec.json.decode(line, type=LogRecord)
+    except (msgspec.DecodeError, UnicodeDecodeError):
+        return None  # cut short when its writer was killed
