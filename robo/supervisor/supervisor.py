@@ -308,8 +308,12 @@ class Supervisor:
 
     def _restart_dependents(self, member: Member) -> None:
         """Those that need it, and those that need these, start again after it."""
-        for other in self._members.values():
-            if member.plan.full_name in other.plan.needs and other.running and other.wanted:
+        names = {member.plan.full_name}
+        while more := {n for n, m in self._members.items() if n not in names and m.plan.needs.keys() & names}:
+            names |= more
+        for name in names - {member.plan.full_name}:
+            other = self._members[name]
+            if other.running and other.wanted:
                 self._do(other.restart(f"starting again with {member.label}, which it needs"))
 
     # -- while it runs -----------------------------------------------------------------------------

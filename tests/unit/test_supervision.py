@@ -132,7 +132,7 @@ def test_levels_are_taken_off() -> None:
 
 
 def test_files_are_rotated_and_read_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(log_files, "LARGEST", 1000)
+    monkeypatch.setattr(log_files, "LARGEST", 600)
     files = LogFiles(_info(), tmp_path)
     files.begin()
     (run,) = logs.list_runs(base=tmp_path)
@@ -142,7 +142,7 @@ def test_files_are_rotated_and_read_in_order(tmp_path: Path, monkeypatch: pytest
     files.close()
     names = sorted(path.name for path in files.folder.iterdir())
     assert names == ["a.jsonl", "a.jsonl.1", "b.jsonl", "b.jsonl.1", "run.json"]
-    assert all(path.stat().st_size <= 1000 for path in files.folder.iterdir())
+    assert all(path.stat().st_size <= 600 for path in files.folder.iterdir())
     assert [r.time for r in logs.read(run, set())] == list(range(40))
     assert [r.time for r in logs.read(run, {"b"})] == list(range(1, 40, 2))
     coming = follower.records()

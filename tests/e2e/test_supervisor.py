@@ -1,0 +1,460 @@
+"""What the supervisor promises: nothing dies unseen, nothing survives unwanted."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from robo.session import Network, close_session, open_session
+from tests.support import Command, Inbox, eventually, robo, run_robo
+
+pytestmark = pytest.mark.timeout(120)
+
+
+def write(folder: Path, text: str) -> str:
+    path = folder / "m.yaml"
+    path.write_text(text)
+    return str(path)
+
+
+def processes(endpoint: str) -> dict[str, dict[str, Any]]:
+    """What `robo ps` tells, by node."""
+    result = run_robo("ps", "--json", "--connect", endpoint)
+    assert result.returncode == 0, result.stderr
+    found = [json.loads(line) for line in result.stdout.splitlines()]
+    return {status["node"]: status for status in found}
+
+
+def state_becomes(endpoint: str, node: str, condition: Callable[[dict[str, Any]], bool], what: str) -> dict[str, Any]:
+    """The status of a node once it fulfils a condition."""
+    found: dict[str, Any] = {}
+
+    def look() -> bool:
+        found.update(processes(endpoint)[node])
+        return condition(found)
+
+    eventually(look, what)
+    return found
+
+
+def tell(endpoint: str, *words: str) -> str:
+    result = run_robo(*words, "--connect", endpoint)
+    assert result.returncode == 0, result.stderr
+    return result.stdout
+
+
+def test_a_killed_node_comes_back_and_its_peers_hear_it_again(endpoint: str, tmp_path: Path) -> None:
+    file = write(
+        tmp_path,
+        """
+groups:
+  g:
+    namespace: r1
+    nodes:
+      base: {service: robo_services.diff_drive_sim, restart: {policy: on-failure, delay: 0.3}}
+      tracker: {service: robo_services.position_tracker}
+""",
+    )
+    with robo("up", file, "--robot-name", "r1", "--listen", endpoint) as launch:
+        launch.wait_for("r1 is ready: 2 nodes")
+        session = open_session(Network(mode="client", connect=(endpoint,)))
+        positions = Inbox(session, "r1/current_position")
+        positions.wait_for(3)
+        launch.child("/r1/base").kill()
+        launch.wait_for("base was killed by SIGKILL; starting it again in 0.")
+        launch.wait_for("base is ready again")
+        positions.forget()
+        positions.wait_for(3)  # the tracker hears the new base
+        close_session(session)
+        found = processes(endpoint)
+        assert (found["/r1/base"]["state"], found["/r1/base"]["restarts"]) == ("ready", 1)
+        assert found["/r1/base"]["pid"] == launch.child("/r1/base").pid
+        assert {"robot", "group", "node", "state", "pid", "restarts", "uptime", "cpu", "memory"} <= set(
+            found["/r1/tracker"]
+        )
+        assert (found["/r1/tracker"]["robot"], found["/r1/tracker"]["group"]) == ("r1", "g")
+        told = tell(endpoint, "why", "base")
+        assert "/r1/base is ready" in told
+        assert "killed by SIGKILL, after" in told
+
+
+def test_a_crash_loop_ends_in_degraded_and_hurts_nobody(endpoint: str, tmp_path: Path) -> None:
+    file = write(
+        tmp_path,
+        """
+groups:
+  g:
+    nodes:
+      base: {service: robo_services.diff_drive_sim}
+      loop:
+        run: [python, -c, "raise ValueError('no such port')"]
+        restart: {policy: on-failure, delay: 0.1, max: 2, max_delay: 0.5, jitter: 0}
+""",
+    )
+    with robo("up", file, "--robot-name", "r1", "--listen", endpoint) as launch:
+        launch.wait_for("loop is degraded: ended with exit code 1, more than 2 times in 60 s; next try in 0.5 s")
+        waits = [line for line in launch.output.splitlines() if "starting it again in" in line]
+        assert [line.partition("again in ")[2] for line in waits] == ["0.1 s", "0.2 s"]
+        state_becomes(endpoint, "/loop", lambda s: s["restarts"] >= 5, "it is tried again and again")
+        found = state_becomes(
+            endpoint, "/base", lambda s: bool(s["published"].get("odom")), "the rest of the robot runs on"
+        )
+        assert found["published"]["odom"] == pytest.approx(50, rel=0.2)
+        told = tell(endpoint, "why", "loop")
+        assert "ValueError: no such port" in told
+
+
+HANGING = """\
+import time
+from robo import Node, timer
+
+class Hanging(Node):
+    @timer(rate=10.0)
+    def work(self) -> None:
+        time.sleep(600)
+"""
+
+
+def test_a_stopped_node_is_found_hung_and_replaced(endpoint: str, tmp_path: Path) -> None:
+    file = write(
+        tmp_path,
+        """
+groups:
+  g:
+    nodes:
+      tracker: {service: robo_services.position_tracker, watchdog: 1.0, restart: {policy: on-failure, delay: 0.1}}
+      monitor: {service: robo_services.safety_monitor, watchdog: 1.0}
+""",
+    )
+    with robo("up", file, "--robot-name", "r1", "--listen", endpoint) as launch:
+        launch.wait_for("r1 is ready: 2 nodes")
+        tracker, monitor = launch.child("/tracker"), launch.child("/monitor")
+        eventually(lambda: processes(endpoint)["/monitor"]["published"] != {}, "beats come")
+        tracker.send_signal(signal.SIGSTOP)
+        launch.wait_for("tracker is degraded: hangs: no sign of life for 1.")
+        launch.wait_for("tracker is ready again")
+        assert launch.child("/tracker").pid != tracker.pid
+        monitor.send_signal(signal.SIGSTOP)  # its policy is never: it is shown, and left alone
+        launch.wait_for("monitor is degraded: hangs: no sign of life for 1.")
+        monitor.send_signal(signal.SIGCONT)
+        state_becomes(endpoint, "/monitor", lambda s: s["state"] == "ready", "it is forgiven")
+        assert launch.child("/monitor").pid == monitor.pid
+
+
+def test_a_callback_that_does_not_return_is_asked_where_it_is(endpoint: str, tmp_path: Path) -> None:
+    (tmp_path / "hanging.py").write_text(HANGING)
+    file = write(
+        tmp_path,
+        """
+groups:
+  g:
+    nodes:
+      hanging:
+        service: hanging
+        watchdog: 1.0
+        required: true
+""",
+    )
+    with robo("up", file, "--listen", endpoint, cwd=str(tmp_path)) as launch:
+        assert launch.wait(30) == 1
+        assert "hanging failed: hangs: no sign of life for 1." in launch.output
+        assert 'hanging.py", line 7 in work' in launch.output
+
+
+def test_a_required_node_ends_the_run_and_its_last_words_are_repeated(endpoint: str, tmp_path: Path) -> None:
+    file = write(
+        tmp_path,
+        """
+groups:
+  g:
+    nodes:
+      tracker: {service: robo_services.position_tracker}
+      brain:
+        run: [python, -c, "raise RuntimeError('the brain is empty')"]
+        needs: {tracker: ready}
+        required: true
+""",
+    )
+    with robo("up", file, "--listen", endpoint) as launch:
+        assert launch.wait() == 1
+        end = launch.output[launch.output.index("brain failed: exit code 1") :]
+        assert "RuntimeError: the brain is empty" in end
+
+
+def test_what_needs_a_process_is_started_again_with_it(endpoint: str, tmp_path: Path) -> None:
+    file = write(
+        tmp_path,
+        """
+groups:
+  g:
+    nodes:
+      base: {service: robo_services.diff_drive_sim, restart: {policy: on-failure, delay: 0.1, propagate: true}}
+      tracker: {service: robo_services.position_tracker, needs: {base: ready}}
+      other: {service: robo_services.position_tracker, needs: {tracker: ready}}
+      apart: {service: robo_services.position_tracker}
+""",
+    )
+    with robo("up", file, "--listen", endpoint) as launch:
+        launch.wait_for("is ready: 4 nodes")
+        before = {name: launch.child(f"/{name}").pid for name in ("base", "tracker", "other", "apart")}
+        launch.child("/base").kill()
+        for name in ("base", "tracker", "other"):
+            launch.wait_for(f"{name} is ready again")
+        after = {name: launch.child(f"/{name}").pid for name in before}
+        assert [name for name in before if before[name] == after[name]] == ["apart"]
+
+
+READY = """
+groups:
+  g:
+    namespace: r1
+    topics: {{odom: {{rate: ">= 20"}}}}
+    nodes:
+      server: {{run: [python, -c, "{server}"], ready: {{port: {port}}}}}
+      file: {{run: [python, -c, "{slow}"], ready: {{probe: [test, -e, {folder}/made]}}, needs: {{server: ready}}}}
+      base: {{service: robo_services.diff_drive_sim, ready: {{topics: [odom]}}, needs: {{file: ready}}}}
+      last: {{service: robo_services.position_tracker, needs: {{base: ready}}}}
+      never: {{run: [sleep, "600"], ready: {{log: hello, timeout: 0.5}}, restart: never}}
+"""
+
+
+def test_readiness_by_port_probe_and_data_and_its_limit(endpoint: str, tmp_path: Path) -> None:
+    port = int(endpoint.rpartition(":")[2]) - 1
+    file = write(
+        tmp_path,
+        READY.format(
+            port=port,
+            folder=tmp_path,
+            server="import socket, time; time.sleep(.3); "
+            f"s = socket.create_server(('127.0.0.1', {port})); time.sleep(600)",
+            slow=f"import time; time.sleep(.3); open('{tmp_path}/made', 'w'); time.sleep(600)",
+        ),
+    )
+    with robo("up", file, "--robot-name", "r1", "--listen", endpoint) as launch:
+        launch.wait_for("never not ready within 0.5 s: no line of its output holds 'hello'")
+        state_becomes(endpoint, "/r1/last", lambda s: s["state"] == "ready", "the chain is ready")
+        lines = run_robo("events", "--json", "--no-follow", "--connect", endpoint).stdout.splitlines()
+        ready = [e["node"] for e in map(json.loads, lines) if e["event"] == "ready"]
+        assert ready == ["/r1/server", "/r1/file", "/r1/base", "/r1/last"]
+
+
+def test_commands_from_another_terminal(endpoint: str) -> None:
+    words = ("--robot-name", "r1", "--listen", endpoint)
+    started = run_robo("up", "robot.yaml", "tracking", "control", "-d", "--wait", *words)
+    assert started.returncode == 0, started.stderr
+    assert "r1 is ready" in started.stdout
+    assert tell(endpoint, "stop", "control").split() == [
+        "stopped", "/r1/safety_monitor", "stopped", "/r1/velocity_controller",
+    ]  # fmt: skip
+    found = processes(endpoint)
+    assert {status["state"] for status in found.values()} == {"ready", "stopped"}
+    assert tell(endpoint, "start", "velocity_controller", "safety_monitor").count("started /r1/") == 2
+    before = processes(endpoint)["/r1/position_tracker"]["pid"]
+    assert tell(endpoint, "restart", "/r1/position_tracker") == "restarted /r1/position_tracker\n"
+    assert processes(endpoint)["/r1/position_tracker"]["pid"] != before
+    refused = run_robo("stop", "nobody", "--connect", endpoint)
+    assert refused.returncode == 1
+    assert "robot r1 has no node or group 'nobody'; it has position_tracker" in refused.stderr
+    with robo("up", "robot.yaml", "tracking", "--robot-name", "r2", "--listen", endpoint) as second:
+        second.wait_for("r2 is ready")
+        eventually(lambda: len(processes(endpoint)) == 4, "both robots are seen")
+        refused = run_robo("stop", "tracking", "--connect", endpoint)
+        assert refused.returncode == 2
+        assert "several robots run: r1, r2; say --robot-name" in refused.stderr
+        assert tell(endpoint, "stop", "/r2/position_tracker") == "stopped /r2/position_tracker\n"
+        assert "r2 is down" in tell(endpoint, "down", "--robot-name", "r2")
+        assert second.wait() == 0
+    assert tell(endpoint, "down") == "r1 is down\n"
+    assert run_robo("ps", "--connect", endpoint).returncode == 1
+    kept = run_robo("logs", "--robot-name", "r1", "robo", "-n", "1").stdout
+    assert "stopping, as robo down asks" in kept
+
+
+def test_a_run_in_the_background_that_fails_says_why(endpoint: str, tmp_path: Path) -> None:
+    file = write(
+        tmp_path,
+        "groups:\n  g:\n    nodes:\n      ok: {run: [sleep, '600']}\n"
+        "      bad: {run: [python, -c, 'exit(3)'], ready: {log: never}}\n",
+    )
+    failed = run_robo("up", file, "-d", "--wait", "--listen", endpoint)
+    try:
+        assert failed.returncode == 1
+        assert "my_robot is not all ready: bad ended with exit code 3" in failed.stderr
+    finally:
+        tell(endpoint, "down")
+    wrong = run_robo("up", str(tmp_path / "none.yaml"), "-d")
+    assert wrong.returncode == 1
+    assert "none.yaml" in wrong.stderr
+
+
+TROUBLE = {
+    "stubborn": "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
+    "signal.signal(signal.SIGINT, signal.SIG_IGN); time.sleep(600)",
+    "parent": "import os, time\nfor _ in range(10):\n    if os.fork() == 0: time.sleep(600)\ntime.sleep(600)",
+    "flood": "import os\nwhile True: os.write(1, b'x' * 99 + b'\\n' * 1)",
+    "binary": "import os, time\nos.write(1, bytes(range(256)) * 10)\n"
+    "os.write(2, b'\\xff\\xfe no end')\ntime.sleep(600)",
+    "closed": "import os, time\nos.close(1); os.close(2); time.sleep(600)",
+}
+CLOCK = """\
+import time
+import robo
+from robo import Node, timer
+
+class Ticking(Node):
+    def on_start(self) -> None:
+        self.late: list[float] = []
+        self.due = time.monotonic() + 0.01
+
+    @timer(rate=100.0)
+    def tick(self) -> None:
+        now = time.monotonic()
+        self.late.append(abs(now - self.due))
+        self.due = now + 0.01
+        if len(self.late) == 300:
+            print("p99", sorted(self.late)[297], flush=True)
+            self.late.clear()
+
+robo.run(Ticking, [])
+"""
+
+
+def test_troublemakers_are_handled_and_do_not_slow_the_others(endpoint: str, tmp_path: Path) -> None:
+    for name, code in TROUBLE.items():
+        (tmp_path / f"{name}.py").write_text(code)
+    (tmp_path / "clock.py").write_text(CLOCK)
+    nodes = "".join(
+        f"      {name}: {{run: [python, {tmp_path}/{name}.py], stop: {{timeout: 0.3}}}}\n" for name in TROUBLE
+    )
+    file = write(
+        tmp_path,
+        f"groups:\n  g:\n    nodes:\n{nodes}      clock: {{run: [python, {tmp_path}/clock.py], ready: node}}\n",
+    )
+    with robo("up", file, "--listen", endpoint) as launch:
+        launch.wait_for("is ready: 6 nodes")
+        launch.wait_for("no end")
+        launch.wait_for("left out: it prints too much")
+        # How late they are is measured in benchmarks; here they have to tick at all.
+        launch.wait_for("p99")
+        assert processes(endpoint)["/closed"]["state"] == "ready"
+        everything = launch.children()
+        begin = time.monotonic()
+        launch.interrupt()
+        assert launch.wait() == 130
+        assert time.monotonic() - begin < 4.0
+        gone(everything)
+
+
+def gone(processes: list[psutil.Process], timeout: float = 10.0) -> None:
+    _, alive = psutil.wait_procs(processes, timeout=timeout)
+    assert not [p for p in alive if p.is_running() and p.status() != psutil.STATUS_ZOMBIE]
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.15, 0.3, 0.45, 0.6, 1.0])
+def test_a_killed_supervisor_leaves_nothing_in_any_phase(delay: float, endpoint: str, tmp_path: Path) -> None:
+    (tmp_path / "parent.py").write_text(
+        "import os, time\nfor _ in range(3):\n    if os.fork() == 0:\n        os.setsid()\n"
+        "        if os.fork(): os._exit(0)\n        time.sleep(600)\ntime.sleep(600)"
+    )
+    file = write(
+        tmp_path,
+        f"groups:\n  g:\n    nodes:\n      parent: {{run: [python, {tmp_path}/parent.py]}}\n"
+        "      tracker: {service: robo_services.position_tracker}\n",
+    )
+    launch = Command("up", file, "--listen", endpoint)
+    time.sleep(delay)
+    launch.process.kill()
+    launch.wait()
+    mark = str(tmp_path)
+
+    def living() -> list[psutil.Process]:
+        return [p for p in psutil.process_iter() if _names(p, mark, endpoint)]
+
+    eventually(lambda: not living(), "nothing of it is left", timeout=5.0)
+    assert launch.process.stdout is not None
+    launch.process.stdout.close()
+
+
+def _names(process: psutil.Process, *marks: str) -> bool:
+    try:
+        return process.status() != psutil.STATUS_ZOMBIE and any(
+            mark in word for word in process.cmdline() for mark in marks
+        )
+    except psutil.Error:
+        return False
+
+
+def test_a_later_run_ends_what_an_earlier_one_has_left(endpoint: str) -> None:
+    """Supervisor and watchdog killed at once; only the id in the environment tells."""
+    with robo("up", "robot.yaml", "tracking", "--robot-name", "r1", "--listen", endpoint) as first:
+        first.wait_for("r1 is ready")
+        sleeper = subprocess.Popen(
+            [sys.executable, "-c", "import time; time.sleep(600)"],
+            env={"ROBO_RUN": first.child("/r1/position_tracker").environ()["ROBO_RUN"]},
+        )
+        first.interrupt()
+        first.wait()
+    sleeper.poll()
+    try:
+        if sleeper.returncode is None:  # the first run may have found it at its end
+            with robo("up", "robot.yaml", "tracking", "--robot-name", "r2", "--listen", endpoint) as second:
+                second.wait_for("that an earlier run had left behind")
+        sleeper.wait(5)
+    finally:
+        sleeper.kill()
+        sleeper.wait(5)
+
+
+SOURCE = """\
+from robo import Node, timer
+
+class Watched(Node):
+    @timer(rate=20.0)
+    def speak(self) -> None:
+        self.logger.info("version {}", throttle=60)
+"""
+
+
+def test_changed_files_restart_what_they_touch(endpoint: str, tmp_path: Path) -> None:
+    (tmp_path / "watched.py").write_text(SOURCE.replace("{}", "one"))
+    (tmp_path / "params.yaml").write_text("tracker: {log_rate: 1.0}\n")
+    text = (
+        "groups:\n  g:\n    params: params.yaml\n    nodes:\n"
+        "      watched: {service: watched}\n      tracker: {service: robo_services.position_tracker}\n"
+    )
+    file = write(tmp_path, text)
+    with robo("up", file, "--watch", "--listen", endpoint, cwd=str(tmp_path)) as launch:
+        launch.wait_for("is ready: 2 nodes")
+        launch.wait_for("version one")
+        eventually(lambda: processes(endpoint)["/watched"]["published"] != {}, "beats come")
+        tracker, watched = launch.child("/tracker").pid, launch.child("/watched").pid
+        (tmp_path / "watched.py").write_text(SOURCE.replace("{}", "two"))
+        launch.wait_for("version two")
+        assert launch.child("/tracker").pid == tracker
+        watched = launch.child("/watched").pid
+        (tmp_path / "params.yaml").write_text("tracker: {log_rate: 2.0}\n")
+        launch.wait_for("tracker is ready again")
+        assert launch.child("/watched").pid == watched
+        write(tmp_path, text + "      third: {servce: x}\n")
+        launch.wait_for("unknown key 'servce'")
+        write(tmp_path, text + "      third: {service: robo_services.safety_monitor}\n")
+        launch.wait_for("third is ready")
+        write(tmp_path, text)
+        launch.wait_for("third is stopped")
+        assert launch.child("/watched").pid == watched
+
+
+def test_the_doctor_examines_and_proves_the_promise(endpoint: str) -> None:
+    result = run_robo("doctor", "--kill-test", "--json", "--connect", endpoint)
+    found = {one["check"]: one for one in map(json.loads, result.stdout.splitlines())}
+    assert result.returncode == 0, found
+    assert {"python", "packages", "port", "multicast", "router", "clock", "files", "leftovers"} <= set(found)
+    assert found["kill test"]["verdict"] == "ok"
+    assert "Traceback" not in result.stderr
