@@ -10,7 +10,7 @@ import os
 import secrets
 import signal
 import sys
-from collections.abc import Callable, Container, Iterator, Sequence
+from collections.abc import Callable, Collection, Container, Iterator
 from pathlib import Path
 
 import psutil
@@ -52,20 +52,22 @@ def leftovers() -> list[psutil.Process]:
     return [process for process, run in _marked() if not supervisor_lives(run)]
 
 
-def sweep(run: str, spare: Sequence[int] = (), *, adopted: bool = False) -> list[int]:
+def sweep(run: str, spare: Collection[int] = (), *, also: Collection[int] = (), adopted: bool = False) -> list[int]:
     """End every process of a run: INT, TERM, KILL.
 
     Args:
         run: its id.
         spare: process ids that are left alone.
+        also: process ids of the run; they and their descendants are ended with or without the run's id.
         adopted: also those descendants of this process that do not carry the id any more.
 
     Returns:
         The process ids of those that were there.
     """
+    known = [p for pid in also for p in _family(pid)]
 
     def find() -> list[psutil.Process]:
-        found = {p.pid: p for p in processes_of(run)}
+        found = {p.pid: p for p in processes_of(run)} | {p.pid: p for p in known if p.is_running()}
         if adopted:
             found |= {p.pid: p for p in psutil.Process().children(recursive=True)}
         return [p for pid, p in found.items() if pid not in spare and _is_alive(p)]
@@ -115,6 +117,15 @@ def _end(find: Callable[[], list[psutil.Process]]) -> list[int]:
             break
         psutil.wait_procs(found, timeout=patience)
     return first
+
+
+def _family(pid: int) -> list[psutil.Process]:
+    """A process and its descendants."""
+    try:
+        process = psutil.Process(pid)
+        return [process, *process.children(recursive=True)]
+    except psutil.Error:
+        return []
 
 
 def _is_alive(process: psutil.Process) -> bool:

@@ -13,11 +13,33 @@ from typing import IO
 from robo.heartbeat import HEARTBEAT_VARIABLE
 from robo.supervisor.output import Budget, pump
 
-spawned: set[int] = set()
-"""The processes that asyncio waits for: nobody else may collect them."""
-
 _LAST_LINES = 30
 _LONGEST_BEAT = 1_000_000
+
+
+class Spawned:
+    """The processes that this one has started and waits for: nobody else may collect them."""
+
+    def __init__(self) -> None:
+        self._pids: set[int] = set()
+        self.tell: Callable[[int, bool], None] = lambda _pid, _running: None
+        """Is told of each that has been started, and of each that has ended."""
+
+    def add(self, pid: int) -> None:
+        """One has been started."""
+        self._pids.add(pid)
+        self.tell(pid, True)
+
+    def discard(self, pid: int) -> None:
+        """One has ended."""
+        self._pids.discard(pid)
+        self.tell(pid, False)
+
+    def __contains__(self, pid: object) -> bool:
+        return pid in self._pids
+
+
+spawned = Spawned()
 
 
 class Child:

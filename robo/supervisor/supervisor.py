@@ -129,6 +129,7 @@ class Supervisor:
         watchdog = Watchdog(self._run_id, self._folder)
         orphans.adopt_orphans()
         process.spawned.add(watchdog.pid)
+        process.spawned.tell = watchdog.note
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             loop.add_signal_handler(number, self._on_signal, number)

@@ -8,6 +8,7 @@ import os
 import shutil
 import signal
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
@@ -34,11 +35,16 @@ class Watchdog:
         # The watchdog stays outside.
         self._inside = self._group is not None and self._group.enter()
 
+    def note(self, pid: int, running: bool) -> None:
+        """A process of the run has been started, or has ended: one that drops its environment is known all the same."""
+        with suppress(OSError):
+            os.write(self._writer, b"%c%d\n" % (b"+" if running else b"-", pid))
+
     def dismiss(self) -> None:
         """The run has ended as it should."""
         if self._group is not None and self._inside:
             self._group.leave()
-        os.write(self._writer, b".")
+        os.write(self._writer, b".\n")
         os.close(self._writer)
         os.waitpid(self.pid, 0)
 
@@ -51,8 +57,9 @@ def _watch(reader: int, run: str, folder: Path, group: ControlGroup | None) -> N
         nothing = os.open(os.devnull, os.O_RDWR)
         for stream in (0, 1, 2):  # whoever reads the supervisor's output waits for no one else
             os.dup2(nothing, stream)
-        if not os.read(reader, 1):
-            sweep(run)
+        noted: set[int] = set()
+        if not _is_dismissed(reader, noted):
+            sweep(run, also=noted)
             if group is not None:
                 group.kill()
             shutil.rmtree(folder, ignore_errors=True)
@@ -62,3 +69,13 @@ def _watch(reader: int, run: str, folder: Path, group: ControlGroup | None) -> N
             time.sleep(0.01)  # what was killed takes a moment to go
     finally:
         os._exit(0)
+
+
+def _is_dismissed(reader: int, noted: set[int]) -> bool:
+    """Wait for the end of the supervisor, and note its processes. Returns whether it ended as it should."""
+    with os.fdopen(reader, "rb") as lines:
+        for line in lines:
+            if line == b".\n":
+                return True
+            (noted.add if line[:1] == b"+" else noted.discard)(int(line[1:]))
+    return False

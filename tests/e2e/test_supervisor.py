@@ -391,6 +391,38 @@ def _names(process: psutil.Process, *marks: str) -> bool:
         return False
 
 
+WITHOUT_GROUPS = """\
+import os, signal, subprocess, sys
+from pathlib import Path
+from robo.supervisor import watchdog
+from robo.supervisor.cgroup import ControlGroup
+
+ControlGroup.make = classmethod(lambda cls, run: None)
+folder = Path(sys.argv[1])
+dog = watchdog.Watchdog("no-such-run", folder / "sockets")
+quiet = subprocess.DEVNULL
+sleepers = [subprocess.Popen(["env", "-i", "sleep", "600"], stdout=quiet, start_new_session=True) for _ in range(2)]
+dog.note(sleepers[0].pid, True)
+dog.note(sleepers[1].pid, True)
+dog.note(sleepers[1].pid, False)
+print(sleepers[0].pid, sleepers[1].pid, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_process_without_its_environment_is_ended_where_there_are_no_control_groups(tmp_path: Path) -> None:
+    killed = subprocess.run(
+        [sys.executable, "-c", WITHOUT_GROUPS, str(tmp_path)], stdout=subprocess.PIPE, text=True, check=False
+    )
+    assert killed.returncode == -signal.SIGKILL
+    noted, ended = (psutil.Process(int(pid)) for pid in killed.stdout.split())
+    try:
+        gone([noted], timeout=5)
+        assert ended.is_running()  # the one that was noted as ended is somebody else's by now
+    finally:
+        ended.kill()
+
+
 def test_a_later_run_ends_what_an_earlier_one_has_left(endpoint: str) -> None:
     """Supervisor and watchdog killed at once; only the id in the environment tells."""
     with robo("up", "robot.yaml", "tracking", "--robot-name", "r1", "--listen", endpoint) as first:
