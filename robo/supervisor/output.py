@@ -9,6 +9,13 @@ _PARTIAL = 0.3
 """How long the beginning of a line waits for its end, s."""
 
 
+_BREATH = 0.005
+"""How long what floods is left to itself between two reads, s: reading it must not cost the run a core."""
+
+BUFFER = 262_144
+"""How much is read at once, and held by a pipe, bytes."""
+
+
 class Lines:
     """Cuts bytes into lines of text, whatever their encoding and however long they are."""
 
@@ -47,6 +54,7 @@ class Budget:
 
     def __init__(self, now: float) -> None:
         self._left = float(self.RESERVE)
+        self._spent = False
         self._at = now
 
     def take(self, chunk: bytes, now: float) -> bool:
@@ -54,8 +62,11 @@ class Budget:
         self._left = min(self.RESERVE, self._left + (now - self._at) * self.PER_SECOND)
         self._at = now
         cost = len(chunk) + self.LINE * chunk.count(b"\n")
-        if cost > self._left:
+        # Once it is spent, a second's worth is saved first: better some lines together than single ones.
+        if cost > self._left or (self._spent and self._left < max(cost, self.PER_SECOND)):
+            self._spent = True
             return False
+        self._spent = False
         self._left -= cost
         return True
 
@@ -71,7 +82,7 @@ async def pump(stream: asyncio.StreamReader, on_line: Callable[[str], None], bud
     while True:
         try:
             async with asyncio.timeout(_PARTIAL if lines.partial or left_out else None):
-                chunk = await stream.read(65_536)
+                chunk = await stream.read(BUFFER)
         except TimeoutError:
             for text in lines.flush():
                 on_line(text)
@@ -85,6 +96,7 @@ async def pump(stream: asyncio.StreamReader, on_line: Callable[[str], None], bud
                     on_line(text)
             left_out += len(chunk)
             skipped_lines += chunk.count(b"\n")
+            await asyncio.sleep(_BREATH)
             continue
         if left_out:
             on_line(_left_out(left_out, skipped_lines))

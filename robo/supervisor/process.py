@@ -1,6 +1,7 @@
 """One child process: its output, its heartbeat, its end, and how it is stopped."""
 
 import asyncio
+import fcntl
 import os
 import signal
 import socket
@@ -11,7 +12,7 @@ from contextlib import ExitStack, suppress
 from typing import IO
 
 from robo.heartbeat import HEARTBEAT_VARIABLE
-from robo.supervisor.output import Budget, pump
+from robo.supervisor.output import BUFFER, Budget, pump
 
 _LAST_LINES = 30
 _LONGEST_BEAT = 1_000_000
@@ -181,11 +182,14 @@ def _pipe(ours: ExitStack, theirs: ExitStack) -> tuple[IO[bytes], int]:
     """A pipe: our end to read, and the descriptor that the process gets."""
     reader, writer = os.pipe()
     theirs.callback(os.close, writer)
+    if hasattr(fcntl, "F_SETPIPE_SZ"):
+        with suppress(OSError):  # a user may have only so much of it
+            fcntl.fcntl(reader, fcntl.F_SETPIPE_SZ, BUFFER)
     return ours.enter_context(os.fdopen(reader, "rb", buffering=0)), writer
 
 
 async def _reader(pipe: IO[bytes], ours: ExitStack) -> asyncio.StreamReader:
-    reader = asyncio.StreamReader()
+    reader = asyncio.StreamReader(limit=BUFFER)
     loop = asyncio.get_running_loop()
     transport, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), pipe)
     ours.callback(transport.close)
