@@ -1,6 +1,6 @@
 """The mistakes of a manifest, as people and as programs read them."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -26,7 +26,8 @@ def in_order(problems: Iterable[Problem]) -> tuple[Problem, ...]:
 
 def as_text(problems: Iterable[Problem]) -> str:
     """Problems for people: place, text, and the line with a mark below."""
-    return "\n".join(map(_with_excerpt, problems))
+    read = lru_cache(_lines)  # for this report: the files may be others the next time
+    return "\n".join(_with_excerpt(problem, read(problem.position.file)) for problem in problems)
 
 
 def as_notes(problems: Iterable[Problem], label: str) -> str:
@@ -47,10 +48,9 @@ def as_data(problems: Iterable[Problem]) -> list[dict[str, object]]:
     ]
 
 
-def _with_excerpt(problem: Problem) -> str:
-    file, number, column = problem.position
+def _with_excerpt(problem: Problem, lines: Sequence[str]) -> str:
+    _, number, column = problem.position
     head = str(problem)
-    lines = _lines(file)
     if not 0 < number <= len(lines):
         return head
     line = lines[number - 1]
@@ -60,7 +60,6 @@ def _with_excerpt(problem: Problem) -> str:
     return f"{head}\n{number:5} | {excerpt}\n      | {' ' * (column - 1 - begin)}^"
 
 
-@lru_cache
 def _lines(file: str) -> list[str]:
     try:
         return Path(file).read_text(encoding="utf-8", errors="replace").split("\n")

@@ -177,7 +177,8 @@ groups:
     with robo("up", file, "--listen", endpoint) as launch:
         launch.wait_for("crashing is degraded: ended with exit code 1, more than 2 times in 60 s; next try in ")
         assert launch.output.count("| boom") == 3
-        launch.wait_for("is ready: 2 nodes")
+        listed = ("ps", "--json", "--connect", endpoint)
+        eventually(lambda: '"node":"/tracker","state":"ready"' in run_robo(*listed).stdout, "the tracker is ready")
         tracker = launch.child("/tracker")
         tracker.send_signal(signal.SIGKILL)
         launch.wait_for("tracker was killed by SIGKILL; starting it again in 0.0")

@@ -104,8 +104,13 @@ def test_changes_are_watched(endpoint: str) -> None:
             assert (change["node"], change["name"]) == ("/r1/velocity_controller", "publish_rate")
 
 
-def test_a_node_that_hangs_is_named(endpoint: str) -> None:
-    with robo("up", "robot.yaml", "control", "--robot-name", "r1", "--listen", endpoint) as robot:
+def test_a_node_that_hangs_is_named(endpoint: str, tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(
+        "groups:\n  g:\n    namespace: r1\n    nodes:\n"
+        "      safety_monitor: {service: robo_services.safety_monitor, watchdog: 0}\n"
+        "      velocity_controller: {service: robo_services.velocity_controller}\n"
+    )
+    with robo("up", str(tmp_path / "m.yaml"), "--robot-name", "r1", "--listen", endpoint) as robot:
         robot.wait_for("r1 is ready")
         robot.child("/r1/safety_monitor").send_signal(signal.SIGSTOP)
         begin = time.monotonic()

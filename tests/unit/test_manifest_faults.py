@@ -267,9 +267,9 @@ def test_words_of_the_command_line() -> None:
     ],
 )  # fmt: skip
 def test_hostile_manifests_end_in_a_clear_message(text: str, message: str) -> None:
-    begin = time.monotonic()
+    begin = time.process_time()
     found = mistakes(text)
-    assert time.monotonic() - begin < 2
+    assert time.process_time() - begin < 2
     assert message in "\n".join(found)
 
 
