@@ -146,6 +146,11 @@ def up(
     that make no sense, 130 Ctrl-C.
     """
     with errors():
+        begun = None
+        if not (dry_run or show_args or detach):
+            from robo.supervisor.early import begin
+
+            begun = begin()  # first of all: it gets ready while the rest is read
         from robo.cli.up import run_up
 
         code = run_up(
@@ -162,6 +167,7 @@ def up(
             watch=watch,
             detach=detach,
             wait=wait,
+            begun=begun,
         )
     raise typer.Exit(code)
 

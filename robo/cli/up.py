@@ -19,6 +19,7 @@ from robo.launch.plan import Plan
 from robo.launch.resolve import Resolution
 from robo.launch.substitution import Word
 from robo.launch.values import Assignment
+from robo.supervisor.early import Begun, search_path
 from robo.yaml_tree import Problem
 
 DEFAULT_MANIFEST = "robot.yaml"
@@ -39,6 +40,7 @@ def run_up(
     watch: bool,
     detach: bool,
     wait: bool,
+    begun: Begun | None,
 ) -> int:
     """Do what `robo up` was asked to.
 
@@ -67,7 +69,6 @@ def run_up(
         # Before node classes are looked at in a forked process, which then has Zenoh already.
         from robo.session import Network
         from robo.supervisor import supervisor
-        from robo.supervisor.run_environment import search_path
 
     assignments = [assignment(text) for text in parameters]
 
@@ -107,7 +108,11 @@ def run_up(
         return None if again.problems else again.plan
 
     run_options = supervisor.Options(
-        log_level=log_level, timing=timing, reload=read_again if watch else None, notify=notify_starter()
+        log_level=log_level,
+        timing=timing,
+        reload=read_again if watch else None,
+        notify=notify_starter(),
+        begun=begun,
     )
     return supervisor.run(found.plan, Network.from_environment("router", connect, listen), run_options)
 

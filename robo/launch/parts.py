@@ -106,6 +106,10 @@ class Parts:
             *self._words(self.last(lambda layer: layer.node.args), "args"),
         )
 
+    def wrapped(self) -> bool:
+        """Whether there are words before or after what is run."""
+        return any(layer.node.prefix is not None or layer.node.args is not None for layer in self._layers)
+
     def cwd(self) -> str | None:
         """The folder to run in."""
         written = self.last(lambda layer: layer.node.cwd)

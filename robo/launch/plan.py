@@ -87,6 +87,8 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
     service: str | None
     """The node class; None for a command."""
     command: tuple[str, ...]
+    wrapped: bool
+    """Whether there are words before or after those that run the service."""
     cwd: str | None
     parameters: dict[str, ParameterValue]
     remap: dict[str, str]
@@ -117,6 +119,11 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
     def full_name(self) -> str:
         """For example `/r1/position_tracker`."""
         return "/" + names.join(self.namespace, self.name)
+
+    @property
+    def plain(self) -> bool:
+        """Whether it is a node and nothing else: no words before or after, no folder or environment of its own."""
+        return self.service is not None and not self.wrapped and not self.env and self.cwd is None
 
 
 class TopicPlan(msgspec.Struct, frozen=True, kw_only=True):

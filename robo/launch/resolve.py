@@ -393,6 +393,7 @@ class _Walk:
             group=context.group,
             service=service,
             command=parts.command(service, "/" + names.join(namespace, name)),
+            wrapped=parts.wrapped(),
             cwd=parts.cwd(),
             parameters={},
             remap={old: new for old, (new, _) in remap.items()},

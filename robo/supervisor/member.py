@@ -20,6 +20,7 @@ from robo.launch.plan import ProcessPlan
 from robo.supervisor.process import Child, describe_exit, spawned
 from robo.supervisor.restart import Restarts
 from robo.supervisor.status import Exit, Explanation, Input, ProcessStatus, State
+from robo.supervisor.template import Template
 from robo.supervisor.topic_watch import Flow
 
 CANNOT_START = 127
@@ -58,6 +59,7 @@ class Surroundings(Protocol):
     """What a member needs of the run that it is part of."""
 
     changes: Changes
+    template: Template | None
 
     def environment(self, plan: ProcessPlan) -> dict[str, str]:
         """The environment of a process; each start has its own."""
@@ -235,7 +237,12 @@ class Member:
         self._become("starting", "")
         self.spawning = True
         try:
-            await self._child.start(plan.command, self._run.environment(plan), cwd=plan.cwd)
+            await self._child.start(
+                plan.command,
+                self._run.environment(plan),
+                cwd=plan.cwd,
+                template=self._run.template if plan.plain else None,
+            )
         except OSError as error:
             place = f" in {plan.cwd}" if plan.cwd else ""
             self._killed_because = f"cannot be started{place}: {error.strerror}: {error.filename or plan.command[0]}"

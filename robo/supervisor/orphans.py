@@ -1,13 +1,11 @@
 """Finding the processes of a run wherever they have gone, and ending them.
 
 Every process of a launch carries its run's id in the environment, which children inherit even where they
-leave their parent's group and session. The id tells which process the run's supervisor is, so that a
-later run knows what is left over of one that has died.
+leave their parent's group and session.
 """
 
 import ctypes
 import os
-import secrets
 import signal
 import sys
 from collections.abc import Callable, Collection, Container, Iterator
@@ -15,31 +13,12 @@ from pathlib import Path
 
 import psutil
 
-RUN_VARIABLE = "ROBO_RUN"
+from robo.supervisor.run_id import RUN_VARIABLE, supervisor_lives
 
 PATIENCE = (0.5, 0.25, 0.5)
 """How long to wait after INT, TERM and KILL, s. All of it is less than 2 s."""
 
 _SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER, linux/prctl.h
-
-
-def new_run_id() -> str:
-    """`<random>-<pid>-<start of this process, s>-<its pid namespace>`."""
-    own = psutil.Process()
-    return f"{secrets.token_hex(4)}-{own.pid}-{own.create_time():.2f}-{_pid_namespace()}"
-
-
-def supervisor_lives(run: str) -> bool:
-    """Whether the supervisor of a run still runs; also where this machine cannot know."""
-    _, _, rest = run.partition("-")
-    pid, _, rest = rest.partition("-")
-    begun, _, namespace = rest.partition("-")
-    if not pid.isdecimal() or namespace != _pid_namespace():
-        return True
-    try:
-        return f"{psutil.Process(int(pid)).create_time():.2f}" == begun
-    except psutil.Error:
-        return False
 
 
 def processes_of(run: str) -> list[psutil.Process]:
@@ -162,11 +141,3 @@ def _run_of(pid: int) -> str | None:
         if variable.startswith(RUN_VARIABLE.encode() + b"="):
             return variable.partition(b"=")[2].decode(errors="replace")
     return None
-
-
-def _pid_namespace() -> str:
-    """Which processes a process id counts among: another container's mean nothing here."""
-    try:
-        return os.readlink("/proc/self/ns/pid").strip("pid:[]")
-    except OSError:
-        return "0"

@@ -13,6 +13,8 @@ from typing import IO
 
 from robo.heartbeat import HEARTBEAT_VARIABLE
 from robo.supervisor.output import BUFFER, Budget, pump
+from robo.supervisor.template import Forked, Template
+from robo.template_process import HEART
 
 _LAST_LINES = 30
 _LONGEST_BEAT = 1_000_000
@@ -66,7 +68,7 @@ class Child:
         self._on_beat = on_beat
         self._beat_period = beat_period
         self._heart: socket.socket | None = None
-        self._process: asyncio.subprocess.Process | None = None
+        self._process: asyncio.subprocess.Process | Forked | None = None
         self._pumps: list[asyncio.Task[None]] = []
         self._ours = ExitStack()
         """What is to be closed at the end."""
@@ -86,8 +88,21 @@ class Child:
         """The exit code, negative for a signal; None before the end."""
         return self._process.returncode if self._process is not None else None
 
-    async def start(self, command: Sequence[str], environment: Mapping[str, str], *, cwd: str | None = None) -> None:
+    async def start(
+        self,
+        command: Sequence[str],
+        environment: Mapping[str, str],
+        *,
+        cwd: str | None = None,
+        template: Template | None = None,
+    ) -> None:
         """Start the process.
+
+        Args:
+            command: the words of its command line.
+            environment: all of it.
+            cwd: the folder it runs in.
+            template: what to fork it from, where it is a node that may be forked.
 
         Raises:
             OSError: the program or the folder is not there, or may not be used.
@@ -103,17 +118,25 @@ class Child:
                 ours.callback(self._close_heart)
                 theirs.enter_context(heart)
                 handed_down = (heart.fileno(),)
-                environment = {**environment, HEARTBEAT_VARIABLE: f"{heart.fileno()}:{self._beat_period:g}"}
-            self._process = await asyncio.create_subprocess_exec(
-                *command,
-                env=environment,
-                cwd=cwd,
-                stdin=asyncio.subprocess.DEVNULL,
-                stdout=their_out,
-                stderr=their_err,
-                pass_fds=handed_down,
-                process_group=0,
-            )
+            if template is not None:
+                beats = {HEARTBEAT_VARIABLE: f"{HEART}:{self._beat_period:g}"} if handed_down else {}
+                # The words behind `python -m`.
+                self._process = await template.fork(
+                    command[2:], {**environment, **beats}, (their_out, their_err, *handed_down)
+                )
+            if self._process is None:
+                if handed_down:
+                    environment = {**environment, HEARTBEAT_VARIABLE: f"{handed_down[0]}:{self._beat_period:g}"}
+                self._process = await asyncio.create_subprocess_exec(
+                    *command,
+                    env=environment,
+                    cwd=cwd,
+                    stdin=asyncio.subprocess.DEVNULL,
+                    stdout=their_out,
+                    stderr=their_err,
+                    pass_fds=handed_down,
+                    process_group=0,
+                )
         except BaseException:
             ours.close()
             raise

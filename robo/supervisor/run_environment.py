@@ -1,7 +1,5 @@
 """What the processes of a run find in their environment."""
 
-import os
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -58,8 +56,3 @@ class RunEnvironment:
         if plan.log.level is not None:
             variables["ROBO_LOG_LEVEL"] = plan.log.level
         return self._base | variables | plan.env
-
-
-def search_path() -> str:
-    """Where the programs of a launch are looked for: `python` and `robo` are those that run here."""
-    return os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])

@@ -30,13 +30,15 @@ from robo.session import Network, close_session, open_session
 from robo.supervisor import orphans, process
 from robo.supervisor.console import Console
 from robo.supervisor.control import Control
+from robo.supervisor.early import Begun, base_environment
 from robo.supervisor.log_files import SUPERVISOR, LogFiles, LogRecord, RunInfo, record
 from robo.supervisor.member import Changes, Member
-from robo.supervisor.orphans import RUN_VARIABLE
 from robo.supervisor.process import Child, describe_exit
 from robo.supervisor.reload import FileWatch, files_of, same
-from robo.supervisor.run_environment import RunEnvironment, search_path
+from robo.supervisor.run_environment import RunEnvironment
+from robo.supervisor.run_id import RUN_VARIABLE, new_run_id
 from robo.supervisor.status import Asked, Done, Event, Explanation, ProcessStatus, State, supervisor_token
+from robo.supervisor.template import Template
 from robo.supervisor.timing import Started, timing_text
 from robo.supervisor.topic_watch import Flow, TopicWatch
 from robo.supervisor.watchdog import Watchdog
@@ -63,6 +65,8 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     """Reads the manifest again, None where it has mistakes; with it changed files restart what they touch."""
     notify: Callable[[str], None] | None = None
     """Is told `up`, `ready` and `down`: for whoever waits for a run in the background."""
+    begun: Begun | None = None
+    """What of the run has begun already."""
 
 
 class Supervisor:
@@ -82,7 +86,9 @@ class Supervisor:
         self._plan = plan
         self._console = console
         self._options = options
-        self._run_id = orphans.new_run_id()
+        begun = options.begun or Begun(new_run_id(), None)
+        self._run_id = begun.run_id
+        self.template = Template(*begun.template) if begun.template is not None else None
         self._folder = Path(tempfile.mkdtemp(prefix="robo-"))
         self._socket = f"unixsock-stream/{self._folder}/router.sock"
         self._router_network = msgspec.structs.replace(router, listen=(self._socket, *router.listen))
@@ -130,6 +136,9 @@ class Supervisor:
         orphans.adopt_orphans()
         process.spawned.add(watchdog.pid)
         process.spawned.tell = watchdog.note
+        if self.template is not None:
+            process.spawned.add(self.template.process.pid)
+            self.template.listen()
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             loop.add_signal_handler(number, self._on_signal, number)
@@ -156,6 +165,8 @@ class Supervisor:
             for task in filter(None, (*self._lives.values(), router, looking, *self._chores)):
                 task.cancel()
             await self._stop_router()
+            if self.template is not None:
+                self.template.close()
             if watcher is not None:
                 await asyncio.to_thread(close_session, watcher)
             for pid in await asyncio.to_thread(orphans.sweep, self._run_id, (watchdog.pid,), adopted=True):
@@ -172,7 +183,8 @@ class Supervisor:
 
     async def _start_router(self) -> None:
         variables = {NETWORK_VARIABLE: msgspec.json.encode(self._router_network).decode()}
-        await self._router.start([sys.executable, "-m", "robo.router"], self._base | variables)
+        command = [sys.executable, "-m", "robo.router"]
+        await self._router.start(command, self._base | variables, template=self.template)
 
     async def _keep_router(self) -> None:
         """Start the router again when it dies; nodes and tools find it again by themselves."""
@@ -649,7 +661,7 @@ def run(plan: Plan, router: Network, options: Options | None = None) -> int:
     """
     options = options or Options()
     console = Console(sorted({label_of(plan, p) for p in plan.processes}))
-    environment = dict(os.environ) | {"PYTHONUNBUFFERED": "1", "PATH": search_path()}
+    environment = base_environment()
     if options.log_level is not None:
         environment["ROBO_LOG_LEVEL"] = options.log_level
     return asyncio.run(_run(plan, router, console, environment, options))

@@ -54,6 +54,9 @@ def _watch(reader: int, run: str, folder: Path, group: ControlGroup | None) -> N
         os.setsid()  # a terminal's Ctrl-C, or its end, is for the supervisor
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
+        # What else the supervisor has open would seem to live on in this process.
+        os.closerange(3, reader)
+        os.closerange(reader + 1, 1024)
         nothing = os.open(os.devnull, os.O_RDWR)
         for stream in (0, 1, 2):  # whoever reads the supervisor's output waits for no one else
             os.dup2(nothing, stream)

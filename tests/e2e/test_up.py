@@ -43,7 +43,7 @@ def test_the_reference_robot_comes_alive_and_stops_cleanly(endpoint: str, tmp_pa
             assert str(inboxes[key].samples[0].encoding) == f"application/msgpack;{type_name}"
         inboxes["r1/current_position"].wait_until(lambda ms: ms[-1]["z"] > 0.1, "it drives")
         children = robot.children()
-        assert len(children) == 6  # four nodes, the router and the watchdog
+        assert len(children) == 7  # four nodes, the router, the template of both, and the watchdog
         begin = time.monotonic()
         robot.interrupt()
         assert robot.wait() == 130

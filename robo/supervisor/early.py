@@ -1,0 +1,56 @@
+"""What a run begins with before it knows what to start: its id, and the template of its nodes.
+
+The template imports what nodes need while the command still reads the manifest. This module imports
+next to nothing, so that it can begin at once.
+"""
+
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+from robo.supervisor.run_id import RUN_VARIABLE, new_run_id
+from robo.template_process import PADDING
+
+
+class Begun(NamedTuple):
+    """A run that has begun."""
+
+    run_id: str
+    template: "tuple[subprocess.Popen[bytes], socket.socket] | None"
+    """The template process and the socket to ask it on; None where processes are not forked."""
+
+
+def begin() -> Begun:
+    """Begin a run. What has been begun ends with this process."""
+    run_id = new_run_id()
+    return Begun(run_id, _start_template({**base_environment(), RUN_VARIABLE: run_id}))
+
+
+def base_environment() -> dict[str, str]:
+    """What every process of a run finds: this one's environment, and the programs that run here."""
+    return {**os.environ, "PYTHONUNBUFFERED": "1", "PATH": search_path()}
+
+
+def search_path() -> str:
+    """Where the programs of a launch are looked for: `python` and `robo` are those that run here."""
+    return os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
+
+
+def _start_template(environment: dict[str, str]) -> "tuple[subprocess.Popen[bytes], socket.socket] | None":
+    if sys.platform != "linux":  # a changed command line, and message boundaries on a socket
+        return None
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    ours.setblocking(False)
+    with theirs:
+        command = [sys.executable, "-m", "robo.template_process", str(theirs.fileno()), PADDING]
+        try:
+            process = subprocess.Popen(
+                command, env=environment, stdin=subprocess.DEVNULL, pass_fds=(theirs.fileno(),), process_group=0
+            )
+        except OSError:
+            ours.close()
+            return None
+    return process, ours

@@ -1,0 +1,49 @@
+"""The id of a run: it tells which process the run's supervisor is, so that others see whether it lives."""
+
+import os
+import secrets
+import sys
+from pathlib import Path
+
+RUN_VARIABLE = "ROBO_RUN"
+"""Every process of a launch carries its run's id in its environment, which children inherit."""
+
+
+def new_run_id() -> str:
+    """`<random>-<pid>-<start of this process>-<its pid namespace>`."""
+    return f"{secrets.token_hex(4)}-{os.getpid()}-{_begin_of(os.getpid())}-{_pid_namespace()}"
+
+
+def supervisor_lives(run: str) -> bool:
+    """Whether the supervisor of a run still runs; also where this machine cannot know."""
+    _, _, rest = run.partition("-")
+    pid, _, rest = rest.partition("-")
+    begin, _, namespace = rest.partition("-")
+    if not pid.isdecimal() or namespace != _pid_namespace():
+        return True
+    return _begin_of(int(pid)) == begin
+
+
+def _begin_of(pid: int) -> str | None:
+    """When a process was started, in this machine's own units; None where it does not run."""
+    if sys.platform != "linux":
+        import psutil
+
+        try:
+            return f"{psutil.Process(pid).create_time():.2f}"
+        except psutil.Error:
+            return None
+    try:
+        # After the name in parentheses, which may hold anything; see proc(5) for the fields.
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return None
+    return None if fields[0] == "Z" else fields[19]
+
+
+def _pid_namespace() -> str:
+    """Which processes a process id counts among: another container's mean nothing here."""
+    try:
+        return os.readlink("/proc/self/ns/pid").strip("pid:[]")
+    except OSError:
+        return "0"
