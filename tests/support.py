@@ -115,8 +115,11 @@ class Command:
     def child(self, part: str) -> psutil.Process:
         """The child whose command line holds a text."""
         for process in self.children():
-            if any(part in word for word in process.cmdline()):
-                return process
+            try:
+                if any(part in word for word in process.cmdline()):
+                    return process
+            except psutil.Error:  # it is just ending
+                continue
         raise AssertionError(f"no child process of {part!r}")
 
 

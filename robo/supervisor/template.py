@@ -104,6 +104,8 @@ class Template:
         self.usable = False
         loop = asyncio.get_running_loop()
         loop.remove_reader(self._socket)
+        self.process.kill()
+        self.process.wait()
         if self._asked is not None and not self._asked.done():
             self._asked.set_exception(ConnectionResetError())
         for forked in self._forked.values():

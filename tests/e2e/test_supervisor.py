@@ -85,6 +85,30 @@ groups:
         assert "killed by SIGKILL, after" in told
 
 
+def test_nodes_outlive_the_template_that_they_were_forked_from(endpoint: str, tmp_path: Path) -> None:
+    file = write(
+        tmp_path,
+        """
+groups:
+  g:
+    restart: {policy: on-failure, delay: 0.1}
+    nodes:
+      tracker: {service: robo_services.position_tracker}
+      monitor: {service: robo_services.safety_monitor}
+""",
+    )
+    with robo("up", file, "--listen", endpoint) as launch:
+        launch.wait_for("is ready: 2 nodes")
+        monitor = launch.child("/monitor").pid
+        launch.child("robo.template_process").kill()
+        launch.child("/tracker").kill()
+        launch.wait_for("tracker was killed by SIGKILL")
+        launch.wait_for("tracker is ready again")
+        assert launch.child("/monitor").pid == monitor
+        launch.interrupt()
+        assert launch.wait() == 130
+
+
 def test_a_crash_loop_ends_in_degraded_and_hurts_nobody(endpoint: str, tmp_path: Path) -> None:
     file = write(
         tmp_path,
@@ -166,6 +190,45 @@ groups:
         assert launch.wait(30) == 1
         assert "hanging failed: hangs: no sign of life for 1." in launch.output
         assert 'hanging.py", line 7 in work' in launch.output
+
+
+QUIET = """\
+from robo import Node, Publisher, timer
+from robo_messages import String
+
+class Quiet(Node):
+    out = Publisher(String, "data")
+
+    def on_start(self) -> None:
+        self.left = 30
+
+    @timer(rate=20.0)
+    def speak(self) -> None:
+        self.left -= 1
+        if self.left > 0:
+            self.out.publish(String("x"))
+"""
+
+
+def test_a_node_that_keeps_silent_against_its_promise_is_replaced(endpoint: str, tmp_path: Path) -> None:
+    (tmp_path / "quiet.py").write_text(QUIET)
+    file = write(
+        tmp_path,
+        """
+groups:
+  g:
+    namespace: r1
+    topics: {data: {max_age: 0.5}}
+    nodes:
+      quiet: {service: quiet, watchdog: 2.0, restart: {policy: on-failure, delay: 0.1}}
+      patient: {service: quiet, remap: {data: other}, watchdog: 2.0}
+""",
+    )
+    with robo("up", file, "--robot-name", "r1", "--listen", endpoint, cwd=str(tmp_path)) as launch:
+        launch.wait_for("quiet is degraded: nothing on r1/data for ")
+        launch.wait_for("quiet hangs: nothing on r1/data for 2.")
+        launch.wait_for("quiet is ready again")
+        assert "patient is degraded" not in launch.output  # nobody promised anything of its topic
 
 
 def test_a_required_node_ends_the_run_and_its_last_words_are_repeated(endpoint: str, tmp_path: Path) -> None:

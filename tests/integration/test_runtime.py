@@ -157,6 +157,26 @@ def test_tokens_tell_of_a_node_and_vanish_with_it(session: zenoh.Session, other:
     assert wait_for_nodes(other, ["/r1/echo"], 0.01) == {"/r1/echo"}
 
 
+class Warming(Node):
+    """Ready when it has been warmed."""
+
+    out = Publisher(String, "chatter")
+    warm = False
+
+    def ready(self) -> bool:
+        return self.warm
+
+
+def test_a_node_shows_its_token_once_it_says_that_it_is_ready(session: zenoh.Session, other: zenoh.Session) -> None:
+    with Warming(namespace="r1", session=session) as node:
+        assert wait_for_nodes(other, ["/r1/warming"], timeout=0.3) == {"/r1/warming"}
+        node.out.publish(String("cold"))
+        assert node.status.published["r1/chatter"] == 1
+        node.warm = True
+        assert wait_for_nodes(other, ["/r1/warming"], timeout=PATIENCE) == set()
+    Warming(namespace="r1", session=session).close()
+
+
 def test_keep_all_loses_nothing_and_drains_at_the_end(session: zenoh.Session, endpoint: str) -> None:
     count = 20_000
     got: list[str] = []
