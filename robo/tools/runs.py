@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple, TypeVar
 
 import msgspec
-import psutil
 import zenoh
 
 from robo.discovery import hostname
@@ -120,6 +119,8 @@ def wait_for_end(supervisor: SupervisorToken, timeout: float) -> None:
     """
     if supervisor.host != hostname():
         return
+    import psutil  # which the other commands do without
+
     end = time.monotonic() + timeout
     while time.monotonic() < end:
         try:  # a zombie has ended, whether or not its parent has noticed
