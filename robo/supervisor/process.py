@@ -17,6 +17,8 @@ from robo.supervisor.template import Forked, Template
 from robo.template_process import HEART
 
 _LAST_LINES = 30
+_DRAIN = 0.3
+"""How long an ended process's output may pause before it is taken for complete, s."""
 _LONGEST_BEAT = 1_000_000
 
 
@@ -64,7 +66,13 @@ class Child:
         """
         self.last_lines: deque[str] = deque(maxlen=_LAST_LINES)
         """The end of its stderr, for the summary of a failure."""
-        self._on_line = on_line
+        self._lines = 0
+
+        def count(stream: str, text: str) -> None:
+            self._lines += 1
+            on_line(stream, text)
+
+        self._on_line = count
         self._on_beat = on_beat
         self._beat_period = beat_period
         self._heart: socket.socket | None = None
@@ -159,8 +167,13 @@ class Child:
         spawned.discard(self._process.pid)
         with suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
-        # A grandchild outside the group may hold the pipes open: its output is not waited for.
-        await asyncio.wait(self._pumps, timeout=0.5)
+        # A grandchild outside the group may hold the pipes open: what it has to say is not waited for.
+        seen = -1
+        while seen != self._lines:
+            seen = self._lines
+            _, unfinished = await asyncio.wait(self._pumps, timeout=_DRAIN)
+            if not unfinished:
+                break
         for task in self._pumps:
             task.cancel()
         self._ours.close()
