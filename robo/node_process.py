@@ -6,6 +6,7 @@ whoever reads the process list. Otherwise the arguments are those of the node's 
 
 import faulthandler
 import os
+import signal
 import sys
 
 from robo import lean
@@ -13,6 +14,7 @@ from robo import lean
 
 def main() -> None:
     """Run the node, and exit with its exit code."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until the node handles it: no traceback of half a start
     faulthandler.enable()  # a supervisor that ends a node that hangs asks it first where it is
     lean.import_msgspec()
     import msgspec

@@ -48,6 +48,7 @@ def serve(server: socket.socket) -> Callable[[], None] | None:
         os.set_blocking(end, False)
     signal.signal(signal.SIGCHLD, lambda *_: None)
     signal.set_wakeup_fd(waker)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # what is forked and told to stop at once ends without a traceback
     while True:
         ready, _, _ = select.select([server.fileno(), woken], [], [])
         if woken in ready:

@@ -140,9 +140,9 @@ def _explained(found: Explanation) -> list[str]:
         if entry.dropped:
             lines.append(f"  fell behind by {entry.dropped} messages on {entry.topic}")
     if found.callback_errors:
-        lines.append(f"  its callbacks raised {found.callback_errors} times; robo logs {status.node} --level error")
+        lines.append(f"  its callbacks raised {times(found.callback_errors)}; robo logs {status.node} --level error")
     if status.restarts:
-        lines.append(f"  started again {status.restarts} times")
+        lines.append(f"  started again {times(status.restarts)}")
     for ended in found.exits[-5:]:
         lines.append(f"  {_when(ended)} {ended.reason}, after {duration(ended.uptime)}")
     if found.exits and found.exits[-1].last_lines:
@@ -177,6 +177,11 @@ def _print_event(event: Event, *, json: bool) -> None:
     stamp = time.strftime("%H:%M:%S", time.localtime(event.time / 1e9)) + f".{event.time // 10**6 % 1000:03d}"
     who = event.node or event.robot
     print_line(f"{stamp} {who} {event.event}{f': {event.reason}' if event.reason else ''}")
+
+
+def times(count: int) -> str:
+    """How often, in words."""
+    return "once" if count == 1 else f"{count} times"
 
 
 def duration(seconds: float) -> str:

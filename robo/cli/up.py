@@ -10,7 +10,7 @@ import msgspec
 from robo import log
 from robo.cli import show
 from robo.cli.background import notify_starter, start_in_background
-from robo.errors import UsageError
+from robo.errors import RoboError, UsageError
 from robo.launch import arguments, faults, reader, resolve
 from robo.launch.check import unmatched
 from robo.launch.faults import ManifestFaults
@@ -101,11 +101,12 @@ def run_up(
         options += [f"--connect={e}" for e in connect] + [f"--listen={e}" for e in listen]
         return start_in_background([*words, *options], found.plan.robot, wait=wait)
 
-    def read_again() -> Plan | None:
-        again = read()
-        if again.problems:
-            print(faults.as_text(again.problems), file=sys.stderr)
-        return None if again.problems else again.plan
+    def read_again() -> Plan | str:
+        try:
+            again = read()
+        except RoboError as error:
+            return str(error)
+        return faults.as_text(again.problems) if again.problems else again.plan
 
     run_options = supervisor.Options(
         log_level=log_level,

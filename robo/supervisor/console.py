@@ -44,8 +44,8 @@ class Console:
         try:
             self._stream.write(f"{self._painted(stamp, '2')} {name} {text}\n")
             self._stream.flush()
-        except BrokenPipeError:
-            # Whoever read us is gone; the robot goes on without being watched.
+        except OSError:
+            # Whoever read us is gone, or the terminal is closed; the robot is looked after all the same.
             self._open = False
 
     def _with_level(self, text: str) -> str:

@@ -61,8 +61,8 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     """Of every node; by default ROBO_LOG_LEVEL or info."""
     timing: bool = False
     """Print where the time of the start went."""
-    reload: Callable[[], Plan | None] | None = None
-    """Reads the manifest again, None where it has mistakes; with it changed files restart what they touch."""
+    reload: Callable[[], Plan | str] | None = None
+    """Reads the manifest again, or tells its mistakes; with it changed files restart what they touch."""
     notify: Callable[[str], None] | None = None
     """Is told `up`, `ready` and `down`: for whoever waits for a run in the background."""
     begun: Begun | None = None
@@ -157,7 +157,8 @@ class Supervisor:
                 self._begin_life(name)
             watcher = await self._join(loop)
             self._event("up", "")
-            looking = asyncio.create_task(self._look_after())
+            looking = asyncio.create_task(self._look_after(), name="the run")
+            looking.add_done_callback(self._on_life_over)
             await self._supervise()
         finally:
             await self._stop_all()
@@ -426,7 +427,10 @@ class Supervisor:
         if "" in touched:
             assert self._options.reload is not None
             plan = self._options.reload()
-            if plan is not None:
+            if isinstance(plan, str):
+                for line in plan.splitlines():
+                    self._warn(line)
+            else:
                 self._take_over(plan)
         for name in touched.keys() - {""}:
             member = self._members.get(name)

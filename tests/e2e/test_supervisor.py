@@ -1,6 +1,8 @@
 """What the supervisor promises: nothing dies unseen, nothing survives unwanted."""
 
 import json
+import os
+import pty
 import signal
 import subprocess
 import sys
@@ -452,6 +454,20 @@ def _names(process: psutil.Process, *marks: str) -> bool:
         )
     except psutil.Error:
         return False
+
+
+def test_a_closed_terminal_ends_the_run(endpoint: str) -> None:
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.execv(sys.executable, [sys.executable, "-m", "robo", "up", "--listen", endpoint])
+    shown = b""
+    while b"is ready" not in shown:
+        shown += os.read(terminal, 4096)
+    children = psutil.Process(pid).children(recursive=True)
+    os.close(terminal)
+    _, status = os.waitpid(pid, 0)
+    assert os.waitstatus_to_exitcode(status) == 0
+    gone(children)
 
 
 WITHOUT_GROUPS = """\
