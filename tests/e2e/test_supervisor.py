@@ -456,17 +456,24 @@ def _names(process: psutil.Process, *marks: str) -> bool:
         return False
 
 
+IN_A_TERMINAL = """\
+import fcntl, os, sys, termios
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+os.execv(sys.executable, [sys.executable, "-m", "robo", "up", "--listen", sys.argv[1]])
+"""
+
+
 def test_a_closed_terminal_ends_the_run(endpoint: str) -> None:
-    pid, terminal = pty.fork()
-    if pid == 0:
-        os.execv(sys.executable, [sys.executable, "-m", "robo", "up", "--listen", endpoint])
-    shown = b""
-    while b"is ready" not in shown:
-        shown += os.read(terminal, 4096)
-    children = psutil.Process(pid).children(recursive=True)
-    os.close(terminal)
-    _, status = os.waitpid(pid, 0)
-    assert os.waitstatus_to_exitcode(status) == 0
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-c", IN_A_TERMINAL, endpoint]
+    with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True) as launch:
+        os.close(theirs)
+        shown = b""
+        while b"is ready" not in shown:
+            shown += os.read(ours, 4096)
+        children = psutil.Process(launch.pid).children(recursive=True)
+        os.close(ours)
+        assert launch.wait(15) == 0
     gone(children)
 
 
