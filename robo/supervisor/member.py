@@ -205,17 +205,15 @@ class Member:
         """Wait until the delay is over or somebody wants it to start now."""
         self.next_start = time.monotonic() + delay if delay is not None else None
         self._run.changes.notify()
-        try:
+        with suppress(TimeoutError):
             async with asyncio.timeout(delay):
                 await self._run.changes.until(lambda: self._again or (delay is not None and not self.wanted))
-                if not self._again:  # asked to stop before it was started again
-                    self.finished = True
-                    self._become("stopped", "as asked")
-                    await self._run.changes.until(lambda: self._again)
-        except TimeoutError:
-            pass
-        self._again = self.finished = False
         self.next_start = None
+        if not self.wanted:  # asked to stop before it was started again
+            self.finished = True
+            self._become("stopped", "as asked")
+            await self._run.changes.until(lambda: self._again)
+        self._again = self.finished = False
 
     async def _run_once(self) -> int:
         """Start a child, bring it to readiness, and wait for its end.

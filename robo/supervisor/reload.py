@@ -2,7 +2,10 @@
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
+from importlib.machinery import PathFinder
 
 import msgspec
 
@@ -33,14 +36,28 @@ class FileWatch:
 
 
 def files_of(plan: Plan | ProcessPlan) -> list[str]:
-    """The files that a plan was made of; for a process, those that it is given: in parameters or as words."""
+    """The files that a plan was made of; for a process, its module, and what it is given in parameters or as words."""
     if isinstance(plan, Plan):
         sources = [plan.manifest, *(s for p in plan.processes for s in _sources(p))]
         return sorted({match[1] if (match := _POSITION.match(s)) else s for s in sources})
     given = [value.value for value in plan.parameters.values()] + list(plan.command if plan.service is None else ())
     folder = plan.cwd or os.getcwd()
     paths = {os.path.join(folder, text) for text in given if isinstance(text, str) and text}
+    if plan.service is not None:
+        paths |= {_module_file(plan.service.partition(":")[0]) or ""}
     return sorted(path for path in paths if os.path.isfile(path) and os.access(path, os.R_OK))
+
+
+@lru_cache
+def _module_file(name: str) -> str | None:
+    """Where a module is, found without importing anything: one that cannot be imported is watched too."""
+    places: Sequence[str] | None = [os.getcwd(), *sys.path]
+    spec = None
+    parts = name.split(".")
+    for end in range(1, len(parts) + 1):
+        spec = PathFinder.find_spec(".".join(parts[:end]), places) if places else None
+        places = spec.submodule_search_locations if spec is not None else None
+    return spec.origin if spec is not None and not str(spec.origin).startswith((sys.prefix, sys.base_prefix)) else None
 
 
 def same(one: ProcessPlan, other: ProcessPlan) -> bool:

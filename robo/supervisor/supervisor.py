@@ -381,7 +381,7 @@ class Supervisor:
                     self._on_hang(member, why)
             last = now
             orphans.reap(process.spawned)
-            if self._options.reload is not None and self._announced:
+            if self._options.reload is not None:
                 self._look_for_changed_files()
 
     def _on_hang(self, member: Member, why: str) -> None:

@@ -560,6 +560,11 @@ def test_changed_files_restart_what_they_touch(endpoint: str, tmp_path: Path) ->
         (tmp_path / "params.yaml").write_text("tracker: {log_rate: 2.0}\n")
         launch.wait_for("tracker is ready again")
         assert launch.child("/watched").pid == watched
+        (tmp_path / "watched.py").write_text("def broken(:\n")
+        launch.wait_for("watched ended with exit code 1")
+        (tmp_path / "watched.py").write_text(SOURCE.replace("{}", "three"))
+        launch.wait_for("version three")  # what has failed is tried again once it is mended
+        watched = launch.child("/watched").pid
         write(tmp_path, text + "      third: {servce: x}\n")
         launch.wait_for("unknown key 'servce'")
         write(tmp_path, text + "      third: {service: robo_services.safety_monitor}\n")
