@@ -93,6 +93,7 @@ def root(
 
 
 @app.command(
+    short_help="Start a robot, in the foreground or with -d behind.",
     epilog=examples(
         "robo up --robot-name r1",
         "robo up simulation.yaml --robot-name r2",
@@ -103,7 +104,7 @@ def root(
         "robo up -d --wait --robot-name r1",
         "robo up mine.yaml --watch",
         "robo up simulation.yaml --show-args",
-    )
+    ),
 )
 def up(
     words: Annotated[
@@ -173,12 +174,13 @@ def up(
 
 
 @app.command(
+    short_help="Check manifests and their wiring; start nothing.",
     epilog=examples(
         "robo check launch/robot.yaml",
         "robo check launch/*.yaml --json",
         "robo check fleet.yaml robots:=5",
         "robo check robot.yaml --graph mermaid",
-    )
+    ),
 )
 def check(
     words: Annotated[
@@ -206,7 +208,10 @@ def check(
     raise typer.Exit(code)
 
 
-@app.command(epilog=examples("robo schema manifest > robo.schema.json", "robo schema geometry/Twist"))
+@app.command(
+    short_help="Print the JSON Schema of manifests or of a type.",
+    epilog=examples("robo schema manifest > robo.schema.json", "robo schema geometry/Twist"),
+)
 def schema(
     name: Annotated[str, typer.Argument(metavar="manifest|TYPE", help="What to describe.", show_default=False)],
 ) -> None:
@@ -220,7 +225,10 @@ def schema(
 Everything = Annotated[list[str], typer.Argument(metavar="NODE|GROUP...", help="Full names, names or groups.")]
 
 
-@app.command(epilog=examples("robo ps", "robo ps --watch", "robo ps --json | jq -r 'select(.state != \"ready\").node'"))
+@app.command(
+    short_help="List processes: state, restarts, cpu, memory, rates.",
+    epilog=examples("robo ps", "robo ps --watch", "robo ps --json | jq -r 'select(.state != \"ready\").node'"),
+)
 def ps(
     robot_name: RobotName = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON Lines, an object for each process.")] = False,
@@ -235,19 +243,28 @@ def ps(
         print_processes(robot=robot_name, json=json, watch=watch, interval=interval, connect=connect or [])
 
 
-@app.command(epilog=examples("robo stop velocity_controller", "robo stop control --robot-name r1"))
+@app.command(
+    short_help="Stop nodes or groups, until `robo start`.",
+    epilog=examples("robo stop velocity_controller", "robo stop control --robot-name r1"),
+)
 def stop(names: Everything, robot_name: RobotName = None, json: Json = False, connect: Connect = None) -> None:
     """Stop nodes or groups of a running robot, until `robo start`."""
     _have_done("stop", names, robot_name, json, connect)
 
 
-@app.command(epilog=examples("robo start velocity_controller", "robo start /r1/velocity_controller"))
+@app.command(
+    short_help="Start what has stopped or failed.",
+    epilog=examples("robo start velocity_controller", "robo start /r1/velocity_controller"),
+)
 def start(names: Everything, robot_name: RobotName = None, json: Json = False, connect: Connect = None) -> None:
     """Start nodes or groups of a running robot that have stopped or failed."""
     _have_done("start", names, robot_name, json, connect)
 
 
-@app.command(epilog=examples("robo restart position_tracker", "robo restart control --robot-name r1"))
+@app.command(
+    short_help="Stop nodes or groups and start them again.",
+    epilog=examples("robo restart position_tracker", "robo restart control --robot-name r1"),
+)
 def restart(names: Everything, robot_name: RobotName = None, json: Json = False, connect: Connect = None) -> None:
     """Stop nodes or groups of a running robot and start them again."""
     _have_done("restart", names, robot_name, json, connect)
@@ -260,7 +277,9 @@ def _have_done(verb: str, names: list[str], robot: str | None, json: bool, conne
         command(verb, names, robot=robot, json=json, connect=connect or [])
 
 
-@app.command(epilog=examples("robo down", "robo down --robot-name r1", "robo down --all"))
+@app.command(
+    short_help="End the run of a robot.", epilog=examples("robo down", "robo down --robot-name r1", "robo down --all")
+)
 def down(
     robot_name: RobotName = None,
     every: Annotated[bool, typer.Option("--all", help="Every robot on the network.")] = False,
@@ -274,7 +293,9 @@ def down(
         end(robot=robot_name, every=every, timeout=timeout, connect=connect or [])
 
 
-@app.command(epilog=examples("robo why position_tracker", "robo why --json"))
+@app.command(
+    short_help="Tell why nodes are as they are.", epilog=examples("robo why position_tracker", "robo why --json")
+)
 def why(
     names: Annotated[list[str] | None, typer.Argument(metavar="[NODE|GROUP]...", help="All by default.")] = None,
     robot_name: RobotName = None,
@@ -288,7 +309,10 @@ def why(
         explain_nodes(names or [], robot=robot_name, json=json, connect=connect or [])
 
 
-@app.command(epilog=examples("robo events", "robo events --json | jq 'select(.event == \"degraded\")'"))
+@app.command(
+    short_help="Print what happens to processes.",
+    epilog=examples("robo events", "robo events --json | jq 'select(.event == \"degraded\")'"),
+)
 def events(
     robot_name: RobotName = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON Lines.")] = False,
@@ -303,13 +327,14 @@ def events(
 
 
 @app.command(
+    short_help="Print what processes have printed.",
     epilog=examples(
         "robo logs",
         "robo logs position_tracker -f",
         "robo logs --since 10m --level warn",
         "robo logs --list",
         "robo logs --run 2026-11-21_18-30-00_4711 --json",
-    )
+    ),
 )
 def logs(
     nodes: Annotated[list[str] | None, typer.Argument(metavar="[NODE]...", help="Only these.")] = None,
@@ -343,7 +368,9 @@ def logs(
         )
 
 
-@app.command(epilog=examples("robo doctor", "robo doctor --kill-test", "robo doctor --json"))
+@app.command(
+    short_help="Check this machine.", epilog=examples("robo doctor", "robo doctor --kill-test", "robo doctor --json")
+)
 def doctor(
     kill_test: Annotated[
         bool, typer.Option("--kill-test", help="Start a robot, kill -9 its supervisor, and look whether all is gone.")
@@ -362,7 +389,9 @@ def doctor(
     raise typer.Exit(code)
 
 
-@app.command(add_help_option=False, context_settings={"ignore_unknown_options": True})
+@app.command(
+    short_help="Run one node, alone.", add_help_option=False, context_settings={"ignore_unknown_options": True}
+)
 def run(
     words: Annotated[list[str] | None, typer.Argument(metavar="SERVICE [OPTIONS]", show_default=False)] = None,
 ) -> None:
