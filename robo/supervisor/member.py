@@ -319,7 +319,7 @@ class Member:
                     await self._line_seen.wait()
                 if ready.port is not None:
                     missing = f"nothing listens at {ready.port}"
-                    await _until(lambda: _listens(str(ready.port)))
+                    await _until(lambda: listens(str(ready.port)))
                 if ready.probe:
                     missing = f"`{shlex.join(ready.probe)}` does not succeed"
                     await _until(self._probe)
@@ -590,7 +590,8 @@ async def _until(condition: Callable[[], Awaitable[bool]]) -> None:
         await asyncio.sleep(_PROBE_PERIOD)
 
 
-async def _listens(address: str) -> bool:
+async def listens(address: str) -> bool:
+    """Whether something accepts connections at `host:port`."""
     host, _, port = address.rpartition(":")
     try:
         _, writer = await asyncio.open_connection(host, int(port))

@@ -32,7 +32,7 @@ from robo.supervisor.console import Console
 from robo.supervisor.control import Control
 from robo.supervisor.early import Begun, base_environment
 from robo.supervisor.log_files import SUPERVISOR, LogFiles, LogRecord, RunInfo, record
-from robo.supervisor.member import Changes, Member
+from robo.supervisor.member import Changes, Member, listens
 from robo.supervisor.process import Child, describe_exit
 from robo.supervisor.reload import FileWatch, files_of, same
 from robo.supervisor.run_environment import RunEnvironment
@@ -150,6 +150,9 @@ class Supervisor:
             if orphans.leftovers():
                 ended = await asyncio.to_thread(orphans.end_leftovers)
                 self._warn(f"ended {len(ended)} processes that an earlier run had left behind: {ended}")
+            if await self._runs_already():
+                self._finish(1)
+                return 1
             await self._start_router()
             router = asyncio.create_task(self._keep_router())
             self._phase("router started")
@@ -181,6 +184,27 @@ class Supervisor:
         return self._result()
 
     # -- start -----------------------------------------------------------------------------------
+
+    async def _runs_already(self) -> bool:
+        """Whether another supervisor runs this robot, where the network can be asked before this run joins it."""
+        dialled = self._router_network.connect
+        if not any([await listens(e.rpartition("/")[2]) for e in dialled if e.startswith("tcp/")]):
+            return False
+        try:
+            network = Network(mode="client", connect=dialled, timeout=0.5)
+            session = await asyncio.to_thread(open_session, network)
+        except NetworkError:
+            return False  # whoever listens there speaks no Zenoh
+        token = supervisor_token(self._plan.robot, "*", "*")
+        found = [r.ok for r in session.liveliness().get(token, timeout=0.5) if r.ok is not None]
+        await asyncio.to_thread(close_session, session)
+        if found:
+            *_, pid, host = str(found[0].key_expr).split("/")
+            self._warn(
+                f"{self._plan.robot} runs already (process {pid} on {host}); stop it with `robo down` or choose "
+                "another --robot-name"
+            )
+        return bool(found)
 
     async def _start_router(self) -> None:
         variables = {NETWORK_VARIABLE: msgspec.json.encode(self._router_network).decode()}

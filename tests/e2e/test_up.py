@@ -173,7 +173,8 @@ def test_a_robot_of_the_same_name_is_refused(endpoint: str) -> None:
         robot.wait_for("r1 is ready")
         second = run_robo("up", "--robot-name", "r1", "--listen", endpoint)
         assert second.returncode == 1
-        assert "runs already" in second.stdout
+        assert "r1 runs already (process " in second.stdout
+        assert "safety_monitor" not in second.stdout  # not even for a moment
         assert robot.process.poll() is None
 
 
