@@ -160,6 +160,7 @@ class Supervisor:
                 self._begin_life(name)
             watcher = await self._join(loop)
             self._event("up", "")
+            self._tell_of_the_fallen()
             looking = asyncio.create_task(self._look_after(), name="the run")
             looking.add_done_callback(self._on_life_over)
             await self._supervise()
@@ -321,9 +322,6 @@ class Supervisor:
             return
         self._event(state, reason, member)
         closing = self._stop.is_set()
-        fell = state == "failed" or (state == "degraded" and not member.running)
-        if fell and not self._announced and not closing and self._options.notify is not None:
-            self._options.notify(f"{member.label} {reason}")
         if state in ("failed", "restarting"):
             self._warn(f"{member.label} {reason or state}")
         elif state == "degraded":
@@ -334,6 +332,7 @@ class Supervisor:
             self._say(f"{member.label} is ready" + (" again" if member.restarts.count else ""))
         if closing:
             return
+        self._tell_of_the_fallen()
         if member.finished:
             for other in self._members.values():
                 until = other.plan.needs.get(member.plan.full_name)
@@ -343,6 +342,14 @@ class Supervisor:
             self._restart_dependents(member)
         if member.plan.required and (state in ("failed", "completed") or (state == "degraded" and not member.running)):
             self._finish(0 if state == "completed" else 1)
+
+    def _tell_of_the_fallen(self) -> None:
+        """Let whoever waits for this run in the background know that it will not be ready all by itself."""
+        if self._announced or self._control is None or self._options.notify is None:
+            return  # who is told too early finds nobody to ask
+        for member in self._members.values():
+            if member.state == "failed" or (member.state == "degraded" and not member.running):
+                self._options.notify(f"{member.label} {member.reason}")
 
     def _restart_dependents(self, member: Member) -> None:
         """Those that need it, and those that need these, start again after it."""
