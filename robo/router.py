@@ -31,7 +31,10 @@ def main() -> None:
     except RoboError as error:
         print(f"ERROR {error}", file=sys.stderr)
         sys.exit(1)
-    ended.wait()
+    # Its supervisor's watchdog ends it where the supervisor cannot; where both are gone it ends itself.
+    parent = os.getppid()
+    while not ended.wait(1.0) and os.getppid() == parent:
+        pass
     # Zenoh does not tell when its queues are empty, and closing empties them the short way.
     time.sleep(LINGER)
     if not close_session(session):
