@@ -456,6 +456,28 @@ def _names(process: psutil.Process, *marks: str) -> bool:
         return False
 
 
+def test_a_supervisor_at_rest_does_not_grow(endpoint: str, tmp_path: Path) -> None:
+    """A short one; `benchmarks.soak` takes an hour, and measures processor time too."""
+    file = write(
+        tmp_path,
+        """
+groups:
+  g:
+    nodes:
+      node: {service: robo_services.position_tracker, replicas: 10}
+""",
+    )
+    with robo("up", file, "--listen", endpoint) as launch:
+        launch.wait_for("is ready: 10 nodes")
+        for _ in range(3):
+            processes(endpoint)
+        supervisor = psutil.Process(launch.process.pid)
+        before = supervisor.memory_info().rss
+        for _ in range(12):
+            assert len(processes(endpoint)) == 10
+        assert supervisor.memory_info().rss - before < 2e6
+
+
 IN_A_TERMINAL = """\
 import fcntl, os, sys, termios
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
