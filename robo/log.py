@@ -17,6 +17,8 @@ from robo_messages import Log, Time
 
 LEVELS = {"debug": 10, "info": 20, "warn": 30, "warning": 30, "error": 40, "fatal": 50}
 _NAMES = {10: "DEBUG", 20: "INFO", 30: "WARN", 40: "ERROR", 50: "FATAL"}
+LEVEL_NAMES = frozenset(_NAMES.values())
+"""As they stand at the beginning of a line."""
 _COLOURS = {"DEBUG": "2", "WARN": "33", "ERROR": "31", "FATAL": "1;31"}
 
 ROOT = "robo.node"

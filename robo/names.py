@@ -100,3 +100,8 @@ def _check_chunks(what: str, shown: str, body: str) -> None:
         if not _CHUNK.match(chunk):
             part = f"part {chunk!r}" if chunk else "an empty part"
             raise InvalidName(f"{what} {shown!r} has {part}; use {RULE}, parts joined by /")
+
+
+def within(namespace: str, full_name: str) -> str:
+    """A full name as it is called within a namespace: without it, where it is in there."""
+    return full_name.strip("/").removeprefix(f"{namespace.strip('/')}/")

@@ -23,8 +23,8 @@ class QueryLoop:
 
     def __init__(self, session: zenoh.Session, key: str, answer: Callable[[zenoh.Query], None]) -> None:
         """`answer` is given each query, one after the other."""
-        self.key = key
         self._answer = answer
+        self._name = key
         self._queryable = session.declare_queryable(key, zenoh.handlers.FifoChannel(MOST_WAITING), complete=True)
         self._handler = self._queryable.handler
         self._workers: list[threading.Thread] = []
@@ -40,7 +40,7 @@ class QueryLoop:
         with self._lock:
             if self._idle or len(self._workers) >= MOST_WORKERS:
                 return
-            worker = threading.Thread(target=self._work, name=f"robo-{self.key}", daemon=True)
+            worker = threading.Thread(target=self._work, name=f"robo-{self._name}", daemon=True)
             self._workers.append(worker)
             self._idle += 1
         worker.start()
@@ -58,7 +58,7 @@ class QueryLoop:
                     self._answer(query)
                 except Exception as error:  # whatever a request brings about, the next one is answered
                     reply_error(query, type(error).__name__, str(error))
-                    _logger.exception("a query on %s failed", self.key)
+                    _logger.exception("a query on %s failed", self._name)
             with self._lock:
                 self._idle += 1
 

@@ -43,8 +43,7 @@ def print_logs(
     wanted = logs.Filter(since=logs.begin_of(since) if since is not None else 0, least=level)
     chosen = logs.find_run(robot, run)
     labels = logs.check_nodes(chosen, nodes)
-    names = sorted(labels) or [n.strip("/").removeprefix(f"{chosen.info.robot}/") for n in chosen.info.nodes]
-    console = Console(names)
+    console = Console(sorted(labels) or chosen.labels)
     follower = logs.Follower(chosen, labels)  # made first: what comes meanwhile is not lost
     last = 0
     for record in logs.newest(filter(wanted.wants, logs.read(chosen, labels)), lines):

@@ -5,7 +5,6 @@ import time
 from collections.abc import Sequence
 
 from robo.cli.connection import connect_to_robot, hint, print_json, print_line, print_table
-from robo.errors import RunError
 from robo.supervisor.status import Event, Exit, Explanation, ProcessStatus
 from robo.tools import runs
 
@@ -22,9 +21,8 @@ def print_processes(*, robot: str | None, json: bool, watch: bool, interval: flo
     """
     with connect_to_robot(connect) as session:
         while True:
-            found = runs.processes(session, robot)
-            if not found and not watch:
-                raise RunError("no supervisor answers: no robot was started here with `robo up`")
+            waits = robot is not None or watch
+            found = runs.processes(session, robot) if waits else runs.all_processes(session)
             if watch and not json and sys.stdout.isatty():
                 print("\x1b[H\x1b[J", end="")
             if json:
@@ -93,9 +91,7 @@ def down(*, robot: str | None, every: bool, timeout: float, connect: Sequence[st
     """
     with connect_to_robot(connect) as session:
         if every:
-            robots = sorted({status.robot for status in runs.processes(session)})
-            if not robots:
-                raise RunError("no supervisor answers: no robot was started here with `robo up`")
+            robots = sorted({status.robot for status in runs.all_processes(session)})
         else:
             robots = [runs.robot_of(session, robot)]
         supervisors = {r: runs.supervisor_of(session, r) for r in robots}

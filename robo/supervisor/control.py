@@ -4,7 +4,7 @@
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from typing import Any
 
 import msgspec
@@ -17,7 +17,7 @@ from robo.supervisor.status import Asked, Event, control_key, event_key
 _LONGEST = 60.0
 """How long a command may take, s."""
 
-Verb = Callable[[Asked], Awaitable[object]]
+Verb = Callable[[Asked], Coroutine[Any, Any, object]]
 
 
 class Control:
@@ -27,6 +27,7 @@ class Control:
         self, session: zenoh.Session, robot: str, verbs: Mapping[str, Verb], loop: asyncio.AbstractEventLoop
     ) -> None:
         """`verbs` are called in the loop; a LookupError tells that a name is not known."""
+        self._robot = robot
         self._verbs = verbs
         self._loop = loop
         self._events = session.declare_publisher(event_key(robot), encoding=f"{codec.MSGPACK};supervisor/Event")
@@ -39,8 +40,6 @@ class Control:
 
     def _answer(self, query: zenoh.Query) -> None:
         self._queries.spare()  # a stop takes a while, and `ps` does not wait for it
-        # The key of the supervisor itself: the query's may ask all robots.
-        prefix = str(self._queries.key).rpartition("/")[0]
         verb = str(query.key_expr).rpartition("/")[2]
         work = self._verbs.get(verb)
         if work is None:
@@ -53,15 +52,13 @@ class Control:
             reply_error(query, "UsageError", f"the request cannot be read: {error}")
             return
 
-        async def do() -> Any:
-            return await work(asked)
-
         try:
-            answer = asyncio.run_coroutine_threadsafe(do(), self._loop).result(_LONGEST)
+            answer = asyncio.run_coroutine_threadsafe(work(asked), self._loop).result(_LONGEST)
         except LookupError as error:
             reply_error(query, "NodeNotFound", str(error.args[0]))
             return
         except (RuntimeError, TimeoutError) as error:
             reply_error(query, "RoboError", str(error) or f"not done within {_LONGEST:g} s")
             return
-        reply(query, f"{prefix}/{verb}", answer)
+        # With the key of this supervisor: the query's may ask all robots.
+        reply(query, control_key(self._robot, verb), answer)

@@ -12,6 +12,8 @@ from typing import BinaryIO
 
 import msgspec
 
+from robo.log import LEVEL_NAMES
+
 LARGEST = 10_000_000
 """A file that has grown beyond this is set aside, bytes."""
 
@@ -23,8 +25,6 @@ KEPT_RUNS = 10
 
 SUPERVISOR = "robo"
 """The name under which the supervisor's own lines are kept."""
-
-_LEVELS = ("DEBUG", "INFO", "WARN", "ERROR", "FATAL")
 
 
 class LogRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -57,7 +57,7 @@ class RunInfo(msgspec.Struct, frozen=True, kw_only=True):
 def record(node: str, stream: str, text: str) -> LogRecord:
     """A line with its level taken off and the time of now."""
     level = text[:5].rstrip()
-    if level not in _LEVELS or not (len(text) == len(level) or text[len(level)] == " "):
+    if level not in LEVEL_NAMES or not (len(text) == len(level) or text[len(level)] == " "):
         return LogRecord(time=time.time_ns(), node=node, message=text, stream=stream)
     return LogRecord(time=time.time_ns(), node=node, message=text[6:], level=level, stream=stream)
 

@@ -93,8 +93,6 @@ class Member:
         """Whether a child is just being started."""
         self.finished = False
         """Whether it has ended and nothing starts it again but a command."""
-        self.exit_code: int | None = None
-        """Of the last child, once it has ended."""
         self.restarts = Restarts(plan.restart)
         self.exits: deque[Exit] = deque(maxlen=20)
         self.files: tuple[str, ...] = ()
@@ -130,14 +128,14 @@ class Member:
         return self._child is not None and self._child.running
 
     @property
-    def last_lines(self) -> list[str]:
-        """The end of the stderr of the last child."""
-        return list(self._child.last_lines) if self._child is not None else []
+    def down(self) -> bool:
+        """Whether it has failed for good, or is in a storm and tried slowly."""
+        return self.state == "failed" or (self.state == "degraded" and not self.running)
 
     @property
     def failed(self) -> bool:
-        """Whether it is down for good, and not because it was asked to be."""
-        return self.state == "failed" or (self.state in ("restarting", "degraded") and not self.running)
+        """Whether it has ended badly, and not because it was asked to."""
+        return self.down or (self.state == "restarting" and not self.running)
 
     def reached(self, until: Until) -> bool:
         """Whether it has come as far as another process needs it."""
@@ -230,7 +228,6 @@ class Member:
         self._beat, self._input_seen, self._usage = None, {}, None
         self._rates = {}, {}
         self._killed_because = ""
-        self.exit_code = None
         self.started_at = time.monotonic()
         self._become("starting", "")
         self.spawning = True
@@ -257,7 +254,6 @@ class Member:
         return self._note_end(code)
 
     def _note_end(self, code: int) -> int:
-        self.exit_code = code
         self.ready = False
         self.exits.append(
             Exit(
@@ -265,7 +261,7 @@ class Member:
                 exit_code=code,
                 reason=self._killed_because or describe_exit(code),
                 uptime=time.monotonic() - self.started_at,
-                last_lines=self.last_lines,
+                last_lines=list(self._child.last_lines) if self._child is not None else [],
             )
         )
         return code

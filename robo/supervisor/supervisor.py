@@ -340,7 +340,7 @@ class Supervisor:
                     self._warn(f"{other.label} is not started: it needs {member.label} {until}")
         if state == "restarting" and member.plan.restart.propagate:
             self._restart_dependents(member)
-        if member.plan.required and (state in ("failed", "completed") or (state == "degraded" and not member.running)):
+        if member.plan.required and (member.down or state == "completed"):
             self._finish(0 if state == "completed" else 1)
 
     def _tell_of_the_fallen(self) -> None:
@@ -348,7 +348,7 @@ class Supervisor:
         if self._announced or self._control is None or self._options.notify is None:
             return  # who is told too early finds nobody to ask
         for member in self._members.values():
-            if member.state == "failed" or (member.state == "degraded" and not member.running):
+            if member.down:
                 self._options.notify(f"{member.label} {member.reason}")
 
     def _restart_dependents(self, member: Member) -> None:
@@ -708,5 +708,4 @@ async def _run(plan: Plan, router: Network, console: Console, environment: Mappi
 
 def label_of(plan: Plan, process: ProcessPlan) -> str:
     """What a process is called in the output: its name, and its namespace where that is not the robot's."""
-    inner = process.namespace.removeprefix(plan.robot).strip("/")
-    return names.join(inner, process.name)
+    return names.within(plan.robot, process.full_name)

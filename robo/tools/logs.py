@@ -11,12 +11,13 @@ from typing import BinaryIO
 
 import msgspec
 
+from robo import names
 from robo.errors import RunError, UsageError
+from robo.log import LEVELS, level_of
 from robo.supervisor.log_files import SUPERVISOR, LogRecord, RunInfo, log_base
 
 _SPAN = re.compile(r"(\d+(?:\.\d+)?)\s*(s|m|h|d)")
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
-_RANKS = {"DEBUG": 10, "INFO": 20, "WARN": 30, "ERROR": 40, "FATAL": 50}
 _PERIOD = 0.1
 """How often files are looked at for more, s."""
 
@@ -26,6 +27,11 @@ class Run(msgspec.Struct, frozen=True):
 
     folder: Path
     info: RunInfo
+
+    @property
+    def labels(self) -> list[str]:
+        """What its nodes are called in the output."""
+        return [names.within(self.info.robot, node) for node in self.info.nodes]
 
 
 def list_runs(robot: str | None = None, base: Path | None = None) -> list[Run]:
@@ -63,7 +69,7 @@ def check_nodes(run: Run, nodes: Sequence[str]) -> set[str]:
     Raises:
         RunError: the run has no such node.
     """
-    known = {node: node.strip("/").removeprefix(f"{run.info.robot}/") for node in run.info.nodes}
+    known = dict(zip(run.info.nodes, run.labels, strict=True))
     found = set()
     for name in nodes:
         wanted = name.strip("/")
@@ -100,17 +106,14 @@ class Filter:
             UsageError: there is no such level.
         """
         self._since = since
-        wanted = (least or "debug").upper().replace("WARNING", "WARN")
-        if wanted not in _RANKS:
-            raise UsageError(f"--level {least}: use debug, info, warn, error or fatal")
-        self._least = _RANKS[wanted]
+        self._least = level_of(least or "debug")
         self._last: dict[str, int] = {}
 
     def wants(self, record: LogRecord) -> bool:
         """Whether a record is wanted."""
-        rank = _RANKS.get(record.level or "")
+        rank = LEVELS.get((record.level or "").lower())
         if rank is None:
-            rank = self._last.get(record.node, 20) if record.stream == "stderr" else 20
+            rank = self._last.get(record.node, LEVELS["info"]) if record.stream == "stderr" else LEVELS["info"]
         else:
             self._last[record.node] = rank
         return rank >= self._least and record.time >= self._since

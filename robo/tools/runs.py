@@ -49,6 +49,18 @@ def processes(session: zenoh.Session, robot: str | None = None, timeout: float =
     return sorted(found, key=lambda status: status.robot)
 
 
+def all_processes(session: zenoh.Session) -> list[ProcessStatus]:
+    """Every process of every robot.
+
+    Raises:
+        RunError: none runs.
+    """
+    found = processes(session)
+    if not found:
+        raise RunError("no supervisor answers: no robot was started here with `robo up`")
+    return found
+
+
 def robot_of(session: zenoh.Session, robot: str | None, asked: Sequence[str] = ()) -> str:
     """The robot that a command is for: the one that is named, else the only one.
 
@@ -58,10 +70,8 @@ def robot_of(session: zenoh.Session, robot: str | None, asked: Sequence[str] = (
     """
     if robot is not None:
         return robot.strip("/")
-    found = processes(session)
+    found = all_processes(session)
     robots = sorted({status.robot for status in found})
-    if not robots:
-        raise RunError("no supervisor answers: no robot was started here with `robo up`")
     if len(robots) == 1:
         return robots[0]
     nodes = {status.node: status.robot for status in found}

@@ -78,3 +78,9 @@ def test_tokens_say_again_what_was_put_into_them(ns: str, node: str, kind: str, 
 @pytest.mark.parametrize("key", ["", "r1/odom", "@robo/x", "@robo/a/b/c/d/e", "@robo/r1/node/a/b/notapid/h"])
 def test_other_keys_are_no_tokens(key: str) -> None:
     assert parse_token(key) is None
+
+
+def test_names_within_a_namespace() -> None:
+    assert names.within("r1", "/r1/tracker") == "tracker"
+    assert names.within("r1", "/r1/arm/camera") == "arm/camera"
+    assert names.within("r1", "/r10/tracker") == "r10/tracker"
