@@ -1,18 +1,21 @@
 """Field types that several messages share.
 
-ROS integers have a width; MessagePack and JSON integers have none. These aliases bring the range
-check back: a value out of range is refused when a message is decoded.
+ROS numbers have a width; those of MessagePack and JSON have none. These aliases keep it: an integer out of
+range is refused when a message is decoded, and `ros` in a type's extra data is what ROS calls it.
 """
 
 from typing import Annotated
 
 from msgspec import Meta
 
-Int8 = Annotated[int, Meta(ge=-(2**7), lt=2**7)]
-UInt8 = Annotated[int, Meta(ge=0, lt=2**8)]
-UInt16 = Annotated[int, Meta(ge=0, lt=2**16)]
-Int32 = Annotated[int, Meta(ge=-(2**31), lt=2**31)]
-UInt32 = Annotated[int, Meta(ge=0, lt=2**32)]
+Int8 = Annotated[int, Meta(ge=-(2**7), lt=2**7, extra={"ros": "int8"})]
+UInt8 = Annotated[int, Meta(ge=0, lt=2**8, extra={"ros": "uint8"})]
+UInt16 = Annotated[int, Meta(ge=0, lt=2**16, extra={"ros": "uint16"})]
+Int32 = Annotated[int, Meta(ge=-(2**31), lt=2**31, extra={"ros": "int32"})]
+UInt32 = Annotated[int, Meta(ge=0, lt=2**32, extra={"ros": "uint32"})]
+Float32 = Annotated[float, Meta(extra={"ros": "float32"})]
+"""A number that ROS sends as float32; here it keeps all its digits."""
+SignedBytes = Annotated[memoryview, Meta(extra={"ros": "int8[]"})]
 
 Covariance3 = Annotated[tuple[float, ...], Meta(min_length=9, max_length=9)]
 """A 3x3 matrix in row-major order."""

@@ -27,7 +27,7 @@ class DiagnosticStatus(Message):
     ERROR: ClassVar[int] = 2
     STALE: ClassVar[int] = 3
 
-    level: Annotated[int, Meta(ge=0, le=3)] = 0
+    level: Annotated[int, Meta(ge=0, le=3, extra={"ros": "byte"})] = 0
     """OK, WARN, ERROR or STALE."""
     name: str = ""
     message: str = ""

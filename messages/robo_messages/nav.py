@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec import field
 
 from robo_messages._registry import Message, message
-from robo_messages._types import UInt32
+from robo_messages._types import Float32, SignedBytes, UInt32
 from robo_messages.geometry import Pose, PoseStamped, PoseWithCovariance, TwistWithCovariance
 from robo_messages.std import Header, Time
 
@@ -37,7 +37,7 @@ class MapMetaData(Message):
     """The size and place of a grid map."""
 
     map_load_time: Time = field(default_factory=Time)
-    resolution: float = 0.0
+    resolution: Float32 = 0.0
     """m per cell."""
     width: UInt32 = 0
     """Cells along x."""
@@ -53,6 +53,6 @@ class OccupancyGrid(Message):
 
     header: Header = field(default_factory=Header)
     info: MapMetaData = field(default_factory=MapMetaData)
-    data: memoryview = memoryview(b"")
+    data: SignedBytes = memoryview(b"")
     """height x width cells, one signed byte each (`data.cast("b")`), row-major from (0, 0):
     0 free … 100 occupied, -1 unknown. A binary field: a map has a million cells."""

@@ -10,6 +10,7 @@ from robo_messages._registry import Message, message
 from robo_messages._types import (
     ZEROS_3X3,
     Covariance3,
+    Float32,
     Int8,
     Int32,
     UInt8,
@@ -27,24 +28,24 @@ class LaserScan(Message):
 
     header: Header = field(default_factory=Header)
     """Its stamp is the time of the first ray."""
-    angle_min: float = 0.0
+    angle_min: Float32 = 0.0
     """Angle of the first ray, rad."""
-    angle_max: float = 0.0
+    angle_max: Float32 = 0.0
     """Angle of the last ray, rad."""
-    angle_increment: float = 0.0
+    angle_increment: Float32 = 0.0
     """Between rays, rad."""
-    time_increment: float = 0.0
+    time_increment: Float32 = 0.0
     """Between rays, s."""
-    scan_time: float = 0.0
+    scan_time: Float32 = 0.0
     """Between scans, s."""
-    range_min: float = 0.0
+    range_min: Float32 = 0.0
     """Smallest valid range, m."""
-    range_max: float = 0.0
+    range_max: Float32 = 0.0
     """Largest valid range, m."""
-    ranges: list[float] = []
+    ranges: list[Float32] = []
     """m, one per ray. REP-117: -inf too close, +inf no return, NaN no measurement. A plain array, so
     that any client reads it; `benchmarks/` measures it beside a packed one."""
-    intensities: list[float] = []
+    intensities: list[Float32] = []
     """One per ray in the device's own unit, or empty."""
 
 
@@ -98,27 +99,27 @@ class BatteryState(Message):
     POWER_SUPPLY_STATUS_FULL: ClassVar[int] = 4
 
     header: Header = field(default_factory=Header)
-    voltage: float = 0.0
+    voltage: Float32 = 0.0
     """V."""
-    temperature: float = 0.0
+    temperature: Float32 = 0.0
     """°C."""
-    current: float = 0.0
+    current: Float32 = 0.0
     """A; negative while discharging."""
-    charge: float = 0.0
+    charge: Float32 = 0.0
     """Ah."""
-    capacity: float = 0.0
+    capacity: Float32 = 0.0
     """Ah, of the last full charge."""
-    design_capacity: float = 0.0
+    design_capacity: Float32 = 0.0
     """Ah."""
-    percentage: float = 0.0
+    percentage: Float32 = 0.0
     """0 to 1."""
     power_supply_status: UInt8 = 0
     power_supply_health: UInt8 = 0
     power_supply_technology: UInt8 = 0
     present: bool = False
-    cell_voltage: list[float] = []
+    cell_voltage: list[Float32] = []
     """V, one per cell, or empty."""
-    cell_temperature: list[float] = []
+    cell_temperature: list[Float32] = []
     """°C, one per cell, or empty."""
     location: str = ""
     serial_number: str = ""
@@ -134,15 +135,15 @@ class Range(Message):
     header: Header = field(default_factory=Header)
     radiation_type: UInt8 = 0
     """ULTRASOUND or INFRARED."""
-    field_of_view: float = 0.0
+    field_of_view: Float32 = 0.0
     """The cone's full angle, rad."""
-    min_range: float = 0.0
+    min_range: Float32 = 0.0
     """m."""
-    max_range: float = 0.0
+    max_range: Float32 = 0.0
     """m."""
-    range: float = 0.0
+    range: Float32 = 0.0
     """m; REP-117: -inf too close, +inf no return, NaN no measurement."""
-    variance: float = 0.0
+    variance: Float32 = 0.0
     """m²; 0 is unknown."""
 
 
@@ -230,7 +231,7 @@ class PointField(Message):
     name: str = ""
     offset: UInt32 = 0
     """Bytes from the start of the point."""
-    datatype: Annotated[int, Meta(ge=0, le=8)] = 0
+    datatype: Annotated[int, Meta(ge=0, le=8, extra={"ros": "uint8"})] = 0
     """INT8 … FLOAT64; 0 is not set."""
     count: UInt32 = 0
     """Elements of this field."""
@@ -262,7 +263,7 @@ class Joy(Message):
     """A game pad."""
 
     header: Header = field(default_factory=Header)
-    axes: list[float] = []
+    axes: list[Float32] = []
     """-1 to 1."""
     buttons: list[Int32] = []
     """1 pressed, 0 not."""

@@ -19,7 +19,7 @@ class Time(Message, order=True):
 
     sec: Int32 = 0
     """Whole seconds."""
-    nanosec: Annotated[int, Meta(ge=0, lt=NANOSECONDS)] = 0
+    nanosec: Annotated[int, Meta(ge=0, lt=NANOSECONDS, extra={"ros": "uint32"})] = 0
     """Nanoseconds on top, 0 to 999,999,999."""
 
     @classmethod
@@ -52,7 +52,7 @@ class Duration(Message, order=True):
 
     sec: Int32 = 0
     """Whole seconds."""
-    nanosec: Annotated[int, Meta(ge=0, lt=NANOSECONDS)] = 0
+    nanosec: Annotated[int, Meta(ge=0, lt=NANOSECONDS, extra={"ros": "uint32"})] = 0
     """Nanoseconds on top, 0 to 999,999,999."""
 
     @classmethod
