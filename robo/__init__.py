@@ -31,7 +31,8 @@ if TYPE_CHECKING:
         ServiceTimeout,
         UsageError,
     )
-    from robo.node import Node, NodeStatus
+    from robo.node import Node
+    from robo.node_status import NodeStatus
     from robo.parameters import NON_FINITE, READ_ONLY, Parameters, Step, Unit
     from robo.qos import KEEP_ALL
     from robo.runner import run
@@ -68,7 +69,8 @@ __all__ = [
 
 _HOMES = {
     "contract": ("Client", "Publisher", "service", "subscribe", "timer"),
-    "node": ("Node", "NodeStatus"),
+    "node": ("Node",),
+    "node_status": ("NodeStatus",),
     "parameters": ("NON_FINITE", "READ_ONLY", "Parameters", "Step", "Unit"),
     "qos": ("KEEP_ALL",),
     "runner": ("run",),

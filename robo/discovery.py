@@ -7,6 +7,7 @@ that it can be read whatever the namespace's length; `/` within a chunk is writt
     @robo/<namespace>/pub/<node>/<type>/<depth>/<topic key>
     @robo/<namespace>/sub/<node>/<type>/<depth>/<topic key>
     @robo/<namespace>/srv/<node>/<type>/0/<service key>
+    @robo/<namespace>/cli/<node>/<type>/0/<service key>
 
 `@` keeps tokens out of `**`. A node declares its node token last: who sees that token knows
 everything else about the node, so it says "ready" as well.
@@ -25,7 +26,7 @@ from robo import names
 PREFIX = "@robo"
 ALL_TOKENS = f"{PREFIX}/**"
 
-EndpointKind = Literal["pub", "sub", "srv"]
+EndpointKind = Literal["pub", "sub", "srv", "cli"]
 ENDPOINT_KINDS: tuple[EndpointKind, ...] = get_args(EndpointKind)
 
 
@@ -50,7 +51,7 @@ class NodeToken(msgspec.Struct, frozen=True):
 
 
 class EndpointToken(msgspec.Struct, frozen=True):
-    """A publisher, a subscription or a service."""
+    """A publisher, a subscription, a service or a client of one."""
 
     namespace: str
     node: str
@@ -59,6 +60,11 @@ class EndpointToken(msgspec.Struct, frozen=True):
     depth: int
     topic: str
     """The key expression."""
+
+    @property
+    def full_name(self) -> str:
+        """The node's, for example `/r1/position_tracker`."""
+        return "/" + names.join(self.namespace, self.node)
 
     def key(self) -> str:
         """The token's key expression."""

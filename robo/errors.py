@@ -8,6 +8,8 @@
     ├── NetworkError          the Zenoh network cannot be reached or opened
     ├── ServiceError          a service's handler raised, or its answer cannot be read
     │   └── ServiceTimeout    a service did not answer in time, or nobody serves it
+    ├── MessageError          data that are no message of the type that was asked for
+    ├── TopicNotFound         nobody publishes or subscribes a topic of this name
     ├── ManifestError         a launch manifest with mistakes
     ├── NodeNotFound          no node of this name runs
     ├── NodeUnreachable       a node runs and does not answer
@@ -55,6 +57,14 @@ class ServiceError(RoboError):
 
 class ServiceTimeout(ServiceError, TimeoutError):
     """A service did not answer in time, or nobody serves it."""
+
+
+class MessageError(RoboError, ValueError):
+    """Data that are no message of the type that was asked for; a line for each mistake."""
+
+
+class TopicNotFound(RoboError, LookupError):
+    """Nobody publishes or subscribes a topic of this name."""
 
 
 class ManifestError(RoboError):

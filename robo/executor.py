@@ -71,6 +71,8 @@ class Turn:
         """Take the turn after all who have waited longer."""
         self.waiting = waiting
         """Who waits, in order; empty is false."""
+        self.busy = 0.0
+        """How long callbacks have run, s; who holds the turn adds to it when he gives it away."""
         self.release: Callable[[], None] = release
         """Pass the turn on to who has waited longest, if anybody waits."""
 
@@ -201,7 +203,8 @@ class SubscriptionLoop(Generic[M]):
                 if not take_turn(False):
                     wait_turn()
                 holding = True
-                since, handled = monotonic(), 0
+                since = begun = monotonic()
+                handled = 0
                 while True:
                     handled += 1
                     try:
@@ -210,8 +213,11 @@ class SubscriptionLoop(Generic[M]):
                     except BaseException as error:  # whatever it is, it must not end this thread
                         self._handle(error, sample)
                     if others:
+                        now = monotonic()
+                        turn.busy += now - begun
                         pass_turn()
                         wait_turn()
+                        begun = monotonic()
                     more = backlog.popleft() if backlog else try_recv()
                     if more is None:
                         break
@@ -221,6 +227,7 @@ class SubscriptionLoop(Generic[M]):
                         self._cut_back(passed / handled)
                         sample = backlog.popleft()
                         since, handled = since + passed, 0
+                turn.busy += monotonic() - begun
                 pass_turn()
                 holding = False
         except zenoh.ZError:  # undeclared, and nothing is left in the channel
@@ -329,7 +336,9 @@ class TimerLoop:
             with self._turn:
                 if self._stopped:
                     return
+                begun = monotonic()
                 try:
                     self._callback()
                 except BaseException as error:
                     self._on_error(error)
+                self._turn.busy += monotonic() - begun

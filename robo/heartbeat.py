@@ -13,7 +13,8 @@ from collections.abc import Callable
 import msgspec
 
 from robo.clock import Clock
-from robo.node import Node, NodeStatus
+from robo.node import Node
+from robo.node_status import NodeStatus
 
 HEARTBEAT_VARIABLE = "ROBO_HEARTBEAT"
 """`FD:PERIOD`: the socket, and the time from one beat to the next, s."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence, Set
 from types import TracebackType
@@ -19,6 +20,7 @@ from robo.discovery import NodeToken
 from robo.endpoints import TopicPublisher, TopicSubscription, endpoint_token
 from robo.errors import ParameterError
 from robo.executor import TimerLoop, Turn, taking
+from robo.node_status import NodeStatus
 from robo.parameter_server import ParameterServer, Said
 from robo.parameters import Parameters as AnyParameters
 from robo.parameters import build, change, flat
@@ -39,23 +41,6 @@ READY_PERIOD = 0.05
 
 STOP_TIMEOUT = 2.0
 """How long `close` waits for a callback that is running, s."""
-
-
-class NodeStatus(msgspec.Struct, frozen=True):
-    """What a node has seen so far; also the reply to a query on its status key."""
-
-    node: str
-    """The full name."""
-    published: dict[str, int]
-    """Messages published, by topic."""
-    received: dict[str, int]
-    """Messages given to callbacks, by topic."""
-    malformed: dict[str, int]
-    """Payloads dropped because they were no message of the topic's type, by topic."""
-    dropped: dict[str, int]
-    """Messages dropped because the callback fell behind, by topic."""
-    callback_errors: int
-    """Exceptions that callbacks raised."""
 
 
 class Node:
@@ -126,6 +111,7 @@ class Node:
         self._events: deque[ParameterEvent] = deque()
         self._events_lock = threading.Lock()
         self._callback_errors = 0
+        self._started_at = time.monotonic()
         self._running = False
         self._token: zenoh.LivelinessToken | None = None
         self._main_thread: threading.Thread | None = None
@@ -297,7 +283,7 @@ class Node:
         self, request_type: type[Q], response_type: type[A], name: str, handler: Callable[[Q], A]
     ) -> ServiceServer[Q, A]:
         """Serve while running; for a service the class always has, use `@service`."""
-        token = service_token(self.namespace, self.name, request_type, response_type, self.resolve(name))
+        token = service_token(self.namespace, self.name, "srv", request_type, response_type, self.resolve(name))
         server = ServiceServer(
             self.session, token, request_type, response_type, self._turn, handler, self._handler(handler)
         )
@@ -308,7 +294,8 @@ class Node:
         self, request_type: type[Q], response_type: type[A], name: str, timeout: float = DEFAULT_TIMEOUT
     ) -> ServiceClient[Q, A]:
         """Make a client of a service while running; for one the class always has, declare a `Client`."""
-        client = ServiceClient(self.session, self.resolve(name), request_type, response_type, timeout)
+        token = service_token(self.namespace, self.name, "cli", request_type, response_type, self.resolve(name))
+        client = ServiceClient(self.session, token, request_type, response_type, timeout)
         self._clients.append(client)
         return client
 
@@ -444,6 +431,9 @@ class Node:
             malformed={s.topic: s.malformed for s in subscriptions},
             dropped={s.topic: s.dropped for s in subscriptions},
             callback_errors=self._callback_errors,
+            served={s.key: s.served for s in list(self._services)},
+            uptime=time.monotonic() - self._started_at,
+            busy=self._turn.busy,
         )
 
     def flush(self, timeout: float = 5.0) -> None:
@@ -522,8 +512,15 @@ class Node:
             except zenoh.ZError:
                 return
             with query:
+                info = self.session.info
+                status = msgspec.structs.replace(
+                    self.status,
+                    zid=str(info.zid()),
+                    links=[str(zid) for zid in (*info.routers_zid(), *info.peers_zid())],
+                    time=time.time_ns(),
+                )
                 query.reply(
                     discovery.status_key(self.namespace, self.name),
-                    msgspec.msgpack.encode(self.status),
+                    msgspec.msgpack.encode(status),
                     encoding="application/msgpack",
                 )

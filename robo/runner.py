@@ -80,7 +80,8 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, stop)
-    session = open_session(Network.from_environment(spec.mode, spec.connect, spec.listen))
+    network = Network.from_environment(spec.mode, spec.connect, spec.listen)
+    session = open_session(msgspec.structs.replace(network, name=node.full_name))
     try:
         unseen = wait_for_nodes(session, spec.needs, timeout=5.0)
         if unseen:

@@ -8,7 +8,7 @@ import itertools
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Literal, TypeVar
 
 import msgspec
 import zenoh
@@ -28,10 +28,15 @@ A = TypeVar("A", bound=Message)
 
 
 def service_token(
-    namespace: str, node: str, request: type[Message], response: type[Message], key: str
+    namespace: str,
+    node: str,
+    kind: Literal["srv", "cli"],
+    request: type[Message],
+    response: type[Message],
+    key: str,
 ) -> EndpointToken:
-    """The announcement of a service."""
-    return EndpointToken(namespace, node, "srv", robo_messages.service_type_name(request, response), 0, key)
+    """The announcement of a service, or of a client of one."""
+    return EndpointToken(namespace, node, kind, robo_messages.service_type_name(request, response), 0, key)
 
 
 class ServiceServer(Generic[Q, A]):
@@ -75,7 +80,11 @@ class ServiceServer(Generic[Q, A]):
             return
         try:
             with taking(self._turn, self._loop.spare):
-                answer = self._handler(request)
+                begun = time.monotonic()
+                try:
+                    answer = self._handler(request)
+                finally:
+                    self._turn.busy += time.monotonic() - begun
             if not isinstance(answer, self._response):
                 raise TypeError(f"the handler returned {type(answer).__name__}, not {self._response.__name__}")
             queries.reply(query, self.key, answer, self._encoding)
@@ -89,10 +98,16 @@ class ServiceClient(Generic[Q, A]):
     """Calls one service."""
 
     def __init__(
-        self, session: zenoh.Session, key: str, request: type[Q], response: type[A], timeout: float = DEFAULT_TIMEOUT
+        self,
+        session: zenoh.Session,
+        token: EndpointToken,
+        request: type[Q],
+        response: type[A],
+        timeout: float = DEFAULT_TIMEOUT,
     ) -> None:
-        self.key = key
+        self.key = key = token.topic
         self._session = session
+        self._token = session.liveliness().declare_token(token.key())
         self._encoding = codec.encoding_of(request)
         self._request = request
         self._decoder = TopicDecoder(response)
@@ -135,6 +150,7 @@ class ServiceClient(Generic[Q, A]):
 
     def close(self) -> None:
         """Leave the network."""
+        self._token.undeclare()
         self._listener.undeclare()
         self._querier.undeclare()
 

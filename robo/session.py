@@ -48,6 +48,8 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
     """Zenoh endpoints to dial, for example `tcp/192.168.1.20:7447`; retried until they answer."""
     listen: tuple[str, ...] = ()
     """Zenoh endpoints to listen on; a router takes one that is in use over once it is free."""
+    name: str = ""
+    """What a router calls itself where one asks who is there."""
     timeout: float = 10.0
     """How long a peer or client waits for its first connection, s."""
 
@@ -95,6 +97,8 @@ def zenoh_config(network: Network) -> zenoh.Config:
     }
     if router:
         settings |= {"listen/retry": _RETRY, "listen/timeout_ms": -1, "listen/exit_on_failure": False}
+        # Tools ask routers who is connected, and what those declare who are no nodes of robo's.
+        settings |= {"adminspace/enabled": True, "metadata": {"name": network.name}}
     if all(endpoint.startswith("unixsock-stream/") for endpoint in network.connect + network.listen):
         # Between processes of one machine a longer queue keeps both ends busy; over a slow link it would
         # hold old messages. Leave `transport/unicast/qos` on: without it a publisher that drops a
@@ -104,8 +108,9 @@ def zenoh_config(network: Network) -> zenoh.Config:
         try:
             config.insert_json5(key, msgspec.json.encode(value).decode())
         except zenoh.ZError as error:
+            shown = ", ".join(value) if isinstance(value, tuple) else repr(value)
             raise NetworkError(
-                f"{key}: {value!r} is not accepted ({error}); an endpoint looks like tcp/127.0.0.1:7447"
+                f"{key}: {shown} is not accepted; an endpoint looks like tcp/127.0.0.1:7447 ({_plain(error)})"
             ) from None
     return config
 
@@ -126,6 +131,12 @@ def open_session(network: Network) -> zenoh.Session:
         ) from None
     _open.append(session)
     return session
+
+
+def _plain(error: zenoh.ZError) -> str:
+    """What Zenoh says is wrong, without where in its source."""
+    message = re.search(r'msg: "(.*?)"', str(error))
+    return _SOURCE.sub("", message[1] if message is not None else str(error))
 
 
 _open: list[zenoh.Session] = []
