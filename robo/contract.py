@@ -31,6 +31,9 @@ N = TypeVar("N", bound="Node")
 
 _MARK = "__robo_contract__"
 
+SYSTEM_TOPICS = {"log": "system/Log", "parameter_events": "system/ParameterEvent"}
+"""What every node publishes beside its contract, by topic of its namespace: log records and changed parameters."""
+
 
 class Publisher(Generic[M]):
     """Declares a topic that a node publishes: `position = Publisher(Point, "current_position")`.

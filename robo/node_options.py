@@ -9,6 +9,7 @@ import msgspec
 
 from robo import parameter_files
 from robo.contract import Contract, contract_of
+from robo.contract_text import contract_text
 from robo.errors import UsageError
 from robo.node import Node
 from robo.parameter_server import Said
@@ -63,7 +64,7 @@ def _parser(node_class: type[Node], contract: Contract) -> argparse.ArgumentPars
     parser = argparse.ArgumentParser(
         prog=f"robo run {_module_name(node_class)}",
         description=contract.description.split("\n")[0],
-        epilog=_contract_text(contract),
+        epilog=contract_text(contract),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
@@ -81,30 +82,6 @@ def _module_name(node_class: type[Node]) -> str:
     """The module's importable name, also where Python runs it as `__main__`."""
     spec = getattr(sys.modules[node_class.__module__], "__spec__", None)
     return spec.name if spec is not None else node_class.__module__
-
-
-def _contract_text(contract: Contract) -> str:
-    """The contract below the options: what `--help` is read for."""
-    import robo_messages
-
-    lines = []
-    if contract.subscriptions:
-        lines.append("subscribes:")
-        lines += [f"  {s.topic:18} {robo_messages.type_name(s.message_type)}" for s in contract.subscriptions]
-    if contract.publishers:
-        lines.append("publishes:")
-        lines += [f"  {p.topic:18} {robo_messages.type_name(p.message_type)}" for p in contract.publishers]
-    if contract.services:
-        lines.append("services:")
-        lines += [
-            f"  {s.service:18} {robo_messages.service_type_name(s.request_type, s.response_type)}"
-            for s in contract.services
-        ]
-    if contract.parameters:
-        lines.append("parameters:")
-        width = max(len(p.name) for p in contract.parameters)
-        lines += [f"  {p.name:{width}} {p.default!r:8} {p.about}".rstrip() for p in contract.parameters]
-    return "\n".join(lines)
 
 
 def _remapping(text: str) -> tuple[str, str]:

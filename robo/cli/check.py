@@ -9,10 +9,11 @@ import msgspec
 import robo_messages
 from robo.cli.up import is_manifest, print_json
 from robo.errors import ManifestError, UsageError
+from robo.graph import FORMATS, draw
 from robo.launch import faults, resolve
 from robo.launch.check import Findings, check, ends_of
 from robo.launch.find import find_manifest
-from robo.launch.graph import FORMATS, draw
+from robo.launch.graph import graph_of
 from robo.launch.schema import manifest_schema
 from robo.launch.substitution import Word
 from robo.yaml_tree import Position, Problem
@@ -70,7 +71,7 @@ def _check_one(
         text = f"checked without {', '.join(absent)}; give {absent[0]}:=VALUE to check with it"
         note = Problem(Position(str(file), 1, 1), text)
         findings = Findings(findings.faults, (*findings.notes, note))
-    return findings, draw(resolution.plan, ends_of(resolution), graph) if graph is not None else None
+    return findings, draw(graph_of(resolution, ends_of(resolution)), graph) if graph is not None else None
 
 
 def _report(files: Sequence[str], found: Sequence[Problem], notes: Sequence[Problem], *, to_stderr: bool) -> None:

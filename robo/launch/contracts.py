@@ -25,7 +25,7 @@ class Question(msgspec.Struct, frozen=True):
 
 
 class Endpoint(msgspec.Struct, frozen=True):
-    """A topic that a node class declares."""
+    """A topic or a service that a node class declares."""
 
     topic: str
     type: str
@@ -35,8 +35,12 @@ class NodeContract(msgspec.Struct, frozen=True, kw_only=True):
     """A node class's contract as plain data."""
 
     name: str
+    class_name: str
+    """`module:Class`."""
     publishers: tuple[Endpoint, ...]
     subscriptions: tuple[Endpoint, ...]
+    services: tuple[Endpoint, ...]
+    clients: tuple[Endpoint, ...]
     parameters: dict[str, str]
     """Types by name."""
 
@@ -128,12 +132,21 @@ def _answer(asked: Question, loaded: dict[str, Any]) -> Answer:
     return Answer(
         contract=NodeContract(
             name=contract.name,
+            class_name=f"{node_class.__module__}:{node_class.__qualname__}",
             publishers=tuple(Endpoint(p.topic, _type_name(p.message_type)) for p in contract.publishers),
             subscriptions=tuple(Endpoint(s.topic, _type_name(s.message_type)) for s in contract.subscriptions),
+            services=tuple(Endpoint(s.service, _service_name(s)) for s in contract.services),
+            clients=tuple(Endpoint(c.service, _service_name(c)) for c in contract.clients),
             parameters=types,
         ),
         mistakes=mistakes,
     )
+
+
+def _service_name(declared: Any) -> str:
+    import robo_messages
+
+    return robo_messages.service_type_name(declared.request_type, declared.response_type)
 
 
 def _type_name(message_type: Any) -> str:

@@ -20,7 +20,7 @@ _TOKEN = re.compile(
       (?P<reference>\$\{[^{}]*\})
     | (?P<number>-?(?:\d+\.\d*|\.\d+|\d+)(?:[eE][-+]?\d+)?(?![\w.]))
     | (?P<text>'[^']*'|"[^"]*")
-    | (?P<name>[A-Za-z_][\w.]*)
+    | (?P<name>[A-Za-z_][\w.]*(?:\[-?\d+\][\w.]*)*)
     | (?P<sign>==|!=|<=|>=|<|>|\(|\)|\[|\]|,)
     )""",
     re.VERBOSE,
@@ -57,12 +57,35 @@ def evaluate(text: str, look_up: Callable[[str], object]) -> bool:
     Raises:
         ExpressionError: it is no expression, a name is unknown, or it is neither true nor false.
     """
-    parser = _Parser(_tokens(text), look_up)
-    start = parser.token
-    value = parser.either()
-    if parser.token.kind != "end":
-        raise parser.error(f"unexpected {parser.token.text!r}")
-    return parser.truth(value, start)
+    return Condition(text).holds(look_up)
+
+
+class Condition:
+    """A condition that is read once and asked often."""
+
+    def __init__(self, text: str) -> None:
+        """
+        Raises:
+            ExpressionError: it holds what is no part of an expression.
+        """
+        self._tokens = _tokens(text)
+        self._parsed(lambda _name: None, dry=True)
+
+    def holds(self, look_up: Callable[[str], object]) -> bool:
+        """Whether it holds, as `evaluate` says it.
+
+        Raises:
+            ExpressionError: as `evaluate`.
+        """
+        return self._parsed(look_up, dry=False)
+
+    def _parsed(self, look_up: Callable[[str], object], *, dry: bool) -> bool:
+        parser = _Parser(self._tokens, look_up, dry=dry)
+        start = parser.token
+        value = parser.either()
+        if parser.token.kind != "end":
+            raise parser.error(f"unexpected {parser.token.text!r}")
+        return parser.truth(value, start)
 
 
 def _tokens(text: str) -> list[_Token]:
@@ -80,11 +103,13 @@ def _tokens(text: str) -> list[_Token]:
 
 
 class _Parser:
-    def __init__(self, tokens: list[_Token], look_up: Callable[[str], object]) -> None:
+    def __init__(self, tokens: list[_Token], look_up: Callable[[str], object], *, dry: bool) -> None:
+        """`dry` only looks whether the tokens form an expression, whatever the names stand for."""
         self._tokens = tokens
         self._at = 0
         self._depth = 0
         self._look_up = look_up
+        self._dry = dry
 
     @property
     def token(self) -> _Token:
@@ -94,8 +119,8 @@ class _Parser:
         return ExpressionError(text, (at or self.token).offset)
 
     def truth(self, value: object, at: _Token) -> bool:
-        if isinstance(value, bool):
-            return value
+        if isinstance(value, bool) or self._dry:
+            return bool(value)
         raise self.error(f"{value!r} is neither true nor false; compare it with something", at)
 
     def either(self) -> object:
@@ -139,6 +164,8 @@ class _Parser:
         right = self.value()
         if self.token.text in ("==", "!=", *_ORDER):
             raise self.error("one comparison at a time; join two with `and`")
+        if self._dry:
+            return True
         if sign.text in ("==", "!="):
             return (left == right and isinstance(left, bool) == isinstance(right, bool)) == (sign.text == "==")
         numbers = isinstance(left, (int, float)) and isinstance(right, (int, float))
@@ -180,6 +207,8 @@ class _Parser:
         return items
 
     def _contains(self, container: object, item: object, at: _Token) -> bool:
+        if self._dry:
+            return True
         if isinstance(container, (list, tuple)):
             return item in container
         if isinstance(container, str) and isinstance(item, str):

@@ -1,69 +1,39 @@
-"""The graph of a launch, nodes and topics, in forms that other tools draw."""
+"""The graph that a plan will make once it runs."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
-import msgspec
-
+from robo import graph, names
+from robo.contract import SYSTEM_TOPICS
+from robo.graph import Edge, Graph
 from robo.launch.check import End
-from robo.launch.plan import Plan
+from robo.launch.plan import ProcessPlan
+from robo.launch.resolve import Resolution
 
-FORMATS = ("mermaid", "dot", "json")
-
-
-def draw(plan: Plan, ends: Sequence[End], form: str) -> str:
-    """The graph in one of `FORMATS`."""
-    return {"mermaid": _mermaid, "dot": _dot, "json": _json}[form](plan, ends)
+_KINDS = {"publishes": "pub", "subscribes": "sub"}
 
 
-def _topics(ends: Sequence[End]) -> dict[str, list[str]]:
-    """The types on each key."""
-    found: dict[str, list[str]] = {}
-    for end in ends:
-        types = found.setdefault(end.key, [])
-        if end.type not in types:
-            types.append(end.type)
-    return found
+def graph_of(resolution: Resolution, ends: Sequence[End]) -> Graph:
+    """The graph of a plan, from its processes and what their node classes declare."""
+    edges = [Edge(end.node, _KINDS[end.kind], end.key, end.type) for end in ends]
+    nodes = []
+    for process in resolution.plan.processes:
+        contract = resolution.contracts.get(process.full_name)
+        nodes.append(graph.Node(process.full_name, contract.class_name if contract is not None else None))
+        if contract is not None:
+            edges += _system_edges(process)
+            edges += (Edge(process.full_name, "srv", _key(process, s.topic), s.type) for s in contract.services)
+            edges += (Edge(process.full_name, "cli", _key(process, c.topic), c.type) for c in contract.clients)
+    return graph.build(nodes, edges)
 
 
-def _mermaid(plan: Plan, ends: Sequence[End]) -> str:
-    nodes = {p.full_name: f"n{i}" for i, p in enumerate(plan.processes)}
-    topics = {key: f"t{i}" for i, key in enumerate(_topics(ends))}
-    lines = ["flowchart LR"]
-    lines += [f'  {node}["{name}"]' for name, node in nodes.items()]
-    lines += [f'  {topics[key]}(["{key}<br/>{" / ".join(types)}"])' for key, types in _topics(ends).items()]
-    lines += [
-        f"  {nodes[end.node]} --> {topics[end.key]}"
-        if end.kind == "publishes"
-        else f"  {topics[end.key]} --> {nodes[end.node]}"
-        for end in ends
-    ]
-    return "\n".join(lines)
+def _system_edges(process: ProcessPlan) -> Iterable[Edge]:
+    """What the runtime gives every node."""
+    for topic, type_name in SYSTEM_TOPICS.items():
+        yield Edge(process.full_name, "pub", names.join(process.namespace, topic), type_name)
+    sim_time = process.parameters.get("use_sim_time")
+    if sim_time is not None and sim_time.value is True:
+        yield Edge(process.full_name, "sub", _key(process, "/clock"), "system/Clock")
 
 
-def _dot(plan: Plan, ends: Sequence[End]) -> str:
-    lines = ["digraph robot {", "  rankdir=LR;"]
-    lines += [f'  "{p.full_name}" [shape=box];' for p in plan.processes]
-    lines += [
-        f'  "{key}" [shape=ellipse, label="{key}\\n{" / ".join(types)}"];' for key, types in _topics(ends).items()
-    ]
-    lines += [
-        f'  "{end.node}" -> "{end.key}";' if end.kind == "publishes" else f'  "{end.key}" -> "{end.node}";'
-        for end in ends
-    ]
-    return "\n".join([*lines, "}"])
-
-
-def _json(plan: Plan, ends: Sequence[End]) -> str:
-    data = {
-        "nodes": [{"name": p.full_name, "service": p.service, "group": p.group} for p in plan.processes],
-        "topics": [
-            {
-                "key": key,
-                "types": types,
-                "publishers": [end.node for end in ends if end.key == key and end.kind == "publishes"],
-                "subscribers": [end.node for end in ends if end.key == key and end.kind == "subscribes"],
-            }
-            for key, types in _topics(ends).items()
-        ],
-    }
-    return msgspec.json.format(msgspec.json.encode(data)).decode()
+def _key(process: ProcessPlan, name: str) -> str:
+    return names.resolve(name, namespace=process.namespace, node=process.name, remappings=process.remap)

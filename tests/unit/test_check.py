@@ -3,13 +3,13 @@
 from pathlib import Path
 
 import jsonschema
-import msgspec
 import pytest
 
 import robo_messages
+from robo.graph import Topic
 from robo.launch import language, resolve
 from robo.launch.check import Findings, check, ends_of
-from robo.launch.graph import draw
+from robo.launch.graph import graph_of
 from robo.launch.schema import manifest_schema
 from robo.yaml_tree import parse, plain
 
@@ -137,21 +137,15 @@ def test_other_mistakes_come_with_the_wiring() -> None:
 # -- drawings and schema -------------------------------------------------------------------------------
 
 
-def test_the_graph_in_every_form() -> None:
+def test_the_graph_of_a_plan() -> None:
     Path("m.yaml").write_text(group(SOURCE, TRACKER))
     resolution = resolve.resolve(Path("m.yaml"), {})
-    ends = ends_of(resolution)
-    mermaid = draw(resolution.plan, ends, "mermaid").splitlines()
-    assert mermaid[0] == "flowchart LR"
-    assert mermaid[1:4] == ['  n0["/r1/source"]', '  n1["/r1/tracker"]', '  t0(["r1/odom<br/>nav/Odometry"])']
-    assert {"  n0 --> t0", "  t0 --> n1", "  n1 --> t1"} == set(mermaid[5:])
-    dot = draw(resolution.plan, ends, "dot")
-    assert dot.startswith("digraph robot {")
-    assert '"r1/odom" -> "/r1/tracker";' in dot
-    graph = msgspec.json.decode(draw(resolution.plan, ends, "json"))
-    assert graph["topics"][0] == {
-        "key": "r1/odom", "types": ["nav/Odometry"], "publishers": ["/r1/source"], "subscribers": ["/r1/tracker"],
-    }  # fmt: skip
+    graph = graph_of(resolution, ends_of(resolution))
+    assert [node.name for node in graph.nodes] == ["/r1/source", "/r1/tracker"]
+    topics = {topic.key: topic for topic in graph.topics}
+    assert topics["r1/odom"] == Topic("r1/odom", ["nav/Odometry"], ["/r1/source"], ["/r1/tracker"], [])
+    assert topics["r1/log"].publishers == ["/r1/tracker"], "a command is no node of robo's"
+    assert [service.key for service in graph.services] == ["r1/reset_distance"]
 
 
 @pytest.mark.parametrize("name", SHIPPED)

@@ -58,7 +58,7 @@ def test_what_holds(text: str, expected: bool) -> None:
         ("mode < 3", "have no order", 5),
         ("3 in n", "cannot be in 3", 2),
         ("use_sim use_sim", "unexpected 'use_sim'", 8),
-        ("__import__('os')", "not defined", 0),
+        ("__import__('os')", "unexpected '('", 10),
         ("", "something is missing", 0),
         ("(" * 1000, "nested more than 50", 51),
         ("not " * 1000, "nested more than 50", 204),

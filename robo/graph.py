@@ -1,0 +1,195 @@
+"""The graph of nodes, topics and services, and its drawings. Pure.
+
+A manifest's plan and a running system give the same kind of graph (`robo check --graph`, `robo graph`), so
+that one can be held against the other.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+
+import msgspec
+
+SYSTEM_TYPES = frozenset({"system/Log", "system/ParameterEvent", "system/Clock"})
+"""Types of the topics that every node has; nobody needs to be at their other end."""
+
+
+class Node(msgspec.Struct, frozen=True, order=True):
+    """A node."""
+
+    name: str
+    """The full name."""
+    class_name: str | None
+    """`module:Class`; None for a command that is no node class."""
+
+
+class Topic(msgspec.Struct, frozen=True, order=True):
+    """A topic and its ends."""
+
+    key: str
+    types: list[str]
+    publishers: list[str]
+    """Full names of nodes."""
+    subscribers: list[str]
+    problems: list[str]
+    """A dead end, two types: what to look at."""
+
+
+class Service(msgspec.Struct, frozen=True, order=True):
+    """A service and its ends."""
+
+    key: str
+    types: list[str]
+    servers: list[str]
+    """Full names of nodes."""
+    clients: list[str]
+    problems: list[str]
+
+
+class Graph(msgspec.Struct, frozen=True):
+    """Who is connected with whom; everything sorted."""
+
+    nodes: list[Node]
+    topics: list[Topic]
+    services: list[Service]
+
+
+class Edge(msgspec.Struct, frozen=True):
+    """One end of a topic or a service."""
+
+    node: str
+    kind: str
+    """`pub`, `sub`, `srv` or `cli`."""
+    key: str
+    type: str
+    """Empty where it is not known."""
+
+
+def build(nodes: Iterable[Node], edges: Iterable[Edge]) -> Graph:
+    """The graph of nodes and the ends that they have."""
+    ends = list(edges)
+
+    def who(kind: str, key: str) -> list[str]:
+        return sorted({edge.node for edge in ends if edge.key == key and edge.kind == kind})
+
+    def types(kinds: tuple[str, str], key: str) -> list[str]:
+        return sorted({edge.type for edge in ends if edge.key == key and edge.kind in kinds and edge.type})
+
+    topics = []
+    for key in sorted({edge.key for edge in ends if edge.kind in ("pub", "sub")}):
+        names, publishers, subscribers = types(("pub", "sub"), key), who("pub", key), who("sub", key)
+        problems = [f"type clash: {', '.join(names)}"] if len(names) > 1 else []
+        if not SYSTEM_TYPES.issuperset(names) or not names:
+            problems += ["nobody publishes it"] if not publishers else []
+            problems += ["nobody subscribes it"] if not subscribers else []
+        topics.append(Topic(key, names, publishers, subscribers, problems))
+    services = []
+    for key in sorted({edge.key for edge in ends if edge.kind in ("srv", "cli")}):
+        names, servers, clients = types(("srv", "cli"), key), who("srv", key), who("cli", key)
+        problems = [f"type clash: {', '.join(names)}"] if len(names) > 1 else []
+        problems += ["nobody serves it"] if not servers else []
+        problems += [f"served by {len(servers)} nodes"] if len(servers) > 1 else []
+        services.append(Service(key, names, servers, clients, problems))
+    return Graph(sorted(set(nodes)), topics, services)
+
+
+def without_system(graph: Graph) -> Graph:
+    """The graph without the topics that every node has."""
+    topics = [topic for topic in graph.topics if not (topic.types and SYSTEM_TYPES.issuperset(topic.types))]
+    return msgspec.structs.replace(graph, topics=topics)
+
+
+def draw(graph: Graph, form: str) -> str:
+    """The graph in one of `FORMATS`."""
+    return _DRAWINGS[form](graph)
+
+
+def _text(graph: Graph) -> str:
+    lines = ["nodes", *_table([(node.name, node.class_name or "a command") for node in graph.nodes])]
+    everybody = [node.name for node in graph.nodes]
+
+    def who(nodes: Sequence[str]) -> str:
+        if len(nodes) > 2 and list(nodes) == everybody:
+            return "every node"
+        return ", ".join(nodes) or "(nobody)"
+
+    if graph.topics:
+        rows = [
+            (t.key, " ≠ ".join(t.types) or "-", f"{who(t.publishers)} → {who(t.subscribers)}", *_marks(t.problems))
+            for t in graph.topics
+        ]
+        lines += ["", "topics", *_table(rows)]
+    if graph.services:
+        rows = [
+            (s.key, " ≠ ".join(s.types) or "-", f"{who(s.clients)} → {who(s.servers)}", *_marks(s.problems))
+            for s in graph.services
+        ]
+        lines += ["", "services", *_table(rows)]
+    return "\n".join(lines)
+
+
+def _marks(problems: Sequence[str]) -> tuple[str]:
+    return (f"! {'; '.join(problems)}" if problems else "",)
+
+
+def _table(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))] if rows else []
+    return ["  " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def _mermaid(graph: Graph) -> str:
+    nodes = {name: f"n{i}" for i, name in enumerate(_all_nodes(graph))}
+    lines = ["flowchart LR", *(f'  {short}["{name}"]' for name, short in nodes.items())]
+    bad = []
+    for i, topic in enumerate(graph.topics):
+        lines.append(f'  t{i}(["{"<br/>".join([topic.key, " / ".join(topic.types), *topic.problems])}"])')
+        lines += [f"  {nodes[name]} --> t{i}" for name in topic.publishers]
+        lines += [f"  t{i} --> {nodes[name]}" for name in topic.subscribers]
+        bad += [f"t{i}"] if topic.problems else []
+    for i, service in enumerate(graph.services):
+        lines.append(f'  s{i}{{{{"{"<br/>".join([service.key, " / ".join(service.types), *service.problems])}"}}}}')
+        lines += [f"  {nodes[name]} -.-> s{i}" for name in service.clients]
+        lines += [f"  s{i} -.-> {nodes[name]}" for name in service.servers]
+        bad += [f"s{i}"] if service.problems else []
+    if bad:
+        lines += ["  classDef problem stroke:#c00,stroke-width:2px", f"  class {','.join(bad)} problem"]
+    return "\n".join(lines)
+
+
+def _dot(graph: Graph) -> str:
+    lines = ["digraph robot {", "  rankdir=LR;"]
+    lines += [f"  {_quoted(name)} [shape=box];" for name in _all_nodes(graph)]
+    for topic in graph.topics:
+        lines.append(f"  {_quoted(topic.key)} [shape=ellipse, {_label(topic.key, topic.types, topic.problems)}];")
+        lines += [f"  {_quoted(name)} -> {_quoted(topic.key)};" for name in topic.publishers]
+        lines += [f"  {_quoted(topic.key)} -> {_quoted(name)};" for name in topic.subscribers]
+    for service in graph.services:
+        lines.append(
+            f"  {_quoted(service.key)} [shape=hexagon, {_label(service.key, service.types, service.problems)}];"
+        )
+        lines += [f"  {_quoted(name)} -> {_quoted(service.key)} [style=dashed];" for name in service.clients]
+        lines += [f"  {_quoted(service.key)} -> {_quoted(name)} [style=dashed];" for name in service.servers]
+    return "\n".join([*lines, "}"])
+
+
+def _label(key: str, types: Sequence[str], problems: Sequence[str]) -> str:
+    label = "\\n".join([key, " / ".join(types), *problems])
+    return f'label="{label}"{", color=red" if problems else ""}'
+
+
+def _quoted(name: str) -> str:
+    return f'"{name}"'
+
+
+def _json(graph: Graph) -> str:
+    return msgspec.json.format(msgspec.json.encode(graph)).decode()
+
+
+def _all_nodes(graph: Graph) -> list[str]:
+    """Every name at an end of an edge, those without a node of their own included."""
+    ends = [name for topic in graph.topics for name in (*topic.publishers, *topic.subscribers)]
+    ends += [name for service in graph.services for name in (*service.servers, *service.clients)]
+    return sorted({*(node.name for node in graph.nodes), *ends})
+
+
+_DRAWINGS: dict[str, Callable[[Graph], str]] = {"text": _text, "mermaid": _mermaid, "dot": _dot, "json": _json}
+
+FORMATS = tuple(_DRAWINGS)
