@@ -1,27 +1,96 @@
 """What the tools share: reaching a running robot, and printing."""
 
+import os
+import socket
 import sys
+import time
 from collections.abc import Sequence
 
 import msgspec
 
+from robo.cli.reach import Reach
 from robo.codec import jsonable
-from robo.session import Network, open_session
+from robo.discovery import NodeToken
+from robo.errors import NetworkError
+from robo.session import Network, open_session, zenoh_config
+from robo.tools import nodes
 
 import zenoh  # isort: skip  (after robo.session, which sets how Zenoh starts its threads)
 
-TIMEOUT = 0.8
-"""How long to look for a running robot, s."""
 
-
-def connect_to_robot(connect: Sequence[str]) -> zenoh.Session:
+def connect_to_robot(reach: Reach) -> zenoh.Session:
     """A session as a client of the robot's router.
 
     Raises:
-        NetworkError: no robot runs there.
+        NetworkError: no robot runs there; tells what was tried and what would start one.
     """
-    network = Network.from_environment("client", connect)
-    return open_session(msgspec.structs.replace(network, timeout=TIMEOUT))
+    network = Network.from_environment("client", reach.connect)
+    zenoh_config(network)  # an endpoint that is none is told first
+    begin = time.monotonic()
+    try:
+        if not _somebody_listens(network.connect, begin + reach.refused_timeout):
+            raise NetworkError("nobody listens")
+        left = max(begin + reach.timeout - time.monotonic(), 0.1)
+        return open_session(msgspec.structs.replace(network, timeout=left))
+    except NetworkError:
+        raise NetworkError(_nothing_there(network.connect, reach, time.monotonic() - begin)) from None
+
+
+def _somebody_listens(endpoints: Sequence[str], end: float) -> bool:
+    """Whether one of some endpoints may answer: an address that refuses is tried again, and not for long."""
+    addresses = [_address(endpoint) for endpoint in endpoints]
+    while True:
+        left = end - time.monotonic()
+        for address in addresses:
+            if address is None:
+                return True  # not to be tried without Zenoh
+            try:
+                socket.create_connection(address, timeout=max(left, 0.05)).close()
+            except OSError:
+                continue
+            return True
+        if left <= 0:
+            return False
+        time.sleep(min(0.02, left))
+
+
+def _address(endpoint: str) -> tuple[str, int] | None:
+    """Host and port of a TCP endpoint; None for another kind."""
+    protocol, _, rest = endpoint.partition("/")
+    host, _, port = rest.partition("?")[0].partition("#")[0].rpartition(":")
+    return (host.strip("[]"), int(port)) if protocol == "tcp" and port.isdigit() and int(port) < 65536 else None
+
+
+def _nothing_there(endpoints: Sequence[str], reach: Reach, waited: float) -> str:
+    from robo.tools import logs  # what runs on this machine says where it is
+
+    lines = [f"nothing is running at {', '.join(endpoints)} (waited {waited:.1f} s)"]
+    lines += [f"  {endpoint}: {_what_is_wrong(endpoint)}" for endpoint in endpoints]
+    for run in logs.live_runs():
+        elsewhere = [place for place in run.info.endpoints if place not in endpoints]
+        if elsewhere:
+            lines.append(f"  {run.info.robot} runs on this machine at {elsewhere[0]}: --connect {elsewhere[0]}")
+    robot = f" --robot-name {reach.robot}" if reach.robot is not None else ""
+    lines.append(f"  `robo up{robot}` starts a robot; --connect tcp/HOST:7447 or ROBO_CONNECT names another place")
+    return "\n".join(lines)
+
+
+def _what_is_wrong(endpoint: str) -> str:
+    address = _address(endpoint)
+    if address is None:
+        return "no answer"
+    try:
+        socket.create_connection(address, timeout=0.1).close()
+    except ConnectionRefusedError:
+        return "nobody listens there"
+    except OSError as error:
+        return f"cannot be reached ({error.strerror or error})"
+    return "what listens there does not speak Zenoh"
+
+
+def nodes_of(session: zenoh.Session, reach: Reach) -> list[NodeToken]:
+    """The nodes of the robot that is named, or of all."""
+    return [token for token in nodes.list_nodes(session, reach.timeout) if reach.covers(token.full_name)]
 
 
 def print_line(text: str) -> None:
@@ -29,9 +98,14 @@ def print_line(text: str) -> None:
     print(text, flush=True)
 
 
-def print_json(value: object) -> None:
+def to_json(value: object) -> str:
     """An object as a line of JSON."""
-    print_line(msgspec.json.encode(jsonable(msgspec.to_builtins(value))).decode())
+    return msgspec.json.encode(jsonable(msgspec.to_builtins(value))).decode()
+
+
+def print_json(value: object) -> None:
+    """An object as a line of JSON, at once."""
+    print_line(to_json(value))
 
 
 def print_table(rows: Sequence[Sequence[str]]) -> None:
@@ -39,10 +113,45 @@ def print_table(rows: Sequence[Sequence[str]]) -> None:
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
     for number, row in enumerate(rows):
         line = "  ".join(cell.ljust(width) for cell, width in zip(row, [*widths, 0], strict=True)).rstrip()
-        print(f"\x1b[1m{line}\x1b[0m" if number == 0 and sys.stdout.isatty() else line)
+        print(paint(line, "1") if number == 0 else line)
+
+
+def paint(text: str, code: str) -> str:
+    """Text in a colour, where a terminal shows it and nobody has said NO_COLOR."""
+    return f"\x1b[{code}m{text}\x1b[0m" if sys.stdout.isatty() and not os.environ.get("NO_COLOR") else text
+
+
+def clear_screen() -> None:
+    """Begin again at the top, on a terminal."""
+    if sys.stdout.isatty():
+        print("\x1b[H\x1b[J", end="")
 
 
 def hint(text: str) -> None:
-    """Talk for people, beside the data."""
+    """Talk for people who wait, beside the data."""
     if sys.stderr.isatty():
         print(text, file=sys.stderr)
+
+
+def note(text: str) -> None:
+    """Something to know about the data, beside them."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def clock_time(nanoseconds: int) -> str:
+    """A time of today: `18:30:00.123`."""
+    stamp = time.strftime("%H:%M:%S", time.localtime(nanoseconds / 1e9))
+    return f"{stamp}.{nanoseconds // 10**6 % 1000:03d}"
+
+
+def amount(count: int, what: str) -> str:
+    """How many of something: `1 node`, `2 nodes`."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def data_size(size: float, unit: str = "B") -> str:
+    """A number of bytes for people: `1.2 MB`, or `1.2 MB/s`."""
+    for factor, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if abs(size) >= factor:
+            return f"{size / factor:.3g} {prefix}{unit}"
+    return f"{size:.3g} {unit}"

@@ -1,27 +1,26 @@
 """`robo param`: printing and changing parameters of running nodes."""
 
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
 import zenoh
 
-from robo import codec
-from robo.cli.connection import connect_to_robot, hint, print_json, print_line
+from robo.cli.connection import clock_time, connect_to_robot, hint, nodes_of, print_json, print_line
+from robo.cli.reach import Reach
 from robo.discovery import NodeToken
 from robo.errors import NodeUnreachable, UsageError
 from robo.parameters import range_text
 from robo.tools import nodes, parameters
 from robo.tools.parameters import Described
-from robo.tools.topics import Stream
+from robo.tools.stream import Stream
 from robo_messages import ParameterEvent
 
 
-def print_list(node: str | None, *, json: bool, connect: Sequence[str]) -> None:
+def print_list(node: str | None, reach: Reach, *, json: bool) -> None:
     """Print the parameters of one node or of all, with their values."""
-    with connect_to_robot(connect) as session:
-        found, silent = _read(session, node)
+    with connect_to_robot(reach) as session:
+        found, silent = _read(session, node, reach)
     if json:
         print_json(found)
     else:
@@ -33,10 +32,10 @@ def print_list(node: str | None, *, json: bool, connect: Sequence[str]) -> None:
     _complain_of(silent)
 
 
-def print_values(node: str, names: Sequence[str], *, json: bool, connect: Sequence[str]) -> None:
+def print_values(node: str, names: Sequence[str], reach: Reach, *, json: bool) -> None:
     """Print single values, without anything around them."""
-    with connect_to_robot(connect) as session:
-        values = parameters.get(session, _find(session, node), names)
+    with connect_to_robot(reach) as session:
+        values = parameters.get(session, _find(session, node, reach), names)
     if json:
         print_json(values)
     else:
@@ -44,7 +43,7 @@ def print_values(node: str, names: Sequence[str], *, json: bool, connect: Sequen
             print_line(_text(values[name]))
 
 
-def set_values(node: str, words: Sequence[str], *, connect: Sequence[str]) -> None:
+def set_values(node: str, words: Sequence[str], reach: Reach) -> None:
     """`NAME VALUE`, or several `NAME:=VALUE`.
 
     Raises:
@@ -57,8 +56,8 @@ def set_values(node: str, words: Sequence[str], *, connect: Sequence[str]) -> No
         texts = {words[0]: words[1]}
     else:
         raise UsageError("write NAME VALUE, or several NAME:=VALUE")
-    with connect_to_robot(connect) as session:
-        token = _find(session, node)
+    with connect_to_robot(reach) as session:
+        token = _find(session, node, reach)
         described = parameters.describe(session, token)
         changes = {name: parameters.typed(described, name, text) for name, text in texts.items()}
         parameters.set_all(session, token, changes)
@@ -66,10 +65,10 @@ def set_values(node: str, words: Sequence[str], *, connect: Sequence[str]) -> No
             print_line(f"{token.full_name}: {name} = {_text(value)}")
 
 
-def print_descriptions(node: str, names: Sequence[str], *, json: bool, connect: Sequence[str]) -> None:
+def print_descriptions(node: str, names: Sequence[str], reach: Reach, *, json: bool) -> None:
     """Print type, range, unit, default and description."""
-    with connect_to_robot(connect) as session:
-        described = parameters.describe(session, _find(session, node), names)
+    with connect_to_robot(reach) as session:
+        described = parameters.describe(session, _find(session, node, reach), names)
     if json:
         print_json(described)
         return
@@ -80,10 +79,16 @@ def print_descriptions(node: str, names: Sequence[str], *, json: bool, connect: 
                 print_line(f"  {label:11} {text}")
 
 
-def dump(node: str | None, file: Path | None, *, connect: Sequence[str]) -> None:
-    """Write the values of one node or of all as a parameter file."""
-    with connect_to_robot(connect) as session:
-        found, silent = _read(session, node)
+def dump(node: str | None, reach: Reach, *, every: bool, file: Path | None) -> None:
+    """Write the values of one node or of all as a parameter file.
+
+    Raises:
+        UsageError: neither a node nor all is said, or both; or the file cannot be written.
+    """
+    if every == (node is not None):
+        raise UsageError("name a node, or say --all")
+    with connect_to_robot(reach) as session:
+        found, silent = _read(session, node, reach)
     text = parameters.to_yaml(found)
     if file is None:
         print_line(text.rstrip())
@@ -96,10 +101,10 @@ def dump(node: str | None, file: Path | None, *, connect: Sequence[str]) -> None
     _complain_of(silent)
 
 
-def load(node: str, file: str, *, connect: Sequence[str]) -> None:
+def load(node: str, file: str, reach: Reach) -> None:
     """Set what a parameter file says of a node: all of it, or nothing."""
-    with connect_to_robot(connect) as session:
-        token = _find(session, node)
+    with connect_to_robot(reach) as session:
+        token = _find(session, node, reach)
         values = parameters.from_file(file, token)
         before = parameters.get(session, token)
         parameters.set_all(session, token, values)
@@ -111,10 +116,10 @@ def load(node: str, file: str, *, connect: Sequence[str]) -> None:
         print_line(f"{token.full_name}: nothing changed")
 
 
-def explain(node: str, names: Sequence[str], *, json: bool, connect: Sequence[str]) -> None:
+def explain(node: str, names: Sequence[str], reach: Reach, *, json: bool) -> None:
     """Print everything that was said of parameters, and what won."""
-    with connect_to_robot(connect) as session:
-        said = parameters.explain(session, _find(session, node), names)
+    with connect_to_robot(reach) as session:
+        said = parameters.explain(session, _find(session, node, reach), names)
     if json:
         print_json(said)
         return
@@ -125,36 +130,36 @@ def explain(node: str, names: Sequence[str], *, json: bool, connect: Sequence[st
             print_line(f"  {mark} {_text(one.value):12} {one.source}")
 
 
-def watch(node: str | None, *, json: bool, connect: Sequence[str]) -> None:
+def watch(node: str | None, reach: Reach, *, json: bool) -> None:
     """Print changes as they come."""
-    with connect_to_robot(connect) as session:
-        wanted = _find(session, node).full_name if node else None
-        stream = Stream(session, "**/parameter_events")
+    with connect_to_robot(reach) as session:
+        wanted = _find(session, node, reach).full_name if node else None
+        stream = Stream(session, [reach.key("**/parameter_events")])
         hint("waiting for changes …")
-        for sample in stream.samples():
+        for arrival in stream.until(None):
             try:
-                event = msgspec.msgpack.decode(sample.payload.to_bytes(), type=ParameterEvent)
+                event = msgspec.msgpack.decode(arrival.sample.payload.to_bytes(), type=ParameterEvent)
             except (msgspec.DecodeError, UnicodeDecodeError):
                 continue  # somebody else's topic
             if wanted is not None and event.node != wanted:
                 continue
-            attachment = codec.unpack_attachment(sample.attachment.to_bytes()) if sample.attachment else None
-            when = attachment.source_time if attachment is not None else time.time_ns()
+            when = arrival.attachment.source_time if arrival.attachment is not None else arrival.arrived
             for change in event.changed_parameters:
                 if json:
                     print_json({"time": when, "node": event.node, "name": change.name, "value": change.value})
                 else:
-                    stamp = time.strftime("%H:%M:%S", time.localtime(when * 1e-9))
-                    print_line(f"{stamp} {event.node}: {change.name} = {_text(change.value)}")
+                    print_line(f"{clock_time(when)} {event.node}: {change.name} = {_text(change.value)}")
 
 
-def _find(session: zenoh.Session, node: str) -> NodeToken:
-    return nodes.find_node(nodes.list_nodes(session), node)
+def _find(session: zenoh.Session, node: str, reach: Reach) -> NodeToken:
+    return nodes.find_node(nodes_of(session, reach), node)
 
 
-def _read(session: zenoh.Session, node: str | None) -> tuple[dict[str, dict[str, object]], list[NodeUnreachable]]:
+def _read(
+    session: zenoh.Session, node: str | None, reach: Reach
+) -> tuple[dict[str, dict[str, object]], list[NodeUnreachable]]:
     """The values of one node or of all, and which did not answer."""
-    wanted = [_find(session, node)] if node else nodes.list_nodes(session)
+    wanted = [_find(session, node, reach)] if node else nodes_of(session, reach)
     found: dict[str, dict[str, object]] = {}
     silent: list[NodeUnreachable] = []
     for token in wanted:

@@ -1,30 +1,39 @@
 """`robo ps`, `stop`, `start`, `restart`, `down`, `why` and `events`: printing what supervisors say."""
 
-import sys
 import time
 from collections.abc import Sequence
 
-from robo.cli.connection import connect_to_robot, hint, print_json, print_line, print_table
+from robo.cli.connection import (
+    clear_screen,
+    clock_time,
+    connect_to_robot,
+    hint,
+    paint,
+    print_json,
+    print_line,
+    print_table,
+)
+from robo.cli.reach import Reach
 from robo.supervisor.status import Event, Exit, Explanation, ProcessStatus
 from robo.tools import runs
 
-_COLOURS = {"ready": "32", "completed": "32", "degraded": "33", "restarting": "33", "starting": "36", "failed": "31"}
+COLOURS = {"ready": "32", "completed": "32", "degraded": "33", "restarting": "33", "starting": "36", "failed": "31"}
 _STALE = 2.0
 """An input of which nothing has come for so long is named by `robo why`, s."""
 
 
-def print_processes(*, robot: str | None, json: bool, watch: bool, interval: float, connect: Sequence[str]) -> None:
+def print_processes(reach: Reach, *, json: bool, watch: bool, interval: float) -> None:
     """Print the table of processes, once or again and again.
 
     Raises:
         RunError: no supervisor answers.
     """
-    with connect_to_robot(connect) as session:
+    with connect_to_robot(reach) as session:
         while True:
-            waits = robot is not None or watch
-            found = runs.processes(session, robot) if waits else runs.all_processes(session)
-            if watch and not json and sys.stdout.isatty():
-                print("\x1b[H\x1b[J", end="")
+            waits = reach.robot is not None or watch
+            found = runs.processes(session, reach.robot) if waits else runs.all_processes(session)
+            if watch and not json:
+                clear_screen()
             if json:
                 for status in found:
                     print_json(status)
@@ -61,18 +70,17 @@ def _rate(topics: dict[str, float]) -> str:
 
 def _painted(state: str) -> str:
     # As wide as the longest state, so that colours do not shift the columns.
-    text = f"{state:10}"
-    return f"\x1b[{_COLOURS[state]}m{text}\x1b[0m" if sys.stdout.isatty() and state in _COLOURS else text
+    return paint(f"{state:10}", COLOURS.get(state, "0"))
 
 
-def command(verb: str, names: Sequence[str], *, robot: str | None, json: bool, connect: Sequence[str]) -> None:
+def command(verb: str, names: Sequence[str], reach: Reach, *, json: bool) -> None:
     """Have something done to nodes or groups, and say what was done.
 
     Raises:
         RoboError: there is no such robot or node, or it is not clear which robot is meant.
     """
-    with connect_to_robot(connect) as session:
-        done = runs.command(session, runs.robot_of(session, robot, names), verb, names)
+    with connect_to_robot(reach) as session:
+        done = runs.command(session, runs.robot_of(session, reach.robot, names), verb, names)
     if json:
         print_json(done)
         return
@@ -83,17 +91,17 @@ def command(verb: str, names: Sequence[str], *, robot: str | None, json: bool, c
         hint("nothing to do: all of it runs")
 
 
-def down(*, robot: str | None, every: bool, timeout: float, connect: Sequence[str]) -> None:
+def down(reach: Reach, *, every: bool, timeout: float) -> None:
     """End the run of a robot, or of all, and wait until it is over.
 
     Raises:
         RoboError: there is no such robot, it is not clear which is meant, or it does not end.
     """
-    with connect_to_robot(connect) as session:
+    with connect_to_robot(reach) as session:
         if every:
             robots = sorted({status.robot for status in runs.all_processes(session)})
         else:
-            robots = [runs.robot_of(session, robot)]
+            robots = [runs.robot_of(session, reach.robot)]
         supervisors = {r: runs.supervisor_of(session, r) for r in robots}
         for name in robots:
             runs.command(session, name, "down", [])
@@ -102,14 +110,14 @@ def down(*, robot: str | None, every: bool, timeout: float, connect: Sequence[st
         print_line(f"{name} is down")
 
 
-def why(names: Sequence[str], *, robot: str | None, json: bool, connect: Sequence[str]) -> None:
+def why(names: Sequence[str], reach: Reach, *, json: bool) -> None:
     """Print why nodes are as they are.
 
     Raises:
         RoboError: there is no such robot or node.
     """
-    with connect_to_robot(connect) as session:
-        found = runs.explain(session, runs.robot_of(session, robot, names), names)
+    with connect_to_robot(reach) as session:
+        found = runs.explain(session, runs.robot_of(session, reach.robot, names), names)
     for explanation in found:
         if json:
             print_json(explanation)
@@ -151,10 +159,10 @@ def _when(ended: Exit) -> str:
     return time.strftime("%H:%M:%S", time.localtime(ended.time / 1e9))
 
 
-def print_events(*, robot: str | None, json: bool, follow: bool, connect: Sequence[str]) -> None:
+def print_events(reach: Reach, *, json: bool, follow: bool) -> None:
     """Print what has happened and what happens, until Ctrl-C."""
-    with connect_to_robot(connect) as session:
-        stream = runs.EventStream(session, robot)
+    with connect_to_robot(reach) as session:
+        stream = runs.EventStream(session, reach.robot)
         seen: set[tuple[int, str, str]] = set()
         for event in stream.past():
             seen.add((event.time, event.node, event.event))
@@ -170,9 +178,8 @@ def _print_event(event: Event, *, json: bool) -> None:
     if json:
         print_json(event)
         return
-    stamp = time.strftime("%H:%M:%S", time.localtime(event.time / 1e9)) + f".{event.time // 10**6 % 1000:03d}"
     who = event.node or event.robot
-    print_line(f"{stamp} {who} {event.event}{f': {event.reason}' if event.reason else ''}")
+    print_line(f"{clock_time(event.time)} {who} {event.event}{f': {event.reason}' if event.reason else ''}")
 
 
 def times(count: int) -> str:

@@ -2,7 +2,6 @@
 
 import sys
 import time
-from collections.abc import Sequence
 
 import msgspec
 import zenoh
@@ -10,17 +9,19 @@ import zenoh
 import robo_messages
 from robo import codec, services
 from robo.cli.connection import connect_to_robot, print_json, print_line, print_table
+from robo.cli.reach import Reach
 from robo.errors import ServiceTimeout, UsageError
-from robo.names import key_of
 from robo.parameters import parse_value
-from robo.tools import nodes
+from robo.suggestions import suggest
+from robo.tools import interfaces, nodes
+from robo.tools.message_input import field_types, message_of
 from robo.tools.nodes import ServiceInfo
 
 
-def print_services(*, json: bool, connect: Sequence[str]) -> None:
+def print_services(reach: Reach, *, json: bool) -> None:
     """Print the table of services."""
-    with connect_to_robot(connect) as session:
-        found = nodes.list_services(session)
+    with connect_to_robot(reach) as session:
+        found = [one for one in nodes.list_services(session, reach.timeout) if reach.covers(one.key)]
     if json:
         for one in found:
             print_json(one)
@@ -31,16 +32,16 @@ def print_services(*, json: bool, connect: Sequence[str]) -> None:
         print_table(rows)
 
 
-def print_type(key: str, *, connect: Sequence[str]) -> None:
+def print_type(name: str, reach: Reach) -> None:
     """Print the type of a service."""
-    with connect_to_robot(connect) as session:
-        print_line(_find(session, key).type)
+    with connect_to_robot(reach) as session:
+        print_line(_find(session, name, reach).type)
 
 
-def print_info(key: str, *, json: bool, connect: Sequence[str]) -> None:
+def print_info(name: str, reach: Reach, *, json: bool) -> None:
     """Print who serves a service, and what it takes and returns."""
-    with connect_to_robot(connect) as session:
-        found = _find(session, key)
+    with connect_to_robot(reach) as session:
+        found = _find(session, name, reach)
     halves = dict(zip(("request", "response"), robo_messages.halves_of(found.type), strict=True))
     if json:
         print_json({"key": found.key, "type": found.type, "servers": found.servers, **halves})
@@ -51,15 +52,16 @@ def print_info(key: str, *, json: bool, connect: Sequence[str]) -> None:
         print_line(f"  {label:8}  {_shape(name)}")
 
 
-def call(key: str, request: str | None, *, timeout: float, json: bool, connect: Sequence[str]) -> None:
+def call(name: str, request: str | None, reach: Reach, *, timeout: float, json: bool) -> None:
     """Call a service and print its answer.
 
     Raises:
-        UsageError: the request is no map, or not one of the service's type.
+        UsageError: the request is no map.
+        MessageError: it is not one of the service's type.
         ServiceError: the service refuses, or nobody answers.
     """
-    with connect_to_robot(connect) as session:
-        found = _find(session, key)
+    with connect_to_robot(reach) as session:
+        found = _find(session, name, reach)
         asked, _ = robo_messages.halves_of(found.type)
         attachment = codec.pack_attachment(1, time.time_ns())
         payload = _request(asked, request)
@@ -80,33 +82,24 @@ def _request(type_name: str, text: str | None) -> bytes:
     if not isinstance(value, dict):
         raise UsageError(f"a request is a map, for example '{{data: true}}', not {text}")
     try:
-        type_ = robo_messages.find_type(type_name)
+        type_ = interfaces.find(type_name)
     except robo_messages.UnknownType:
-        return msgspec.msgpack.encode(value)  # a user's own type: its server checks it
-    try:
-        return msgspec.msgpack.encode(msgspec.convert(value, type_))
-    except msgspec.ValidationError as error:
-        raise UsageError(f"{type_name}: {str(error).replace('`', '')}; it has {_shape(type_name)}") from None
+        return msgspec.msgpack.encode(value)  # its server checks it
+    return msgspec.msgpack.encode(message_of(type_, value))
 
 
 def _shape(type_name: str) -> str:
     """A message type in a line: its fields with their types."""
     try:
-        type_ = robo_messages.find_type(type_name)
+        fields = field_types(interfaces.find(type_name))
     except robo_messages.UnknownType:
         return type_name
-    fields = ", ".join(f"{f.name}: {getattr(f.type, '__name__', f.type)}" for f in msgspec.structs.fields(type_))
-    return f"{type_name} {{{fields}}}"
+    return f"{type_name} {{{', '.join(f'{name}: {kind}' for name, kind in fields.items())}}}"
 
 
-def _find(session: zenoh.Session, key: str) -> ServiceInfo:
-    import difflib
-
-    wanted = key_of(key)
-    found = nodes.list_services(session)
-    for one in found:
-        if one.key == wanted:
-            return one
-    close = difflib.get_close_matches(wanted, [one.key for one in found], n=1)
-    hint = f"did you mean {close[0]}?" if close else f"there is {', '.join(one.key for one in found) or 'none'}"
-    raise ServiceTimeout(f"nobody serves {wanted}; {hint}")
+def _find(session: zenoh.Session, name: str, reach: Reach) -> ServiceInfo:
+    wanted = reach.key(name)
+    found = {one.key: one for one in nodes.list_services(session, reach.timeout)}
+    if wanted in found:
+        return found[wanted]
+    raise ServiceTimeout(f"nobody serves {wanted}; {suggest(wanted, found)}")

@@ -1,101 +1,118 @@
-"""`robo topic`: printing what the tools find."""
+"""`robo topic list`, `info`, `type` and `find`: printing which topics there are."""
 
-import sys
 import time
-from collections.abc import Sequence
 
-from robo.cli.connection import connect_to_robot, hint, print_json, print_line, print_table
-from robo.names import key_of
-from robo.tools import topics
-from robo.tools.topics import Rate, RateMeter, Received, Stream
-
-
-def print_topics(*, json: bool, connect: Sequence[str]) -> None:
-    """Print the table of topics."""
-    with connect_to_robot(connect) as session:
-        found = topics.list_topics(session)
-    if json:
-        for topic in found:
-            print_json(topic)
-        return
-    if not found:
-        print("no topics", file=sys.stderr)
-        return
-    rows = [("TOPIC", "TYPE", "PUBLISHERS", "SUBSCRIBERS")]
-    rows += [(t.key, ", ".join(t.types), _count(t.publishers), _count(t.subscribers)) for t in found]
-    print_table(rows)
+from robo.cli.connection import (
+    clear_screen,
+    connect_to_robot,
+    note,
+    paint,
+    print_json,
+    print_line,
+    print_table,
+)
+from robo.cli.reach import Reach
+from robo.tools import runs, topics
+from robo.tools.topics import End, Topic
 
 
-def print_messages(key: str, *, once: bool, json: bool, connect: Sequence[str]) -> None:
-    """Print messages until Ctrl-C, or one."""
-    expression = key_of(key)
-    with connect_to_robot(connect) as session:
-        stream = Stream(session, expression)
-        hint(f"waiting for {expression} …")
-        for sample in stream.samples():
-            received = topics.read(sample)
+def print_topics(reach: Reach, *, verbose: bool, json: bool, watch: bool, interval: float) -> None:
+    """Print the topics, once or again and again."""
+    with connect_to_robot(reach) as session:
+        while True:
+            found = [topic for topic in topics.list_topics(session, reach.timeout) if reach.covers(topic.key)]
+            found = topics.with_rates(found, runs.processes(session, timeout=topics.RATES_TIMEOUT))
+            if watch and not json:
+                clear_screen()
             if json:
-                print_json(received)
+                for topic in found:
+                    print_json(topic)
+            elif not found:
+                note("no topics: a router answers, and no node is there")
+            elif verbose:
+                for topic in found:
+                    _print_ends(topic)
             else:
-                print_line(_message_text(received))
-            if once:
-                break
+                print_table([("TOPIC", "TYPE", "PUB", "SUB", "RATE"), *map(_row, found)])
+            if not watch:
+                return
+            time.sleep(interval)
 
 
-def print_rates(key: str, *, count: int | None, duration: float | None, json: bool, connect: Sequence[str]) -> None:
-    """Print the rate of each topic once a second."""
-    expression = key_of(key)
-    with connect_to_robot(connect) as session:
-        stream = Stream(session, expression)
-        hint(f"waiting for {expression} …")
-        meters: dict[str, RateMeter] = {}
-        due = time.monotonic() + 1.0
-        shown = 0
-        for sample in stream.samples(duration):
-            name = str(sample.key_expr)
-            meters.setdefault(name, RateMeter(name)).add(sample)
-            if time.monotonic() >= due:
-                shown += _print_windows(meters, json=json)
-                due += 1.0
-                if count is not None and shown >= count:
-                    return
-        _print_windows(meters, json=json)
+def _row(topic: Topic) -> tuple[str, ...]:
+    return (
+        topic.key,
+        _types(topic.types),
+        str(len(topic.publishers)),
+        str(len(topic.subscribers)),
+        _rate(topic.rate),
+    )
 
 
-def _print_windows(meters: dict[str, RateMeter], *, json: bool) -> int:
-    """Print what each meter has; returns 1 if there was anything, as one window."""
-    found = [rate for meter in meters.values() if (rate := meter.window()) is not None]
-    for rate in found:
+def _print_ends(topic: Topic) -> None:
+    print_line(f"{paint(topic.key, '1')}  {_types(topic.types)}  {_rate(topic.rate)}")
+    for label, who in (("publishers", topic.publishers), ("subscribers", topic.subscribers)):
+        print_line(f"  {label:11}  {', '.join(who) or 'none'}")
+
+
+def print_info(name: str, reach: Reach, *, json: bool) -> None:
+    """Print all about one topic.
+
+    Raises:
+        TopicNotFound: nobody has it.
+    """
+    with connect_to_robot(reach) as session:
+        info = topics.topic_info(session, reach.key(name), reach.timeout)
+    if json:
+        print_json(info)
+        return
+    print_line(f"{paint(info.key, '1')}  {_types(info.types)}  {_rate(info.rate)}")
+    for label, ends in (("publishers", info.publishers), ("subscribers", info.subscribers)):
+        print_line(f"  {label}{'' if ends else '  none'}")
+        for end in ends:
+            print_line(f"    {_end(end, info.types)}")
+    for other in info.others:
+        print_line(f"  {other}, which is no node of robo's")
+
+
+def _end(end: End, types: list[str]) -> str:
+    clash = f"  {end.type}" if len(types) > 1 else ""
+    return f"{end.node}{clash}  {'keeps all' if end.depth == 0 else f'depth {end.depth}'}"
+
+
+def print_type(name: str, reach: Reach) -> None:
+    """Print the type of a topic; each of them where there are several.
+
+    Raises:
+        TopicNotFound: nobody has it.
+    """
+    with connect_to_robot(reach) as session:
+        topic = topics.find_topic(topics.list_topics(session, reach.timeout), reach.key(name))
+    for type_name in topic.types:
+        print_line(type_name)
+
+
+def print_topics_of(type_name: str, reach: Reach, *, json: bool) -> int:
+    """Print the topics of a type.
+
+    Returns:
+        1 where there are none.
+    """
+    with connect_to_robot(reach) as session:
+        found = [t for t in topics.list_topics(session, reach.timeout) if type_name in t.types and reach.covers(t.key)]
+    for topic in found:
         if json:
-            print_json(rate)
+            print_json(topic)
         else:
-            print_line(_rate_text(rate))
-    return 1 if found else 0
+            print_line(topic.key)
+    if not found:
+        note(f"no topic has the type {type_name}")
+    return 0 if found else 1
 
 
-def _rate_text(rate: Rate) -> str:
-    lost = f"  lost {rate.lost}" if rate.lost else ""
-    spread = f"min {rate.min * 1e3:.2f} max {rate.max * 1e3:.2f} std {rate.std * 1e3:.2f} ms"
-    return f"{rate.key}  {rate.rate:.2f} Hz  {spread}  n {rate.count}{lost}"
+def _types(types: list[str]) -> str:
+    return paint(f"clash: {' ≠ '.join(types)}", "31") if len(types) > 1 else (types[0] if types else "-")
 
 
-def _message_text(received: Received) -> str:
-    import yaml
-
-    head = f"# {received.key}  {received.type or 'type not said'}"
-    if received.error is not None:
-        return f"{head}\n# cannot be read: {received.error}\n---"
-    body = yaml.safe_dump(_short_bytes(received.message), sort_keys=False, default_flow_style=None, width=120)
-    return f"{head}\n{body}---"
-
-
-def _short_bytes(value: object) -> object:
-    if isinstance(value, dict):
-        return {key: _short_bytes(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_short_bytes(item) for item in value]
-    return f"<{len(value)} bytes>" if isinstance(value, bytes) else value
-
-
-def _count(names: list[str]) -> str:
-    return ", ".join(names) or "-"
+def _rate(rate: float | None) -> str:
+    return "-" if rate is None else f"{rate:.1f} Hz"

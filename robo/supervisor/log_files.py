@@ -52,6 +52,8 @@ class RunInfo(msgspec.Struct, frozen=True, kw_only=True):
     pid: int
     """Of the supervisor."""
     nodes: list[str]
+    endpoints: list[str] = []
+    """Where its router listens for tools and other robots."""
 
 
 def record(node: str, stream: str, text: str) -> LogRecord:

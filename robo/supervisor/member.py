@@ -1,6 +1,7 @@
 """One process of a plan and its life: waiting for what it needs, starting, ready, ended, started again."""
 
 import asyncio
+import math
 import os
 import re
 import shlex
@@ -30,6 +31,8 @@ BEAT_PERIOD = 1.0
 """How often nodes give a sign of life, s; more often where the watchdog is shorter than a few of these."""
 
 _PROBE_PERIOD = 0.2
+_LEAST_MEASURED = 0.5
+"""Over how long the processor time of a process is measured at least, s."""
 _LAST_WORDS = 1.0
 """How long a node that hangs is given to say where, s."""
 
@@ -114,6 +117,8 @@ class Member:
         self._rates: tuple[dict[str, float], dict[str, float]] = {}, {}
         self._input_seen: dict[str, tuple[int, float]] = {}
         self._usage: psutil.Process | None = None
+        self._used: tuple[float | None, int | None] = None, None
+        self._measured_at = -math.inf
 
     # -- what others ask -------------------------------------------------------------------------
 
@@ -532,8 +537,13 @@ class Member:
         try:
             if self._usage is None:
                 self._usage = psutil.Process(self.pid)
-            with self._usage.oneshot():
-                return self._usage.cpu_percent(), self._usage.memory_info().rss
+                self._measured_at = -math.inf
+            # Over a shorter time, as several tools may ask for it, the figure would be noise.
+            if time.monotonic() - self._measured_at >= _LEAST_MEASURED:
+                with self._usage.oneshot():
+                    self._used = self._usage.cpu_percent(), self._usage.memory_info().rss
+                self._measured_at = time.monotonic()
+            return self._used
         except psutil.Error:
             return None, None
 

@@ -91,7 +91,9 @@ class Supervisor:
         self.template = Template(*begun.template) if begun.template is not None else None
         self._folder = Path(tempfile.mkdtemp(prefix="robo-"))
         self._socket = f"unixsock-stream/{self._folder}/router.sock"
-        self._router_network = msgspec.structs.replace(router, listen=(self._socket, *router.listen))
+        self._router_network = msgspec.structs.replace(
+            router, name=self._plan.robot, listen=(self._socket, *router.listen)
+        )
         self._base = {**environment, RUN_VARIABLE: self._run_id}
         if options.reload is not None:
             self._base[WATCH_VARIABLE] = "1"
@@ -104,6 +106,7 @@ class Supervisor:
                 begin=time.time_ns(),
                 pid=os.getpid(),
                 nodes=[p.full_name for p in plan.processes],
+                endpoints=list(router.listen),
             )
         )
         self._logs_work = True

@@ -15,6 +15,7 @@ from robo import names
 from robo.errors import RunError, UsageError
 from robo.log import LEVELS, level_of
 from robo.supervisor.log_files import SUPERVISOR, LogRecord, RunInfo, log_base
+from robo.supervisor.run_id import supervisor_lives
 
 _SPAN = re.compile(r"(\d+(?:\.\d+)?)\s*(s|m|h|d)")
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
@@ -45,6 +46,11 @@ def list_runs(robot: str | None = None, base: Path | None = None) -> list[Run]:
         if robot is None or info.robot == robot.strip("/"):
             found.append(Run(file.parent, info))
     return sorted(found, key=lambda run: run.info.begin)
+
+
+def live_runs(base: Path | None = None) -> list[Run]:
+    """The runs of this user on this machine that are not over."""
+    return [run for run in list_runs(base=base) if supervisor_lives(run.info.run)]
 
 
 def find_run(robot: str | None, name: str | None, base: Path | None = None) -> Run:

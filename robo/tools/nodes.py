@@ -1,13 +1,20 @@
-"""Which nodes and services there are, by their liveliness tokens."""
+"""Which nodes and services there are, and all that can be asked of a node."""
 
-import difflib
+import time
+from collections.abc import Iterable
 
 import msgspec
 import zenoh
 
-from robo import names
-from robo.discovery import ALL_TOKENS, EndpointToken, NodeToken, parse_token
-from robo.errors import NodeNotFound
+from robo.discovery import ALL_TOKENS, EndpointToken, NodeToken, parse_token, status_key
+from robo.errors import NodeNotFound, NodeUnreachable, RoboError
+from robo.node_status import NodeStatus
+from robo.suggestions import suggest
+from robo.supervisor.status import ProcessStatus
+from robo.tools import runs
+
+LOAD_WINDOW = 0.5
+"""Over how long load and rates are measured, s."""
 
 
 class ServiceInfo(msgspec.Struct, frozen=True):
@@ -17,6 +24,77 @@ class ServiceInfo(msgspec.Struct, frozen=True):
     type: str
     servers: list[str]
     """Full names of nodes; more than one is a clash."""
+    clients: list[str] = []
+    """Full names of nodes that may call it."""
+
+
+class PublisherInfo(msgspec.Struct, frozen=True):
+    """A topic that a node publishes."""
+
+    topic: str
+    type: str
+    depth: int
+    published: int
+    rate: float
+    """Messages a second, just now."""
+
+
+class SubscriptionInfo(msgspec.Struct, frozen=True):
+    """A topic that a node reads."""
+
+    topic: str
+    type: str
+    depth: int
+    received: int
+    rate: float
+    """Messages a second, just now."""
+    dropped: int
+    """Messages that its callback was too slow for."""
+    malformed: int
+    """Payloads that were no message of the type."""
+
+
+class ServedInfo(msgspec.Struct, frozen=True):
+    """A service that a node serves."""
+
+    service: str
+    type: str
+    served: int
+
+
+class ClientInfo(msgspec.Struct, frozen=True):
+    """A service that a node may call."""
+
+    service: str
+    type: str
+
+
+class NodeInfo(msgspec.Struct, frozen=True):
+    """All that is known of a running node."""
+
+    node: str
+    class_name: str
+    pid: int
+    host: str
+    uptime: float | None
+    """s; None where the node does not answer, as everything that is counted."""
+    load: float | None
+    """Part of the time that its callbacks take, 0 to 1."""
+    callback_errors: int | None
+    state: str | None
+    """As its supervisor says it; None for a node that has none."""
+    restarts: int | None
+    cpu: float | None
+    """% of a core."""
+    memory: int | None
+    """Bytes."""
+    publishers: list[PublisherInfo]
+    subscriptions: list[SubscriptionInfo]
+    services: list[ServedInfo]
+    clients: list[ClientInfo]
+    parameters: dict[str, object] | None
+    problem: str = ""
+    """Why it does not answer."""
 
 
 def list_nodes(session: zenoh.Session, timeout: float = 1.0) -> list[NodeToken]:
@@ -26,35 +104,144 @@ def list_nodes(session: zenoh.Session, timeout: float = 1.0) -> list[NodeToken]:
 
 
 def list_services(session: zenoh.Session, timeout: float = 1.0) -> list[ServiceInfo]:
-    """Every service, sorted by key."""
+    """Every service that somebody serves, sorted by key."""
+    tokens = [token for token in _tokens(session, timeout) if isinstance(token, EndpointToken)]
     found: dict[str, ServiceInfo] = {}
-    for token in _tokens(session, timeout):
-        if isinstance(token, EndpointToken) and token.kind == "srv":
-            info = found.setdefault(token.topic, ServiceInfo(token.topic, token.type_name, []))
-            info.servers.append("/" + names.join(token.namespace, token.node))
+    for token in tokens:
+        if token.kind == "srv":
+            info = found.setdefault(token.topic, ServiceInfo(token.topic, token.type_name, [], []))
+            info.servers.append(token.full_name)
+    for token in tokens:
+        if token.kind == "cli" and token.topic in found:
+            found[token.topic].clients.append(token.full_name)
     return [found[key] for key in sorted(found)]
 
 
-def find_node(nodes: list[NodeToken], name: str) -> NodeToken:
+def find_node(nodes: Iterable[NodeToken], name: str) -> NodeToken:
     """The node that somebody means: its full name, or its name where only one has it.
 
     Raises:
         NodeNotFound: there is none, or several; says what there is.
     """
+    there = list(nodes)
     wanted = name.strip("/")
-    whole = [node for node in nodes if node.full_name == f"/{wanted}"]
+    whole = [node for node in there if node.full_name == f"/{wanted}"]
     if whole:
         return whole[0]
-    same = [node for node in nodes if node.node == wanted]
+    same = [node for node in there if node.node == wanted]
     if len(same) == 1:
         return same[0]
     if same:
         raise NodeNotFound(f"several nodes are named {name}: {', '.join(node.full_name for node in same)}")
-    known = {other: node.full_name for node in nodes for other in (node.full_name.strip("/"), node.node)}
-    close = difflib.get_close_matches(wanted, known, n=1)
-    there = ", ".join(node.full_name for node in nodes) or "none"
-    hint = f"did you mean {known[close[0]]}?" if close else f"there is {there}"
-    raise NodeNotFound(f"there is no node {name}; {hint}")
+    known = [node.node if "/" not in wanted else node.full_name.strip("/") for node in there]
+    raise NodeNotFound(f"there is no node {name}; {suggest(wanted, known)}")
+
+
+def node_status(session: zenoh.Session, node: NodeToken, timeout: float) -> NodeStatus:
+    """The counters of a node.
+
+    Raises:
+        NodeUnreachable: it does not answer.
+    """
+    for reply in session.get(status_key(node.namespace, node.node), timeout=timeout):
+        if reply.ok is not None:
+            return msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=NodeStatus)
+    raise NodeUnreachable(f"{node.full_name} did not answer within {timeout:g} s")
+
+
+def all_status(session: zenoh.Session, timeout: float) -> dict[str, NodeStatus]:
+    """The counters of every node that answers in time, by full name."""
+    found = {}
+    key = status_key("**", "*")
+    for reply in session.get(key, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE):
+        if reply.ok is not None:
+            status = msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=NodeStatus)
+            found[status.node] = status
+    return found
+
+
+def node_info(session: zenoh.Session, node: NodeToken, timeout: float = 1.0) -> NodeInfo:
+    """All about one node. It takes `LOAD_WINDOW`, over which load and rates are measured."""
+    from robo.tools import parameters  # which reads YAML; lists of nodes do without
+
+    ends = [token for token in _tokens(session, timeout) if isinstance(token, EndpointToken)]
+    own = sorted((t for t in ends if t.full_name == node.full_name), key=lambda token: token.topic)
+    before, problem = None, ""
+    values: dict[str, object] | None = None
+    supervised: ProcessStatus | None = None
+    begin = time.monotonic()
+    try:
+        before = node_status(session, node, timeout)
+        values = parameters.get(session, node)
+    except RoboError as error:
+        problem = str(error)
+    for status in runs.processes(session, timeout=timeout):
+        if status.node == node.full_name:
+            supervised = status
+    after = None
+    if before is not None:
+        time.sleep(max(0.0, LOAD_WINDOW - (time.monotonic() - begin)))
+        try:
+            after = node_status(session, node, timeout)
+        except NodeUnreachable as error:
+            problem = str(error)
+    return _info(node, own, before, after or before, supervised, values, problem)
+
+
+def _info(
+    node: NodeToken,
+    ends: list[EndpointToken],
+    before: NodeStatus | None,
+    after: NodeStatus | None,
+    supervised: ProcessStatus | None,
+    values: dict[str, object] | None,
+    problem: str,
+) -> NodeInfo:
+    span = max(after.uptime - before.uptime, 1e-9) if before is not None and after is not None else 1.0
+
+    def count(counters: str, key: str) -> int:
+        found: dict[str, int] = getattr(after, counters) if after is not None else {}
+        return found.get(key, 0)
+
+    def rate(counters: str, key: str) -> float:
+        earlier: dict[str, int] = getattr(before, counters) if before is not None else {}
+        return max(0.0, (count(counters, key) - earlier.get(key, 0)) / span)
+
+    return NodeInfo(
+        node=node.full_name,
+        class_name=node.class_name,
+        pid=node.pid,
+        host=node.host,
+        uptime=after.uptime if after is not None else None,
+        load=min(1.0, (after.busy - before.busy) / span) if before is not None and after is not None else None,
+        callback_errors=after.callback_errors if after is not None else None,
+        state=supervised.state if supervised is not None else None,
+        restarts=supervised.restarts if supervised is not None else None,
+        cpu=supervised.cpu if supervised is not None else None,
+        memory=supervised.memory if supervised is not None else None,
+        publishers=[
+            PublisherInfo(t.topic, t.type_name, t.depth, count("published", t.topic), rate("published", t.topic))
+            for t in ends
+            if t.kind == "pub"
+        ],
+        subscriptions=[
+            SubscriptionInfo(
+                t.topic,
+                t.type_name,
+                t.depth,
+                count("received", t.topic),
+                rate("received", t.topic),
+                count("dropped", t.topic),
+                count("malformed", t.topic),
+            )
+            for t in ends
+            if t.kind == "sub"
+        ],
+        services=[ServedInfo(t.topic, t.type_name, count("served", t.topic)) for t in ends if t.kind == "srv"],
+        clients=[ClientInfo(t.topic, t.type_name) for t in ends if t.kind == "cli"],
+        parameters=values,
+        problem=problem,
+    )
 
 
 def _tokens(session: zenoh.Session, timeout: float) -> list[NodeToken | EndpointToken | None]:

@@ -1,18 +1,28 @@
-"""Looking at topics: which there are, what they carry, how often."""
+"""Which topics there are, what they carry, and who is at their ends."""
 
-import math
-import statistics
-import threading
-import time
-from collections.abc import Iterator
-from itertools import pairwise
+from collections.abc import Iterable, Mapping
 
 import msgspec
 import zenoh
 
-from robo import codec
-from robo.codec import Malformed
 from robo.discovery import ALL_TOKENS, EndpointToken, parse_token
+from robo.errors import TopicNotFound
+from robo.suggestions import suggest
+from robo.supervisor.status import ProcessStatus
+from robo.tools import admin, runs
+
+RATES_TIMEOUT = 0.2
+"""How long supervisors may take to tell the rates, s; a list does not wait for one that hangs."""
+
+
+class End(msgspec.Struct, frozen=True):
+    """A publisher or a subscription of a node of robo's."""
+
+    node: str
+    """The full name."""
+    type: str
+    depth: int
+    """Messages that are kept while a receiver is busy; 0 for all."""
 
 
 class Topic(msgspec.Struct, frozen=True):
@@ -20,149 +30,98 @@ class Topic(msgspec.Struct, frozen=True):
 
     key: str
     types: list[str]
-    """More than one is a clash."""
+    """More than one is a clash; none where only clients that are no nodes of robo's are there."""
     publishers: list[str]
-    """Full names of nodes."""
+    """Full names of nodes; `zenoh:<id>` for a client that is none."""
     subscribers: list[str]
+    rate: float | None = None
+    """Messages a second, as publishers told their supervisors last; None where it is not known."""
 
 
-class Received(msgspec.Struct, frozen=True):
-    """One sample as it came."""
-
-    key: str
-    type: str
-    """From the encoding; empty where the publisher does not say."""
-    time: int
-    """When it was published, ns since the epoch; when it came, where the publisher does not say."""
-    sequence_number: int | None
-    message: object
-    """Plain data; None where the payload cannot be read."""
-    error: str | None = None
-
-
-class Rate(msgspec.Struct, frozen=True):
-    """How often messages were published within a window."""
+class TopicInfo(msgspec.Struct, frozen=True):
+    """A topic with all that is known of its ends."""
 
     key: str
-    rate: float
-    """Hz, from the times at which they were published."""
-    count: int
-    min: float
-    """Shortest time between two, s."""
-    max: float
-    """Longest time between two, s."""
-    std: float
-    """Standard deviation of the times between two, s."""
-    lost: int
-    """Gaps in the sequence numbers."""
+    types: list[str]
+    publishers: list[End]
+    subscribers: list[End]
+    rate: float | None
+    others: list[str]
+    """Ends that are no nodes of robo's: `publisher zenoh:<id>`."""
 
 
 def list_topics(session: zenoh.Session, timeout: float = 1.0) -> list[Topic]:
-    """Every topic that a node of robo's publishes or subscribes, sorted by key."""
+    """Every topic, sorted by key; without rates."""
+    ends = _ends(session, timeout)
     found: dict[str, tuple[set[str], set[str], set[str]]] = {}
-    for reply in session.liveliness().get(ALL_TOKENS, timeout=timeout):
-        token = parse_token(str(reply.ok.key_expr)) if reply.ok is not None else None
-        if isinstance(token, EndpointToken) and token.kind != "srv":
-            types, publishers, subscribers = found.setdefault(token.topic, (set(), set(), set()))
-            types.add(token.type_name)
-            (publishers if token.kind == "pub" else subscribers).add("/" + token.namespace + "/" + token.node)
+    for token in ends:
+        types, publishers, subscribers = found.setdefault(token.topic, (set(), set(), set()))
+        types.add(token.type_name)
+        (publishers if token.kind == "pub" else subscribers).add(token.full_name)
+    for kind, key, zid in admin.declared(session, timeout):
+        # Of a key that nodes of robo's use, who is no node cannot be told from who is one.
+        if key not in {token.topic for token in ends}:
+            _, publishers, subscribers = found.setdefault(key, (set(), set(), set()))
+            (publishers if kind == "publisher" else subscribers).add(f"zenoh:{zid}")
     return [
-        Topic(key, sorted(types), *([n.replace("//", "/") for n in sorted(who)] for who in (publishers, subscribers)))
+        Topic(key, sorted(types), sorted(publishers), sorted(subscribers))
         for key, (types, publishers, subscribers) in sorted(found.items())
     ]
 
 
-class Stream:
-    """The samples of a key expression, in order of arrival, until closed."""
-
-    def __init__(self, session: zenoh.Session, key: str) -> None:
-        self._subscriber = session.declare_subscriber(key, zenoh.handlers.FifoChannel(10_000))
-        self._handler = self._subscriber.handler
-
-    def samples(self, timeout: float | None = None) -> Iterator[zenoh.Sample]:
-        """Samples as they come. Ends when the stream is closed, or `timeout` seconds from now."""
-        timer = None
-        if timeout is not None:
-            timer = threading.Timer(timeout, self.close)
-            timer.daemon = True
-            timer.start()
-        try:
-            while True:
-                try:
-                    yield self._handler.recv()
-                except zenoh.ZError:
-                    return  # closed
-        finally:
-            if timer is not None:
-                timer.cancel()
-
-    def close(self) -> None:
-        """End the stream."""
-        self._subscriber.undeclare()
+def with_rates(topics: Iterable[Topic], processes: Iterable[ProcessStatus]) -> list[Topic]:
+    """Topics with the rates that supervisors know."""
+    rates = published_rates(processes)
+    return [msgspec.structs.replace(topic, rate=rates.get(topic.key)) for topic in topics]
 
 
-def read(sample: zenoh.Sample) -> Received:
-    """A sample as plain data, whatever its type."""
-    attachment = codec.unpack_attachment(sample.attachment.to_bytes()) if sample.attachment is not None else None
-    encoding = str(sample.encoding)
-    kind, _, schema = encoding.partition(";")
-    message, error = None, None
-    try:
-        message = codec.decode_any(sample.payload.to_bytes())
-    except Malformed as reason:
-        error = str(reason)
-    return Received(
-        key=str(sample.key_expr),
-        type=schema if kind in (codec.MSGPACK, codec.JSON) else "",
-        time=attachment.source_time if attachment is not None else time.time_ns(),
-        sequence_number=attachment.sequence_number if attachment is not None else None,
-        message=message,
-        error=error,
-    )
+def published_rates(processes: Iterable[ProcessStatus]) -> dict[str, float]:
+    """Messages a second by topic, of all publishers together."""
+    rates: dict[str, float] = {}
+    for status in processes:
+        for key, rate in status.published.items():
+            rates[key] = rates.get(key, 0.0) + rate
+    return rates
 
 
-class RateMeter:
-    """Works out the rate of one topic from publish times and sequence numbers, so that neither this
-    program's own delays nor lost messages falsify it.
+def topic_info(session: zenoh.Session, key: str, timeout: float = 1.0) -> TopicInfo:
+    """All about one topic.
+
+    Raises:
+        TopicNotFound: nobody has it; says what comes close.
     """
+    topic = find_topic(list_topics(session, timeout), key)
+    ends = [token for token in _ends(session, timeout) if token.topic == key]
+    rates = published_rates(runs.processes(session, timeout=RATES_TIMEOUT))
+    others = [f"publisher {name}" for name in topic.publishers if name.startswith("zenoh:")]
+    others += [f"subscriber {name}" for name in topic.subscribers if name.startswith("zenoh:")]
+    return TopicInfo(key, topic.types, _sorted(ends, "pub"), _sorted(ends, "sub"), rates.get(key), others)
 
-    def __init__(self, key: str) -> None:
-        self.key = key
-        self._times: list[int] = []
-        self._numbers: list[int] = []
 
-    @property
-    def count(self) -> int:
-        """Messages in the window so far."""
-        return len(self._times)
+def find_topic(topics: Iterable[Topic], key: str) -> Topic:
+    """The topic of a key.
 
-    def add(self, sample: zenoh.Sample) -> None:
-        """Count one message."""
-        data = sample.attachment.to_bytes() if sample.attachment is not None else b""
-        attachment = codec.unpack_attachment(data)
-        self.add_times(*(attachment or (None, time.time_ns())))
+    Raises:
+        TopicNotFound: nobody has it; says what comes close.
+    """
+    by_key: Mapping[str, Topic] = {topic.key: topic for topic in topics}
+    if key in by_key:
+        return by_key[key]
+    raise TopicNotFound(f"nobody publishes or subscribes {key}; {suggest(key, by_key)}")
 
-    def add_times(self, sequence_number: int | None, source_time: int) -> None:
-        """Count one message by its numbers."""
-        self._times.append(source_time)
-        if sequence_number is not None:
-            self._numbers.append(sequence_number)
 
-    def window(self) -> Rate | None:
-        """The figures since the last window; None for less than two messages.
+def _sorted(ends: Iterable[EndpointToken], kind: str) -> list[End]:
+    return [
+        End(token.full_name, token.type_name, token.depth)
+        for token in sorted(ends, key=lambda token: token.full_name)
+        if token.kind == kind
+    ]
 
-        The last message of a window is the first of the next one, so that no gap goes unseen.
-        """
-        if len(self._times) < 2:
-            return None
-        gaps = [(b - a) * 1e-9 for a, b in pairwise(self._times)]
-        steps = [b - a - 1 for a, b in pairwise(self._numbers)]
-        lost = sum(step for step in steps if step > 0)
-        span = (self._times[-1] - self._times[0]) * 1e-9
-        # Lost messages were published too: they count for the rate.
-        rate = (len(gaps) + lost) / span if span > 0 else math.inf
-        result = Rate(
-            self.key, rate, len(gaps), min(gaps), max(gaps), statistics.pstdev(gaps) if len(gaps) > 1 else 0.0, lost
-        )
-        self._times, self._numbers = self._times[-1:], self._numbers[-1:]
-        return result
+
+def _ends(session: zenoh.Session, timeout: float) -> list[EndpointToken]:
+    found = []
+    for reply in session.liveliness().get(ALL_TOKENS, timeout=timeout):
+        token = parse_token(str(reply.ok.key_expr)) if reply.ok is not None else None
+        if isinstance(token, EndpointToken) and token.kind in ("pub", "sub"):
+            found.append(token)
+    return found

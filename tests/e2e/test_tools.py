@@ -29,13 +29,16 @@ def test_topics_are_listed(session: zenoh.Session, endpoint: str) -> None:
     with Beacon(namespace="r1", session=session):
         table = run_robo("topic", "list", "--connect", endpoint)
         assert table.returncode == 0
-        assert [line.split()[:3] for line in table.stdout.splitlines() if "words" in line] == [
-            ["r1/words", "std/String", "/r1/beacon"]
+        assert [line.split() for line in table.stdout.splitlines() if "words" in line] == [
+            ["r1/words", "std/String", "1", "0", "-"]
         ]
+        verbose = run_robo("topic", "list", "-v", "--robot-name", "r1", "--connect", endpoint)
+        assert "r1/words  std/String  -\n  publishers   /r1/beacon\n  subscribers  none\n" in verbose.stdout
         found = [
             json.loads(line) for line in run_robo("topic", "list", "--json", "--connect", endpoint).stdout.splitlines()
         ]
-        assert {"key": "r1/words", "types": ["std/String"], "publishers": ["/r1/beacon"], "subscribers": []} in found
+        words = {"key": "r1/words", "types": ["std/String"], "publishers": ["/r1/beacon"], "subscribers": []}
+        assert {**words, "rate": None} in found
 
 
 def test_echo_prints_messages(session: zenoh.Session, endpoint: str) -> None:
@@ -79,7 +82,17 @@ def test_ctrl_c_is_quiet(session: zenoh.Session, endpoint: str) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("topic", "list"), "Is a robot running there? `robo up` starts one"),
+        (("topic", "list"), "`robo up` starts a robot"),
+        (("topic", "info", "a"), "nobody listens there"),
+        (("topic", "echo", "a", "--field", "b..c"), "write names and indexes"),
+        (("topic", "echo", "a", "--filter", "x >"), "something is missing"),
+        (("topic", "echo", "a", "--json", "--csv"), "choose one of"),
+        (("topic", "pub", "a"), "say which type"),
+        (("topic", "pub", "a/*", "std/Bool", "{}"), "publish on one"),
+        (("graph", "--format", "png"), "use one of text, mermaid, dot, json"),
+        (("net", "one"), "name two nodes"),
+        (("interface", "show", "nav/Odometri"), "did you mean nav/Odometry?"),
+        (("node", "show", "robo_services.position_traker"), "did you mean robo_services.position_tracker?"),
         (("topic", "echo", "r1//odom"), "write its full name"),
         (("up", "nowhere.yaml"), "there is no manifest 'nowhere.yaml'"),
         (("up", "replay.yaml"), "replay.yaml needs log"),
@@ -97,7 +110,7 @@ def test_ctrl_c_is_quiet(session: zenoh.Session, endpoint: str) -> None:
     ],
 )
 def test_mistakes_are_told_and_never_a_traceback(words: tuple[str, ...], message: str, endpoint: str) -> None:
-    more = ("--connect", endpoint) if words[0] == "topic" else ()
+    more = ("--connect", endpoint) if words[0] in ("topic", "graph", "net") else ()
     result = run_robo(*words, *more)
     assert result.returncode in (1, 2)
     assert message in result.stderr
@@ -106,13 +119,21 @@ def test_mistakes_are_told_and_never_a_traceback(words: tuple[str, ...], message
 
 
 @pytest.mark.parametrize(
-    "words", [(), ("up",), ("topic",), ("topic", "echo"), ("topic", "hz"), ("topic", "list"), ("run",)]
+    "words",
+    [
+        (),
+        *((verb,) for verb in ("up", "run", "graph", "top", "net", "topic", "node", "interface")),
+        *(("topic", verb) for verb in ("list", "info", "type", "find", "echo", "pub", "hz", "plot")),
+        *(("topic", verb) for verb in ("bw", "delay", "loss")),
+        *(("node", verb) for verb in ("list", "info", "show")),
+        *(("interface", verb) for verb in ("list", "show")),
+    ],
 )
 def test_help(words: tuple[str, ...]) -> None:
     result = run_robo(*words, "--help")
     assert result.returncode == 0
     assert "Usage: robo" in result.stdout
-    if words not in ((), ("topic",)):
+    if words not in ((), ("topic",), ("node",), ("interface",)):
         assert "Examples:" in result.stdout
 
 

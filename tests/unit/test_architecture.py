@@ -43,3 +43,31 @@ def test_a_node_carries_nothing_heavy(code: str) -> None:
 def test_help_needs_no_zenoh() -> None:
     loaded = modules_after("import robo.cli.app")
     assert not loaded & {"zenoh", "rich", "yaml", "psutil", "numpy", "asyncio"}
+
+
+ALWAYS_HEAVY = {"numpy", "asyncio", "pytest"}
+
+
+@pytest.mark.parametrize(
+    ("verb", "may_load"),
+    [
+        ("topic", set()),
+        ("measure", set()),
+        ("node", {"yaml"}),
+        ("graph", set()),
+        ("net", set()),
+        ("param", {"yaml"}),
+        ("service", {"yaml"}),
+        ("interface", {"yaml"}),
+        ("echo", set()),
+        ("pub", set()),
+        ("plot", {"rich"}),
+        ("top", {"rich", "psutil"}),
+        ("runs", set()),
+        ("doctor", {"psutil"}),
+    ],
+)
+def test_a_verb_imports_what_it_needs_and_no_more(verb: str, may_load: set[str]) -> None:
+    loaded = modules_after(f"import robo.cli.{verb}")
+    assert loaded & (HEAVY | ALWAYS_HEAVY) - {"typer", "click"} <= may_load
+    assert "typer" not in loaded, "what a verb does is apart from how it is called"

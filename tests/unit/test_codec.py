@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 import robo_messages
 from robo import codec
 from robo.codec import Malformed, TopicDecoder, jsonable
-from robo.tools.topics import RateMeter
 from robo_messages import Bool, Twist, Vector3
 
 TWIST = Twist(Vector3(x=0.5), Vector3(z=-1.0))
@@ -88,19 +87,3 @@ def test_attachments(number: int, time: int, more: bytes) -> None:
 def test_what_json_cannot_hold_is_written_as_text() -> None:
     value = {"a": [float("inf"), float("-inf"), float("nan"), 1.5], "b": b"\x00\x01"}
     assert jsonable(value) == {"a": ["inf", "-inf", "nan", 1.5], "b": "AAE="}
-
-
-def test_a_rate_counts_what_was_lost_and_not_the_observers_delay() -> None:
-    meter = RateMeter("k")
-    assert meter.window() is None
-    for number in (1, 2, 3, 6, 7):
-        meter.add_times(number, number * 100_000_000)
-    rate = meter.window()
-    assert rate is not None
-    assert rate.rate == pytest.approx(10.0)
-    assert (rate.count, rate.lost) == (4, 2)
-    assert (rate.min, rate.max) == pytest.approx((0.1, 0.3))
-    meter.add_times(8, 800_000_000)
-    following = meter.window()
-    assert following is not None
-    assert (following.count, following.rate) == pytest.approx((1, 10.0))

@@ -1,0 +1,98 @@
+"""What a shell completes: names that live on the network just now.
+
+Each function is given the command line so far and what is typed of the word; where no robot answers at
+once there is nothing to complete, and never an error.
+"""
+
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    import zenoh
+
+TIMEOUT = 0.3
+"""How long somebody who pressed the tabulator waits, s."""
+
+
+def topics(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Keys of topics."""
+    from robo.tools import topics as tools
+
+    return _live(ctx, incomplete, lambda session: [topic.key for topic in tools.list_topics(session, TIMEOUT)])
+
+
+def services(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Keys of services."""
+    from robo.tools import nodes as tools
+
+    return _live(ctx, incomplete, lambda session: [service.key for service in tools.list_services(session, TIMEOUT)])
+
+
+def nodes(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Names of nodes, where they say enough; else full names."""
+    from robo.tools import nodes as tools
+
+    def find(session: "zenoh.Session") -> list[str]:
+        found = tools.list_nodes(session, TIMEOUT)
+        short = [token.node for token in found]
+        return [
+            token.full_name if incomplete.startswith("/") or short.count(token.node) > 1 else token.node
+            for token in found
+        ]
+
+    return _live(ctx, incomplete, find)
+
+
+def processes(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Names of processes and groups that supervisors run."""
+    from robo import names
+    from robo.tools import runs
+
+    def find(session: "zenoh.Session") -> set[str]:
+        found = runs.processes(session, timeout=TIMEOUT)
+        own = {
+            status.node if incomplete.startswith("/") else names.within(status.robot, status.node) for status in found
+        }
+        return own | {status.group for status in found if status.group}
+
+    return _live(ctx, incomplete, find)
+
+
+def robots(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Namespaces of robots."""
+    from robo.tools import nodes as tools
+
+    return _live(ctx, incomplete, lambda session: {token.namespace for token in tools.list_nodes(session, TIMEOUT)})
+
+
+def parameters(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Names of the parameters of the node that the line names."""
+    from robo.tools import nodes as tools
+    from robo.tools import parameters as values
+
+    def find(session: "zenoh.Session") -> Iterable[str]:
+        return values.get(session, tools.find_node(tools.list_nodes(session, TIMEOUT), ctx.params["node"]))
+
+    return _live(ctx, incomplete, find)
+
+
+def types(incomplete: str) -> list[str]:
+    """Names of message types."""
+    from robo.tools import interfaces
+
+    return [name for name in interfaces.known() if name.startswith(incomplete)]
+
+
+def _live(ctx: typer.Context, incomplete: str, find: "Callable[[zenoh.Session], Iterable[str]]") -> list[str]:
+    from robo.cli.connection import connect_to_robot
+    from robo.cli.reach import Reach
+    from robo.errors import RoboError
+
+    given: dict[str, Any] = ctx.params
+    reach = Reach(tuple(given.get("connect") or ()), given.get("robot_name"), TIMEOUT)
+    with suppress(RoboError), connect_to_robot(reach) as session:
+        return sorted(name for name in find(session) if name.startswith(incomplete))
+    return []

@@ -1,0 +1,28 @@
+"""`robo graph`: drawing what runs."""
+
+from robo import graph
+from robo.cli.connection import amount, connect_to_robot, note, print_line
+from robo.cli.reach import Reach
+from robo.errors import UsageError
+from robo.tools import graph as tools
+
+
+def print_graph(reach: Reach, *, form: str, hide_system: bool) -> None:
+    """Print the graph of the running system.
+
+    Raises:
+        UsageError: there is no such form.
+    """
+    if form not in graph.FORMATS:
+        raise UsageError(f"--format {form}: use one of {', '.join(graph.FORMATS)}")
+    with connect_to_robot(reach) as session:
+        found = tools.running(session, reach.timeout)
+    if reach.namespace:
+        found = tools.of_robot(found, reach.namespace)
+    if hide_system:
+        found = graph.without_system(found)
+    print_line(graph.draw(found, form))
+    problems = [topic.key for topic in found.topics if topic.problems]
+    problems += [service.key for service in found.services if service.problems]
+    if problems:
+        note(f"{amount(len(problems), 'key')} to look at: {', '.join(problems)}")

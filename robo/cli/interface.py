@@ -1,0 +1,84 @@
+"""`robo interface`: printing message and service types."""
+
+import msgspec
+
+import robo_messages
+from robo.cli.connection import paint, print_json, print_line, print_table
+from robo.errors import MessageError
+from robo.suggestions import closest
+from robo.tools import interfaces
+from robo.tools.interfaces import FieldInfo
+from robo.tools.ros_text import ros_text
+from robo_messages import Message
+
+
+def print_list(*, json: bool) -> None:
+    """Print all known types."""
+    found = interfaces.listed()
+    if json:
+        for one in found:
+            print_json(one)
+        return
+    rows = [(one.name, one.kind, one.description or f"in {one.source}") for one in found]
+    print_table([("TYPE", "KIND", "DESCRIPTION"), *rows])
+
+
+def print_type(name: str, *, json: bool, json_schema: bool, ros: bool) -> None:
+    """Print one type: its fields with types, defaults and units; or as JSON, JSON Schema, or ROS writes it.
+
+    Raises:
+        MessageError: there is no such type.
+        ContractError: the file that says it cannot be imported.
+    """
+    try:
+        types = [interfaces.find(half) for half in interfaces.halves(name)]
+    except robo_messages.UnknownType as error:
+        close = closest(name.removesuffix("_Request"), [one.name for one in interfaces.listed()])
+        text = f"no type is named {name!r}; did you mean {close}?" if close else error.args[0]
+        raise MessageError(text) from None
+    if ros:
+        print_line(ros_text(name))
+    elif json_schema:
+        schemas = [robo_messages.json_schema(type_) for type_ in types]
+        whole = schemas[0] if len(schemas) == 1 else dict(zip(("request", "response"), schemas, strict=True))
+        print_line(msgspec.json.format(msgspec.json.encode(whole)).decode())
+    elif json:
+        for type_ in types:
+            print_json(interfaces.describe(type_))
+    else:
+        for number, type_ in enumerate(types):
+            if number:
+                print_line("---")
+            _print(type_)
+
+
+def _print(type_: type[Message]) -> None:
+    interface = interfaces.describe(type_)
+    print_line(paint(interface.name, "1"))
+    for line in interface.description.splitlines():
+        print_line(f"  {line}".rstrip())
+    for name, value in interface.constants.items():
+        print_line(f"  {name} = {value}")
+    rows = list(_rows(type_, 0))
+    widths = [max((len(row[i]) for row in rows), default=0) for i in range(2)]
+    for left, kind, about in rows:
+        print_line(f"  {left:{widths[0]}}  {kind:{widths[1]}}  {about}".rstrip())
+    if not rows:
+        print_line("  no fields")
+
+
+def _rows(type_: type[Message], depth: int) -> list[tuple[str, str, str]]:
+    """Name, type, and default with description of each field, those of inner messages below theirs."""
+    inner = interfaces.inner_types(type_)
+    rows = []
+    for field in interfaces.describe(type_).fields:
+        rows.append((f"{'  ' * depth}{field.name}", field.type, _about(field, shows_default=field.name not in inner)))
+        if field.name in inner:
+            rows += _rows(inner[field.name], depth + 1)
+    return rows
+
+
+def _about(field: FieldInfo, *, shows_default: bool) -> str:
+    default = msgspec.json.encode(field.default).decode() if shows_default and field.default is not None else ""
+    short = default if len(default) <= 24 else "…"
+    return "  ".join(part for part in (f"= {short}" if short and short != '""' else "", field.description) if part)

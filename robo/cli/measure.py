@@ -1,0 +1,102 @@
+"""`robo topic hz`, `bw`, `delay` and `loss`: printing figures about topics, window by window."""
+
+import time
+from collections.abc import Sequence
+
+from robo.cli.connection import connect_to_robot, data_size, hint, note, print_json, print_line
+from robo.cli.reach import Reach
+from robo.tools import topics
+from robo.tools.meters import Bandwidth, Delay, Loss, Measure, Meter, Rate, Window
+from robo.tools.stream import Stream
+
+SILENT = 3.0
+"""After how long without a message it is said that a topic is silent, s."""
+
+
+def print_figures(
+    measure: Measure,
+    names: Sequence[str],
+    reach: Reach,
+    *,
+    count: int | None,
+    duration: float | None,
+    window: float,
+    json: bool,
+) -> None:
+    """Print figures until there were enough windows, the time is over, or Ctrl-C."""
+    keys = [reach.key(name) for name in names]
+    with connect_to_robot(reach) as session:
+        publishers = {topic.key: len(topic.publishers) for topic in topics.list_topics(session, reach.timeout)}
+        stream = Stream(session, keys)
+        hint(f"waiting for {', '.join(keys)} …")
+        measuring = _Measuring(measure, publishers, json=json)
+        end = time.monotonic() + duration if duration is not None else None
+        due = time.monotonic() + window
+        shown = 0
+        while count is None or shown < count:
+            arrival = stream.get(due if end is None else min(due, end))
+            if arrival is not None:
+                attachment = arrival.attachment
+                number, published = attachment if attachment is not None else (None, arrival.arrived)
+                measuring.meter(arrival.key).add(number, published, arrival.arrived, arrival.size)
+            now = time.monotonic()
+            over = end is not None and now >= end
+            if now >= due or over:
+                shown += measuring.print_window(now)
+                due = now + window
+            if over and not stream.waiting:
+                break
+        stream.close()
+
+
+class _Measuring:
+    def __init__(self, measure: Measure, publishers: dict[str, int], *, json: bool) -> None:
+        self._measure = measure
+        self._publishers = publishers
+        self._json = json
+        self._meters: dict[str, Meter] = {}
+        self._heard: dict[str, float] = {}
+
+    def meter(self, key: str) -> Meter:
+        """The meter of a topic."""
+        found = self._meters.get(key)
+        if found is None:
+            found = self._meters[key] = Meter(key, self._publishers.get(key, 1))
+        return found
+
+    def print_window(self, now: float) -> bool:
+        """Print what each topic has; returns whether there was anything."""
+        found = False
+        for key in sorted(self._meters):
+            figures = self._meters[key].window(self._measure)
+            if figures is not None:
+                found = True
+                self._heard[key] = now
+                (print_json if self._json else _print_figures)(figures)
+            elif now - self._heard.setdefault(key, now) >= SILENT:
+                self._heard[key] = now
+                note(f"{key}: no messages for {SILENT:g} s")
+        return found
+
+
+def _print_figures(figures: Window) -> None:
+    print_line(f"{figures.key}  {_text(figures)}  n {figures.count}")
+
+
+def _text(figures: Window) -> str:
+    if isinstance(figures, Rate):
+        lost = f"  lost {figures.lost}" if figures.lost else ""
+        return f"{figures.rate:.2f} Hz  {_milliseconds(figures)}{lost}"
+    if isinstance(figures, Bandwidth):
+        sizes = f"min {data_size(figures.min)} mean {data_size(figures.mean)} max {data_size(figures.max)}"
+        return f"{data_size(figures.bandwidth, 'B/s')}  {sizes}  {figures.rate:.2f} Hz"
+    if isinstance(figures, Delay):
+        differs = "  (clocks differ)" if figures.min < 0 else ""
+        return f"mean {figures.mean * 1e3:.3f} {_milliseconds(figures)}{differs}"
+    assert isinstance(figures, Loss)
+    return f"lost {figures.lost} of {figures.count + figures.lost} ({figures.loss:.2%})  in all {figures.total_lost}"
+
+
+def _milliseconds(figures: Rate | Delay) -> str:
+    values = (("min", figures.min), ("max", figures.max), ("std", figures.std), ("jitter", figures.jitter))
+    return " ".join(f"{name} {value * 1e3:.3f}" for name, value in values) + " ms"

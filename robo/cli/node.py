@@ -1,0 +1,140 @@
+"""`robo node`: printing which nodes there are, and all about one."""
+
+import os
+from collections.abc import Sequence
+
+import msgspec
+
+from robo.cli.connection import (
+    connect_to_robot,
+    data_size,
+    nodes_of,
+    note,
+    paint,
+    print_json,
+    print_line,
+    print_table,
+)
+from robo.cli.reach import Reach
+from robo.cli.runs import duration
+from robo.errors import ContractError
+from robo.tools import nodes
+from robo.tools.nodes import NodeInfo
+
+
+def print_nodes(reach: Reach, *, json: bool) -> None:
+    """Print the nodes that are ready."""
+    with connect_to_robot(reach) as session:
+        found = nodes_of(session, reach)
+    if json:
+        for token in found:
+            print_json(
+                {
+                    "node": token.full_name,
+                    "name": token.node,
+                    "namespace": token.namespace,
+                    "class_name": token.class_name,
+                    "pid": token.pid,
+                    "host": token.host,
+                }
+            )
+    elif not found:
+        note("no nodes: a router answers, and no node is there")
+    else:
+        rows = [(token.full_name, token.class_name, str(token.pid), token.host) for token in found]
+        print_table([("NODE", "CLASS", "PID", "HOST"), *rows])
+
+
+def print_info(name: str, reach: Reach, *, json: bool) -> int:
+    """Print all about one node.
+
+    Returns:
+        1 where the node does not answer.
+
+    Raises:
+        NodeNotFound: there is no such node.
+    """
+    with connect_to_robot(reach) as session:
+        info = nodes.node_info(session, nodes.find_node(nodes_of(session, reach), name), max(reach.timeout, 1.0))
+    if json:
+        print_json(info)
+    else:
+        print_line("\n".join(_lines(info)))
+    if info.problem:
+        note(f"error: {info.problem}")
+    return 1 if info.problem else 0
+
+
+def _lines(info: NodeInfo) -> list[str]:
+    facts = [
+        ("class", info.class_name),
+        ("process", f"{info.pid} on {info.host}"),
+        ("state", info.state or ""),
+        ("restarts", "" if info.restarts is None else str(info.restarts)),
+        ("uptime", "" if info.uptime is None else duration(info.uptime)),
+        ("load", "" if info.load is None else f"{info.load:.1%} of the time in callbacks"),
+        ("cpu", "" if info.cpu is None else f"{info.cpu:.1f}% of a core"),
+        ("memory", "" if info.memory is None else data_size(info.memory)),
+        ("errors", f"its callbacks raised {info.callback_errors} exceptions" if info.callback_errors else ""),
+    ]
+    lines = [paint(info.node, "1"), *(f"  {label:9} {text}" for label, text in facts if text)]
+    rows = [(p.topic, p.type, _depth(p.depth), f"{p.rate:.1f} Hz", f"{p.published} published") for p in info.publishers]
+    lines += _section("publishers", rows)
+    lines += _section(
+        "subscriptions",
+        [
+            (
+                s.topic,
+                s.type,
+                _depth(s.depth),
+                f"{s.rate:.1f} Hz",
+                f"{s.received} received, {s.dropped} dropped, {s.malformed} malformed",
+            )
+            for s in info.subscriptions
+        ],
+    )
+    lines += _section("services", [(s.service, s.type, f"{s.served} calls") for s in info.services])
+    lines += _section("clients", [(c.service, c.type) for c in info.clients])
+    values = info.parameters or {}
+    lines += _section("parameters", [(name, msgspec.json.encode(value).decode()) for name, value in values.items()])
+    return lines
+
+
+def _depth(depth: int) -> str:
+    return "keeps all" if depth == 0 else f"depth {depth}"
+
+
+def _section(title: str, rows: Sequence[tuple[str, ...]]) -> list[str]:
+    if not rows:
+        return []
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return [
+        f"  {title}",
+        *("    " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows),
+    ]
+
+
+def print_contract(service: str, *, json: bool) -> None:
+    """Print the contract of a node class, without running it.
+
+    Raises:
+        ContractError: there is no such class, or it says something wrong.
+    """
+    from robo.contract import contract_of
+    from robo.contract_text import contract_data, contract_text
+    from robo.loading import load_node_class
+
+    try:
+        node_class = load_node_class(service)
+    except ContractError:
+        raise
+    except Exception as error:  # a user's module may raise anything while it is imported
+        raise ContractError(f"service {service!r} cannot be imported: {type(error).__name__}: {error}") from None
+    contract = contract_of(node_class)
+    if json:
+        print_json({"class_name": f"{node_class.__module__}:{node_class.__qualname__}", **contract_data(contract)})
+        return
+    print_line(paint(f"{node_class.__module__}:{node_class.__qualname__}", "1"))
+    if contract.description:
+        print_line(f"{contract.description}{os.linesep}")
+    print_line(contract_text(contract))

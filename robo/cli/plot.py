@@ -1,0 +1,125 @@
+"""`robo topic plot`: numbers of a topic over time, in the terminal."""
+
+import math
+import sys
+import time
+from collections import deque
+from collections.abc import Sequence
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.text import Text
+
+from robo.cli.connection import connect_to_robot, hint
+from robo.cli.reach import Reach
+from robo.errors import UsageError
+from robo.tools.chart import Chart, Point
+from robo.tools.fields import Field, Missing, flattened
+from robo.tools.records import Received, read
+from robo.tools.stream import Stream
+
+_COLOURS = ("cyan", "yellow", "magenta", "green", "red", "blue")
+_PERIOD = 0.1
+"""How often the picture is drawn, s."""
+_MOST_SERIES = len(_COLOURS)
+_MOST_POINTS = 20_000
+
+
+def plot(name: str, fields: Sequence[str], reach: Reach, *, window: float, duration: float | None) -> None:
+    """Draw until Ctrl-C or until the time is over; once, where the output is no terminal.
+
+    Raises:
+        UsageError: the topic has no such field, or no number in it.
+    """
+    key = reach.key(name)
+    if "*" in key:
+        raise UsageError(f"{key} names many topics: plot one")
+    curves = _Curves(key, [Field(path) for path in fields])
+    live = sys.stdout.isatty()
+    with connect_to_robot(reach) as session:
+        stream = Stream(session, [key])
+        hint(f"waiting for {key} …")
+        end = time.monotonic() + (duration if duration is not None else math.inf if live else window)
+        console = Console()
+        if not live:
+            window = duration or window
+            for arrival in stream.until(end):
+                curves.add(read(arrival))
+            console.print(curves.picture(window, 80, 20))
+            return
+        with Live(console=console, auto_refresh=False, transient=False) as display:
+            due = 0.0
+            while time.monotonic() < end:
+                came = stream.get(min(end, time.monotonic() + _PERIOD))
+                if came is not None:
+                    curves.add(read(came))
+                now = time.monotonic()
+                if now >= due and curves.any:
+                    due = now + _PERIOD
+                    height = max(console.height - 4, 5)
+                    display.update(curves.picture(window, console.width, min(height, 24)), refresh=True)
+
+
+class _Curves:
+    def __init__(self, key: str, fields: Sequence[Field]) -> None:
+        self._key = key
+        self._fields = list(fields)
+        self._points: dict[str, deque[Point]] = {}
+        self._type = ""
+
+    @property
+    def any(self) -> bool:
+        return bool(self._points)
+
+    def add(self, received: Received) -> None:
+        """Take the numbers of a message."""
+        self._type = received.type
+        if not self._fields:
+            self._fields = self._choose(received)
+        at = received.time * 1e-9
+        for field in self._fields:
+            try:
+                value = field.of(received.message)
+            except Missing as error:
+                raise UsageError(f"{self._key} ({received.type or 'no type'}): {error}") from None
+            if isinstance(value, str) and value in ("nan", "inf", "-inf"):
+                value = math.nan
+            if not isinstance(value, (int, float)):
+                raise UsageError(f"{self._key}: {field.path} is no number but {type(value).__name__}")
+            self._points.setdefault(field.path, deque(maxlen=_MOST_POINTS)).append((at, float(value)))
+
+    def _choose(self, received: Received) -> list[Field]:
+        """All numbers but stamps and flags, as many as have a colour."""
+        paths = [
+            path
+            for path, value in flattened(received.message)
+            if isinstance(value, (int, float)) and not isinstance(value, bool) and not path.startswith("header.")
+        ]
+        if not paths:
+            raise UsageError(f"{self._key} ({received.type or 'no type'}) has no numbers outside of lists; say --field")
+        return [Field(path) for path in paths[:_MOST_SERIES]]
+
+    def picture(self, window: float, width: int, height: int) -> Group:
+        """The chart with a legend above it."""
+        end = max((points[-1][0] for points in self._points.values()), default=time.time())
+        for points in self._points.values():
+            while points and points[0][0] < end - window:
+                points.popleft()
+        chart = Chart(
+            {path: list(points) for path, points in self._points.items()},
+            begin=end - window,
+            end=end,
+            width=width,
+            height=height,
+        )
+        legend = Text(f"{self._key}  {self._type}  ", overflow="ellipsis", no_wrap=True)
+        for number, (path, points) in enumerate(self._points.items()):
+            last = f" {points[-1][1]:.4g}" if points else ""
+            legend.append(f"{path}{last}  ", style=_COLOURS[number % len(_COLOURS)])
+        rows = []
+        for row in chart.rows:
+            line = Text(no_wrap=True)
+            for character, owner in row:
+                line.append(character, style="" if owner is None else _COLOURS[owner % len(_COLOURS)])
+            rows.append(line)
+        return Group(legend, *rows, Text(f"{f'-{window:g} s':<{max(width - 4, 8)}}now", no_wrap=True))

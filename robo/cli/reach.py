@@ -1,0 +1,51 @@
+"""Which network, which robot, how long: what every verb that looks at running robots is told."""
+
+from typing import NamedTuple
+
+from robo import names
+
+ANSWER_TIMEOUT = 2.0
+"""How long to wait for what is there, s: a machine may be busy."""
+REFUSED_TIMEOUT = 0.3
+"""How long to wait where nobody listens, s: a robot that leaves hands the meeting point over within that."""
+
+
+class Reach(NamedTuple):
+    """Where and how far a verb looks."""
+
+    connect: tuple[str, ...] = ()
+    """Zenoh endpoints to dial; by default ROBO_CONNECT, else where robots on this machine meet."""
+    robot: str | None = None
+    """Only this robot; all where none is named."""
+    given_timeout: float | None = None
+    """How long to wait for the network and for an answer, s, if somebody said so."""
+
+    @property
+    def timeout(self) -> float:
+        """How long to wait for an answer, s."""
+        return ANSWER_TIMEOUT if self.given_timeout is None else self.given_timeout
+
+    @property
+    def refused_timeout(self) -> float:
+        """How long to wait for somebody to listen, s."""
+        return REFUSED_TIMEOUT if self.given_timeout is None else self.given_timeout
+
+    @property
+    def namespace(self) -> str:
+        """The named robot's namespace; empty where all are meant."""
+        return "" if self.robot is None else names.normalize_namespace(self.robot)
+
+    def covers(self, key: str) -> bool:
+        """Whether a full name or key belongs to the robot that is named."""
+        return not self.namespace or key.strip("/").startswith(f"{self.namespace}/")
+
+    def key(self, name: str) -> str:
+        """The key expression of a topic's name: within the robot that is named, unless it says a robot itself.
+
+        Raises:
+            InvalidName: it is no name.
+        """
+        key = names.key_of(name)
+        if name.startswith("/") or self.covers(key):
+            return key
+        return names.join(self.namespace, key)

@@ -1,0 +1,184 @@
+"""What all verbs share: the tree of commands, common options, and how errors end a command."""
+
+import functools
+import inspect
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Annotated, Any, TypeVar
+
+import typer
+
+from robo.cli import completion
+from robo.cli.reach import Reach
+from robo.errors import ManifestError, RoboError, UsageError
+
+F = TypeVar("F", bound=Callable[..., int | None])
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Robots as microservices over Zenoh: start them, look at them.",
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(version("robo-zenoh"))
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    _wanted: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it.")] = False,
+) -> None:
+    """Show the version."""
+
+
+def group(name: str, about: str) -> typer.Typer:
+    """A group of verbs, such as `robo topic`."""
+    made = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help=about)
+    app.add_typer(made, name=name)
+    return made
+
+
+RobotName = Annotated[
+    str | None,
+    typer.Option(
+        "--robot-name",
+        metavar="NAME",
+        help="Namespace of the robot.",
+        show_default=False,
+        autocompletion=completion.robots,
+    ),
+]
+Connect = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--connect", metavar="ENDPOINT", help="Dial this Zenoh endpoint (or ROBO_CONNECT).", show_default=False
+    ),
+]
+Listen = Annotated[
+    list[str] | None,
+    typer.Option("--listen", metavar="ENDPOINT", help="Listen here instead of tcp/127.0.0.1:7447 (or ROBO_LISTEN)."),
+]
+Timeout = Annotated[
+    float | None,
+    typer.Option(
+        "--timeout",
+        metavar="S",
+        help="How long to wait for the network and for an answer.",
+        min=0.0,
+        show_default=False,
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+JsonLines = Annotated[bool, typer.Option("--json", help="Print JSON Lines.")]
+Watch = Annotated[bool, typer.Option("--watch", help="Again and again, until Ctrl-C.")]
+Interval = Annotated[float, typer.Option("--interval", metavar="S", help="How often, with --watch.", min=0.1)]
+NodeName = Annotated[
+    str,
+    typer.Argument(
+        metavar="NODE",
+        help="A node's full name, or its name where only one has it.",
+        autocompletion=completion.nodes,
+    ),
+]
+OptionalNode = Annotated[
+    str | None, typer.Argument(metavar="[NODE]", help="Only this node.", autocompletion=completion.nodes)
+]
+TopicName = Annotated[
+    str,
+    typer.Argument(metavar="KEY", help="A topic's full name, for example r1/odom.", autocompletion=completion.topics),
+]
+TopicNames = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="KEY...", help="Full names, for example r1/odom; * and ** match.", autocompletion=completion.topics
+    ),
+]
+TypeName = Annotated[
+    str, typer.Argument(metavar="TYPE", help="For example geometry/Twist.", autocompletion=completion.types)
+]
+
+_SHARED = {
+    "robot_name": (RobotName, None),
+    "connect": (Connect, None),
+    "timeout": (Timeout, None),
+}
+
+
+def verb(parent: typer.Typer, name: str, *examples: str, **settings: Any) -> Callable[[F], F]:
+    """Make a function a verb. Its docstring is the help; what it returns is the exit code, None being 0.
+
+    A function whose first parameter is `reach` gets the options --robot-name, --connect and --timeout,
+    as one `Reach`; one of them that it declares itself stays its own.
+
+    Args:
+        parent: `app`, or a group.
+        name: of the verb.
+        examples: command lines, below the help.
+        settings: more for typer.
+    """
+
+    def register(function: F) -> F:
+        signature = inspect.signature(function, eval_str=True)
+        own = dict(signature.parameters)
+        reaches = own.pop("reach", None) is not None
+        shared = {key: said for key, said in _SHARED.items() if reaches and key not in own}
+
+        @functools.wraps(function)
+        def run(**options: Any) -> None:
+            if reaches:
+                given = {key: options.pop(key) for key in shared}
+                options["reach"] = Reach(
+                    tuple(given.get("connect") or ()), given.get("robot_name"), given.get("timeout")
+                )
+            with errors():
+                code = function(**options)
+            raise typer.Exit(code or 0)
+
+        added = [
+            inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
+            for key, (annotation, default) in shared.items()
+        ]
+        parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in own.values()] + added
+        run.__signature__ = signature.replace(parameters=parameters, return_annotation=None)  # type: ignore[attr-defined]
+        run.__annotations__ = {p.name: p.annotation for p in parameters}
+        epilog = "\b\nExamples:\n" + "\n".join(f"  {line}" for line in examples) if examples else None
+        parent.command(name, epilog=epilog, **settings)(run)
+        return function
+
+    return register
+
+
+@contextmanager
+def errors() -> Iterator[None]:
+    """Show a mistake as a message, and leave quietly on Ctrl-C and when the reader of a pipe is gone."""
+    try:
+        yield
+    except RoboError as error:
+        typer.echo(_described(error), err=True)
+        raise typer.Exit(2 if isinstance(error, UsageError) else 1) from None
+    except KeyboardInterrupt:
+        raise typer.Exit(130) from None
+    except BrokenPipeError:
+        # What Python would still flush at exit has no reader either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit from None
+
+
+def _described(error: RoboError) -> str:
+    """An error for people; the mistakes of a manifest each with their line."""
+    if not isinstance(error, ManifestError) or not hasattr(error, "faults"):
+        return f"error: {error}"
+    from robo.launch.faults import as_text
+
+    count = "1 mistake" if len(error.faults) == 1 else f"{len(error.faults)} mistakes"
+    return f"{as_text(error.faults)}\n{count}; nothing is started"

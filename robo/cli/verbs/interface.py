@@ -1,0 +1,44 @@
+"""`robo interface`: message and service types."""
+
+from typing import Annotated
+
+import typer
+
+from robo.cli.verb import Json, JsonLines, TypeName, group, verb
+from robo.errors import UsageError
+
+interface = group("interface", "Look at message and service types.")
+
+
+@verb(interface, "list", "robo interface list", "robo interface list --json | jq -r .name")
+def interface_list(json: JsonLines = False) -> None:
+    """List message and service types: those that ship, those of installed packages and of this folder.
+
+    Packages of your own are found by the entry point group robo.messages, by ROBO_MESSAGES=module,…, and in Python
+    files below the current folder.
+    """
+    from robo.cli.interface import print_list
+
+    print_list(json=json)
+
+
+@verb(
+    interface,
+    "show",
+    "robo interface show nav/Odometry",
+    "robo interface show std/Trigger",
+    "robo interface show sensor/LaserScan --ros",
+    "robo interface show my_robot/Gripper --json-schema > gripper.schema.json",
+)
+def interface_show(
+    type_name: TypeName,
+    json: Json = False,
+    json_schema: Annotated[bool, typer.Option("--json-schema", help="Print its JSON Schema.")] = False,
+    ros: Annotated[bool, typer.Option("--ros", help="Print it as ROS writes it.")] = False,
+) -> None:
+    """Print a type: fields, types, defaults, units."""
+    from robo.cli.interface import print_type
+
+    if json + json_schema + ros > 1:
+        raise UsageError("choose one of --json, --json-schema and --ros")
+    print_type(type_name, json=json, json_schema=json_schema, ros=ros)

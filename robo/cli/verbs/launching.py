@@ -1,0 +1,152 @@
+"""`robo up`, `check`, `schema` and `run`: from a manifest or a class to running nodes."""
+
+from typing import Annotated
+
+import typer
+
+from robo.cli.verb import Connect, Listen, RobotName, app, verb
+
+
+@verb(
+    app,
+    "up",
+    "robo up --robot-name r1",
+    "robo up simulation.yaml --robot-name r2",
+    "robo up replay.yaml log:=run.log.gz rate:=2.0",
+    "robo up robot.yaml control tracking use_sim:=false",
+    "robo up -p velocity_controller.linear_velocity:=0.3",
+    "robo up fleet.yaml robots:=5 --dry-run",
+    "robo up -d --wait --robot-name r1",
+    "robo up mine.yaml --watch",
+    "robo up simulation.yaml --show-args",
+    short_help="Start a robot, in the foreground or with -d behind.",
+)
+def up(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[MANIFEST] [GROUP]... [NAME:=VALUE]...", help="What to start.", show_default=False),
+    ] = None,
+    robot_name: RobotName = None,
+    param: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-p",
+            "--param",
+            metavar="NODE.NAME:=VALUE",
+            help="Set a parameter of a node; NAME:=VALUE of all that have it.",
+        ),
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the plan and start nothing.")] = False,
+    show_args: Annotated[bool, typer.Option("--show-args", help="List the manifest's arguments.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print the plan, the arguments or the faults as JSON.")] = False,
+    connect: Connect = None,
+    listen: Listen = None,
+    log_level: Annotated[
+        str | None,
+        typer.Option("--log-level", metavar="LEVEL", help="debug, info, warn, error or fatal (or ROBO_LOG_LEVEL)."),
+    ] = None,
+    detach: Annotated[bool, typer.Option("-d", "--detach", help="Run in the background; `robo down` ends it.")] = False,
+    wait: Annotated[bool, typer.Option("--wait", help="With -d: return once everything is ready.")] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Start again what a changed source, parameter file or manifest touches.")
+    ] = False,
+    timing: Annotated[bool, typer.Option("--timing", help="Print where the time of the start went.")] = False,
+) -> int:
+    """Start a robot and keep it in the foreground until Ctrl-C, or in the background.
+
+    MANIFEST is looked for as a path, then in ./launch, then among those that ship with robo
+    (robot.yaml, simulation.yaml, real_robot.yaml, replay.yaml, fleet.yaml); robot.yaml by default.
+    GROUPs start only these.
+
+    Exit code: 0 ended by itself or by SIGTERM, 1 a mistake in a file or a node that failed, 2 words
+    that make no sense, 130 Ctrl-C.
+    """
+    begun = None
+    if not (dry_run or show_args or detach):
+        from robo.supervisor.early import begin
+
+        begun = begin()  # first of all: it gets ready while the rest is read
+    from robo.cli.up import run_up
+
+    return run_up(
+        words or [],
+        robot_name=robot_name,
+        parameters=param or [],
+        dry_run=dry_run,
+        show_args=show_args,
+        json=json,
+        connect=connect or [],
+        listen=listen or [],
+        log_level=log_level,
+        timing=timing,
+        watch=watch,
+        detach=detach,
+        wait=wait,
+        begun=begun,
+    )
+
+
+@verb(
+    app,
+    "check",
+    "robo check launch/robot.yaml",
+    "robo check launch/*.yaml --json",
+    "robo check fleet.yaml robots:=5",
+    "robo check robot.yaml --graph mermaid",
+    short_help="Check manifests and their wiring; start nothing.",
+)
+def check(
+    words: Annotated[
+        list[str],
+        typer.Argument(metavar="FILE", help="Manifests to check; NAME:=VALUE for their arguments.", show_default=False),
+    ],
+    robot_name: RobotName = None,
+    json: Annotated[bool, typer.Option("--json", help="Print faults and notes as JSON.")] = False,
+    graph: Annotated[
+        str | None,
+        typer.Option("--graph", metavar="FORM", help="Draw nodes, topics and services: text, mermaid, dot or json."),
+    ] = None,
+) -> int:
+    """Check manifests and how their nodes are wired, without starting anything.
+
+    Beside every mistake that `robo up` would refuse: two types on one topic, subscriptions that
+    nothing feeds, remappings of names that a node does not have, parameters that no node declares,
+    promises about topics that nobody keeps.
+
+    Exit code: 0 fine, 1 faults, 2 words that make no sense.
+    """
+    from robo.cli.check import run_check
+
+    return run_check(words, robot_name=robot_name, json=json, graph=graph)
+
+
+@verb(
+    app,
+    "schema",
+    "robo schema manifest > robo.schema.json",
+    "robo schema geometry/Twist",
+    short_help="Print the JSON Schema of manifests or of a type.",
+)
+def schema(
+    name: Annotated[str, typer.Argument(metavar="manifest|TYPE", help="What to describe.", show_default=False)],
+) -> None:
+    """Print the JSON Schema of manifests, by which editors complete them, or of a message type."""
+    from robo.cli.check import print_schema
+
+    print_schema(name)
+
+
+@verb(
+    app,
+    "run",
+    short_help="Run one node, alone.",
+    add_help_option=False,
+    context_settings={"ignore_unknown_options": True},
+)
+def run(
+    words: Annotated[list[str] | None, typer.Argument(metavar="SERVICE [OPTIONS]", show_default=False)] = None,
+) -> None:
+    """Run one node, alone; `robo run SERVICE --help` shows its contract."""
+    from robo.cli.run import hand_over
+
+    hand_over(words or [])

@@ -1,0 +1,61 @@
+"""`robo service`: services of running nodes."""
+
+from typing import Annotated
+
+import typer
+
+from robo.cli import completion
+from robo.cli.reach import Reach
+from robo.cli.verb import Json, JsonLines, group, verb
+
+service = group("service", "Look at and call services.")
+
+ServiceName = Annotated[
+    str,
+    typer.Argument(
+        metavar="SERVICE", help="A service's full name, for example r1/reset.", autocompletion=completion.services
+    ),
+]
+
+
+@verb(service, "list", "robo service list", "robo service list --json")
+def service_list(reach: Reach, json: JsonLines = False) -> None:
+    """List services with their types and servers."""
+    from robo.cli.service import print_services
+
+    print_services(reach, json=json)
+
+
+@verb(service, "type", "robo service type r1/reset_distance")
+def service_type(reach: Reach, name: ServiceName) -> None:
+    """Print the type of a service."""
+    from robo.cli.service import print_type
+
+    print_type(name, reach)
+
+
+@verb(service, "info", "robo service info r1/reset_distance")
+def service_info(reach: Reach, name: ServiceName, json: Json = False) -> None:
+    """Print who serves a service, what it takes and what it returns."""
+    from robo.cli.service import print_info
+
+    print_info(name, reach, json=json)
+
+
+@verb(
+    service,
+    "call",
+    "robo service call r1/reset_distance",
+    "robo service call r1/lights '{data: true}' --json",
+)
+def service_call(
+    reach: Reach,
+    name: ServiceName,
+    request: Annotated[str | None, typer.Argument(metavar="[REQUEST]", help="YAML or JSON; by default {}.")] = None,
+    timeout: Annotated[float, typer.Option("--timeout", metavar="S", help="How long to wait for the answer.")] = 2.0,
+    json: Json = False,
+) -> None:
+    """Call a service and print its answer."""
+    from robo.cli.service import call
+
+    call(name, request, reach, timeout=timeout, json=json)

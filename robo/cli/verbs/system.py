@@ -1,0 +1,87 @@
+"""`robo graph`, `top` and `net`: the running system as a whole."""
+
+from typing import Annotated
+
+import typer
+
+from robo.cli import completion
+from robo.cli.reach import Reach
+from robo.cli.verb import Json, app, verb
+
+
+@verb(
+    app,
+    "graph",
+    "robo graph",
+    "robo graph --robot-name r1 --hide-system --format dot | dot -Tsvg > r1.svg",
+    "robo graph --format json | jq '.topics[] | select(.problems != [])'",
+    short_help="Draw nodes, topics and services as they run.",
+)
+def graph(
+    reach: Reach,
+    form: Annotated[str, typer.Option("--format", metavar="FORM", help="text, mermaid, dot or json.")] = "text",
+    hide_system: Annotated[
+        bool, typer.Option("--hide-system", help="Leave out log, parameter_events and clock.")
+    ] = False,
+) -> None:
+    """Draw nodes, topics and services as they run; dead ends and type clashes are marked.
+
+    `robo check MANIFEST --graph FORM` draws the same of a manifest.
+    """
+    from robo.cli.graph import print_graph
+
+    print_graph(reach, form=form, hide_system=hide_system)
+
+
+@verb(
+    app,
+    "top",
+    "robo top",
+    "robo top --robot-name r1",
+    "robo top --once --json | jq '.topics[] | select(.stale)'",
+    short_help="Watch nodes and topics live: cpu, memory, rates, age, loss.",
+)
+def top(
+    reach: Reach,
+    once: Annotated[bool, typer.Option("--once", help="Measure once, print, end.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON, an object for each look.")] = False,
+    interval: Annotated[float, typer.Option("--interval", metavar="S", help="How long to measure.", min=0.2)] = 1.0,
+) -> None:
+    """Watch nodes and topics live, until Ctrl-C or q.
+
+    Nodes with state, processor, memory and restarts; topics with rate, age of the last message (red when it is
+    stale: far older than the topic's own pace), bandwidth and loss. It receives every topic of the robot that is
+    named, or of all.
+    """
+    from robo.cli.top import watch
+
+    watch(reach, once=once, json=json, interval=interval)
+
+
+@verb(
+    app,
+    "net",
+    "robo net",
+    "robo net --json",
+    "robo net position_tracker safety_monitor",
+    short_help="Show the Zenoh network, and why two nodes do not see each other.",
+)
+def net(
+    reach: Reach,
+    nodes: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[NODE NODE]", help="Two nodes that should see each other.", autocompletion=completion.nodes
+        ),
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Show what this machine sees of the Zenoh network: routers, where they listen, who is linked, latency.
+
+    With two nodes: whether they see each other, and if not, why.
+
+    Exit code: 0 fine, 1 something is wrong, 2 words that make no sense.
+    """
+    from robo.cli.net import print_network
+
+    return print_network(nodes or [], reach, json=json)

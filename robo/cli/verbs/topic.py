@@ -1,0 +1,264 @@
+"""`robo topic`: looking at topics, measuring them, publishing on them."""
+
+from typing import Annotated
+
+import typer
+
+from robo.cli import completion
+from robo.cli.reach import Reach
+from robo.cli.verb import Interval, Json, JsonLines, TopicName, TopicNames, TypeName, Watch, group, verb
+from robo.errors import UsageError
+
+topic = group("topic", "Look at topics, measure them, publish on them.")
+
+Count = Annotated[int | None, typer.Option("--count", metavar="N", help="End after N messages.", min=1)]
+Windows = Annotated[int | None, typer.Option("--count", metavar="N", help="End after N windows.", min=1)]
+Duration = Annotated[float | None, typer.Option("--duration", metavar="S", help="End after S seconds.", min=0.0)]
+Window = Annotated[float, typer.Option("--window", metavar="S", help="Length of a window.", min=0.05)]
+Fields = Annotated[
+    list[str] | None,
+    typer.Option("--field", metavar="PATH", help="Only this part: pose.pose.position.x, ranges[0]. May be repeated."),
+]
+
+
+@verb(
+    topic,
+    "list",
+    "robo topic list",
+    "robo topic list -v --robot-name r1",
+    "robo topic list --json | jq -r 'select(.publishers == []).key'",
+    "robo topic list --watch",
+)
+def topic_list(
+    reach: Reach,
+    verbose: Annotated[bool, typer.Option("-v", "--verbose", help="Name the nodes at both ends.")] = False,
+    json: JsonLines = False,
+    watch: Watch = False,
+    interval: Interval = 1.0,
+) -> None:
+    """List topics: type, how many publish and subscribe, messages a second where supervisors know."""
+    from robo.cli.topic import print_topics
+
+    print_topics(reach, verbose=verbose, json=json, watch=watch, interval=interval)
+
+
+@verb(topic, "info", "robo topic info r1/odom", "robo topic info odom --robot-name r1 --json")
+def topic_info(reach: Reach, key: TopicName, json: Json = False) -> None:
+    """Print all about one topic: its type, who publishes and subscribes it, and how much they keep."""
+    from robo.cli.topic import print_info
+
+    print_info(key, reach, json=json)
+
+
+@verb(topic, "type", "robo topic type r1/odom", 'robo interface show "$(robo topic type r1/odom)"')
+def topic_type(reach: Reach, key: TopicName) -> None:
+    """Print the type of a topic."""
+    from robo.cli.topic import print_type
+
+    print_type(key, reach)
+
+
+@verb(topic, "find", "robo topic find geometry/Twist", "robo topic find sensor/LaserScan --json")
+def topic_find(reach: Reach, type_name: TypeName, json: JsonLines = False) -> int:
+    """Print the topics of a type. Exit code 1 where there are none."""
+    from robo.cli.topic import print_topics_of
+
+    return print_topics_of(type_name, reach, json=json)
+
+
+@verb(
+    topic,
+    "echo",
+    "robo topic echo r1/odom",
+    "robo topic echo r1/odom --field pose.pose.position.x --field pose.pose.position.y --csv > path.csv",
+    "robo topic echo r1/cmd_vel --filter 'linear.x > 0.4 or angular.z != 0'",
+    "robo topic echo 'r*/odom' r1/scan --truncate",
+    "robo topic echo '**' --duration 10 --json > log.jsonl",
+    "robo topic echo r1/odom --json | robo topic pub r9/odom nav/Odometry -",
+)
+def topic_echo(
+    reach: Reach,
+    keys: TopicNames,
+    field: Fields = None,
+    filter_: Annotated[
+        str | None,
+        typer.Option("--filter", metavar="EXPR", help="Only messages for which this holds: 'linear.x > 0.1'."),
+    ] = None,
+    once: Annotated[bool, typer.Option("--once", help="End after one message.")] = False,
+    count: Count = None,
+    duration: Duration = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print JSON Lines: key, type, time (ns), sequence_number, message.")
+    ] = False,
+    csv: Annotated[bool, typer.Option("--csv", help="Print a table, a line for each message.")] = False,
+    yaml: Annotated[bool, typer.Option("--yaml", help="Print YAML documents that hold every byte.")] = False,
+    truncate: Annotated[bool, typer.Option("--truncate", help="Cut long lists, texts and bytes short.")] = False,
+) -> None:
+    """Print messages as they come.
+
+    In JSON and CSV, NaN and infinities are "nan", "inf" and "-inf", bytes are base64. `robo topic pub KEY TYPE -`
+    publishes such lines again, byte for byte.
+    """
+    from robo.cli.echo import Options, print_messages
+
+    if json + csv + yaml > 1:
+        raise UsageError("choose one of --json, --csv and --yaml")
+    form = "json" if json else "csv" if csv else "yaml" if yaml else "text"
+    options = Options(form=form, fields=field or (), condition=filter_, truncate=truncate)
+    print_messages(keys, reach, options, count=1 if once else count, duration=duration)
+
+
+@verb(
+    topic,
+    "pub",
+    "robo topic pub r1/cmd_vel_raw geometry/Twist '{linear: {x: 0.2}}' -r 10",
+    "robo topic pub r1/chatter std/String '{data: hello}' --once --wait-for-subscriber",
+    "robo topic pub r1/goal geometry/PoseStamped '{header: {stamp: now, frame_id: map}, pose: {position: {x: 1}}}'",
+    "robo topic pub - < log.jsonl",
+    "robo topic echo r1/odom --json | robo topic pub r9/odom nav/Odometry -",
+)
+def topic_pub(
+    reach: Reach,
+    key: Annotated[
+        str,
+        typer.Argument(
+            metavar="KEY", help="A topic's full name; - for lines that name it.", autocompletion=completion.topics
+        ),
+    ],
+    type_name: Annotated[
+        str | None, typer.Argument(metavar="TYPE", help="For example geometry/Twist.", autocompletion=completion.types)
+    ] = None,
+    data: Annotated[
+        str | None, typer.Argument(metavar="DATA", help="YAML or JSON; - reads JSON Lines from standard input.")
+    ] = None,
+    rate: Annotated[
+        float | None, typer.Option("-r", "--rate", metavar="HZ", help="So many a second.", min=1e-3)
+    ] = None,
+    once: Annotated[bool, typer.Option("--once", help="Publish once; the default without -r.")] = False,
+    times: Annotated[int | None, typer.Option("--times", metavar="N", help="Publish N times.", min=1)] = None,
+    wait_for_subscriber: Annotated[
+        bool, typer.Option("--wait-for-subscriber", help="Publish nothing before somebody listens.")
+    ] = False,
+) -> int:
+    """Publish messages: one, several at a rate, or those of JSON Lines.
+
+    A Time may be written `now`, a Header `auto`. With -r it goes on until Ctrl-C or --times. Lines are messages, or
+    what `robo topic echo --json` prints.
+
+    Exit code: 0 published, 1 the data or a line are no message of the type, 2 words that make no sense.
+    """
+    from robo.cli.pub import publish, publish_lines
+
+    if "-" in (key, type_name, data):
+        if data not in (None, "-") or once:
+            raise UsageError("with - the messages come from standard input: leave DATA and --once out")
+        target = None if key == "-" else key
+        wanted = None if type_name == "-" else type_name
+        return publish_lines(target, wanted, reach, rate=rate, times=times, wait=wait_for_subscriber)
+    if type_name is None:
+        raise UsageError(
+            f"say which type: robo topic pub {key} TYPE DATA, for example geometry/Twist '{{linear: {{x: 0.2}}}}'"
+        )
+    if once and (times is not None or rate is not None):
+        raise UsageError("--once goes without --times and -r")
+    limit = times if times is not None else None if rate is not None else 1
+    publish(key, type_name, data or "{}", reach, rate=rate or 1.0, times=limit, wait=wait_for_subscriber)
+    return 0
+
+
+@verb(topic, "hz", "robo topic hz r1/odom", "robo topic hz 'r1/*' --duration 5 --json")
+def topic_hz(
+    reach: Reach,
+    keys: TopicNames,
+    count: Windows = None,
+    duration: Duration = None,
+    window: Window = 1.0,
+    json: JsonLines = False,
+) -> None:
+    """Measure how often messages are published, and how evenly.
+
+    Rates come from the publishers' own times and sequence numbers, so they are exact even where messages are lost
+    on the way. Times are those between two messages; jitter is their mean change. JSON: key, rate (Hz), count, min,
+    max, std, jitter (s), lost.
+    """
+    from robo.cli.measure import print_figures
+
+    print_figures("hz", keys, reach, count=count, duration=duration, window=window, json=json)
+
+
+@verb(topic, "bw", "robo topic bw r1/scan", "robo topic bw '**' --json --count 1")
+def topic_bw(
+    reach: Reach,
+    keys: TopicNames,
+    count: Windows = None,
+    duration: Duration = None,
+    window: Window = 1.0,
+    json: JsonLines = False,
+) -> None:
+    """Measure how many bytes come: payload only, without what the network adds.
+
+    JSON: key, rate (Hz), bandwidth (B/s), count, min, max, mean, std (bytes a message).
+    """
+    from robo.cli.measure import print_figures
+
+    print_figures("bw", keys, reach, count=count, duration=duration, window=window, json=json)
+
+
+@verb(topic, "delay", "robo topic delay r1/odom", "robo topic delay 'r1/*' --json")
+def topic_delay(
+    reach: Reach,
+    keys: TopicNames,
+    count: Windows = None,
+    duration: Duration = None,
+    window: Window = 1.0,
+    json: JsonLines = False,
+) -> None:
+    """Measure how long messages take from their publisher to here.
+
+    Between machines their clocks have to agree. JSON: key, rate (Hz), count, min, max, mean, std, jitter (s).
+    """
+    from robo.cli.measure import print_figures
+
+    print_figures("delay", keys, reach, count=count, duration=duration, window=window, json=json)
+
+
+@verb(topic, "loss", "robo topic loss r1/scan", "robo topic loss '**' --duration 60 --json")
+def topic_loss(
+    reach: Reach,
+    keys: TopicNames,
+    count: Windows = None,
+    duration: Duration = None,
+    window: Window = 1.0,
+    json: JsonLines = False,
+) -> None:
+    """Count messages that were published and did not come, by the gaps in their sequence numbers.
+
+    JSON: key, rate (Hz), count, lost, loss (0 to 1), min, max, std (lost at a stretch), and since the beginning
+    total_count, total_lost.
+    """
+    from robo.cli.measure import print_figures
+
+    print_figures("loss", keys, reach, count=count, duration=duration, window=window, json=json)
+
+
+@verb(
+    topic,
+    "plot",
+    "robo topic plot r1/odom --field twist.twist.linear.x",
+    "robo topic plot r1/cmd_vel --field linear.x --field angular.z --window 30",
+)
+def topic_plot(
+    reach: Reach,
+    key: TopicName,
+    field: Fields = None,
+    window: Annotated[float, typer.Option("--window", metavar="S", help="How far back it shows.", min=0.5)] = 10.0,
+    duration: Duration = None,
+) -> None:
+    """Plot numbers of a topic over time in the terminal.
+
+    Without --field, all of its numbers that are not in lists. Where the output is no terminal, one picture of what
+    came within the window, or within --duration.
+    """
+    from robo.cli.plot import plot
+
+    plot(key, field or [], reach, window=window, duration=duration)

@@ -1,0 +1,38 @@
+"""The graph of what runs."""
+
+import zenoh
+
+from robo import graph
+from robo.discovery import ALL_TOKENS, EndpointToken, NodeToken, parse_token
+from robo.graph import Edge, Graph
+from robo.tools import admin
+
+
+def running(session: zenoh.Session, timeout: float = 1.0) -> Graph:
+    """Nodes, topics and services, with the ends that any Zenoh client has on topics that no node knows."""
+    nodes: list[graph.Node] = []
+    edges: list[Edge] = []
+    for reply in session.liveliness().get(ALL_TOKENS, timeout=timeout):
+        token = parse_token(str(reply.ok.key_expr)) if reply.ok is not None else None
+        if isinstance(token, NodeToken):
+            nodes.append(graph.Node(token.full_name, token.class_name))
+        elif isinstance(token, EndpointToken):
+            edges.append(Edge(token.full_name, token.kind, token.topic, token.type_name))
+    known = {edge.key for edge in edges}
+    edges += (
+        Edge(f"zenoh:{zid}", "pub" if kind == "publisher" else "sub", key, "")
+        for kind, key, zid in admin.declared(session, timeout)
+        if key not in known
+    )
+    return graph.build(nodes, edges)
+
+
+def of_robot(whole: Graph, namespace: str) -> Graph:
+    """What of a graph belongs to one robot: its nodes, and the topics and services that they have."""
+    prefix = f"/{namespace}/"
+    own = {node.name for node in whole.nodes if node.name.startswith(prefix)}
+    return Graph(
+        [node for node in whole.nodes if node.name in own],
+        [t for t in whole.topics if t.key.startswith(prefix[1:]) or own.intersection((*t.publishers, *t.subscribers))],
+        [s for s in whole.services if s.key.startswith(prefix[1:]) or own.intersection((*s.servers, *s.clients))],
+    )

@@ -1,0 +1,264 @@
+"""Message and service types: those that ship, and those of users' packages.
+
+A package of your own is found where it is installed with an entry point in the group `robo.messages`, where
+ROBO_MESSAGES names its modules, and where a Python file below the current folder says `@message("group/Type")`.
+A file is imported when one of its types is asked for.
+"""
+
+import ast
+import contextlib
+import functools
+import importlib
+import inspect
+import os
+import re
+import sys
+import textwrap
+from collections.abc import Iterator
+from importlib.metadata import entry_points
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, ClassVar, Literal, get_origin, get_type_hints
+
+import msgspec
+from msgspec import inspect as shapes
+
+import robo_messages
+from robo.errors import ContractError
+from robo.suggestions import suggest
+from robo.tools.message_input import field_types
+from robo_messages import Message, UnknownType
+
+ENTRY_POINTS = "robo.messages"
+MODULES_VARIABLE = "ROBO_MESSAGES"
+
+_MOST_FILES = 2000
+_DEEPEST = 4
+_REGISTERS = re.compile(rb"@(?:\w+\.)*message\(\s*[\"']([A-Za-z_]\w*/[A-Za-z_]\w*)[\"']")
+_NOT_FOR_USE = re.compile(r"[._].*|tests?|test_.*|.*_test|conftest|build|dist|node_modules|site-packages")
+
+
+class FieldInfo(msgspec.Struct, frozen=True):
+    """One field of a message."""
+
+    name: str
+    type: str
+    default: object
+    """Plain data; None for one that is required."""
+    description: str
+    """Its docstring: what it means, its unit."""
+
+
+class Interface(msgspec.Struct, frozen=True):
+    """A message type."""
+
+    name: str
+    description: str
+    fields: list[FieldInfo]
+    constants: dict[str, int]
+    module: str
+
+
+class Listed(msgspec.Struct, frozen=True):
+    """A type as a list shows it."""
+
+    name: str
+    kind: Literal["message", "service"]
+    description: str
+    """Its first line; empty for a type of the current folder that was not imported for it."""
+    source: str
+    """Its module, or the file that says it."""
+
+
+def known() -> list[str]:
+    """The names of all types, messages first halves of services included, without importing files for it."""
+    _import_declared()
+    return sorted({*robo_messages.type_names(), *_in_folder(os.getcwd())})
+
+
+def listed() -> list[Listed]:
+    """All types, sorted by name; the two halves of a service as one."""
+    found: dict[str, Listed] = {}
+    for name in known():
+        service = name.removesuffix("_Request").removesuffix("_Response")
+        kind: Literal["message", "service"] = "service" if service != name else "message"
+        if name in robo_messages.type_names():
+            type_ = robo_messages.find_type(name)
+            owner = _owner(type_) if kind == "service" else type_
+            about, source = _first_line(owner), type_.__module__
+        else:
+            about, source = "", str(_in_folder(os.getcwd())[name])
+        found.setdefault(service, Listed(service, kind, about, source))
+    return [found[name] for name in sorted(found)]
+
+
+def find(name: str) -> type[Message]:
+    """The message class of a name, imported where that is needed.
+
+    Raises:
+        UnknownType: there is none; names what comes close.
+        ContractError: the file that says it cannot be imported.
+    """
+    try:
+        return robo_messages.find_type(name)
+    except UnknownType:
+        pass
+    _import_declared()
+    if name not in robo_messages.type_names():
+        file = _in_folder(os.getcwd()).get(name)
+        if file is not None:
+            _import_file(file)
+        elif (group := name.partition("/")[0]) and "/" in name:
+            _import_group(group)
+    if name in robo_messages.type_names():
+        return robo_messages.find_type(name)
+    raise UnknownType(f"no message type is named {name!r}; {suggest(name, known())}")
+
+
+def halves(name: str) -> list[str]:
+    """The message types that a name stands for: itself, or the request and the response of a service."""
+    both = [f"{name}_Request", f"{name}_Response"]
+    return both if name not in known() and both[0] in known() else [name]
+
+
+def describe(type_: type[Message]) -> Interface:
+    """All that is known of a message type."""
+    docs = _field_docs(type_)
+    types = field_types(type_)
+    fields = [
+        FieldInfo(field.encode_name, types[field.encode_name], _default(field), docs.get(field.name, ""))
+        for field in msgspec.structs.fields(type_)
+    ]
+    about = inspect.cleandoc(type_.__doc__ or "")
+    return Interface(robo_messages.type_name(type_), about, fields, constants(type_), type_.__module__)
+
+
+def constants(type_: type[Message]) -> dict[str, int]:
+    """The constants of a message type, in their order."""
+    return {
+        name: getattr(type_, name)
+        for name, hint in get_type_hints(type_).items()
+        if get_origin(hint) is ClassVar and isinstance(getattr(type_, name, None), int) and name.isupper()
+    }
+
+
+def inner_types(type_: type[Message]) -> dict[str, type[Message]]:
+    """The fields of a message type that are messages or lists of messages."""
+    info = shapes.type_info(type_)
+    assert isinstance(info, shapes.StructType)
+    found = {}
+    for field in info.fields:
+        inner: shapes.Type = field.type
+        while not isinstance(inner, shapes.StructType):
+            if isinstance(inner, shapes.Metadata):
+                inner = inner.type
+            elif isinstance(inner, (shapes.ListType, shapes.VarTupleType)):
+                inner = inner.item_type
+            else:
+                break
+        if isinstance(inner, shapes.StructType) and issubclass(inner.cls, Message):
+            found[field.encode_name] = inner.cls
+    return found
+
+
+def _default(field: Any) -> object:
+    if field.default is not msgspec.NODEFAULT:
+        return msgspec.to_builtins(field.default)
+    if field.default_factory is not msgspec.NODEFAULT:
+        return msgspec.to_builtins(field.default_factory())
+    return None
+
+
+def _first_line(owner: type[Any]) -> str:
+    return (owner.__doc__ or "").strip().partition("\n")[0]
+
+
+def _owner(type_: type[Message]) -> type[Any]:
+    """The class that a service's two halves stand in; a half itself where they stand alone."""
+    outer = getattr(sys.modules[type_.__module__], type_.__qualname__.rpartition(".")[0], None)
+    return outer if isinstance(outer, type) else type_
+
+
+def _field_docs(type_: type[Message]) -> dict[str, str]:
+    """The strings below the fields of a class, which Python reads and forgets."""
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(type_)))
+    except (OSError, TypeError, SyntaxError):
+        return {}
+    body = tree.body[0].body if tree.body and isinstance(tree.body[0], ast.ClassDef) else []
+    docs = {}
+    for said, after in pairwise(body):
+        if (
+            isinstance(said, ast.AnnAssign)
+            and isinstance(said.target, ast.Name)
+            and isinstance(after, ast.Expr)
+            and isinstance(after.value, ast.Constant)
+            and isinstance(after.value.value, str)
+        ):
+            docs[said.target.id] = " ".join(after.value.value.split())
+    return docs
+
+
+@functools.cache
+def _import_declared() -> None:
+    modules = [point.module for point in entry_points(group=ENTRY_POINTS)]
+    modules += [name.strip() for name in os.environ.get(MODULES_VARIABLE, "").split(",") if name.strip()]
+    for module in modules:
+        _import(module, f"{MODULES_VARIABLE} or the entry point group {ENTRY_POINTS} names {module!r}")
+
+
+@functools.cache
+def _import_group(group: str) -> None:
+    """`my_robot/Gripper` may be in `my_robot`, `my_robot.messages` or `my_robot_messages`."""
+    with _importable(os.getcwd()), contextlib.redirect_stdout(sys.stderr):
+        for module in (f"{group}.messages", f"{group}_messages", group):
+            with contextlib.suppress(ImportError, ValueError):
+                importlib.import_module(module)
+
+
+def _import_file(file: Path) -> None:
+    module = ".".join(file.with_suffix("").parts).removesuffix(".__init__")
+    _import(module, f"{file} says it and")
+
+
+def _import(module: str, why: str) -> None:
+    with _importable(os.getcwd()), contextlib.redirect_stdout(sys.stderr):
+        try:
+            importlib.import_module(module)
+        except Exception as error:  # a user's module may raise anything while it is imported
+            raise ContractError(f"{why} cannot be imported: {type(error).__name__}: {error}") from None
+
+
+@contextlib.contextmanager
+def _importable(folder: str) -> Iterator[None]:
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    yield
+
+
+@functools.cache
+def _in_folder(folder: str) -> dict[str, Path]:
+    """Types by name with the files below a folder that say them; found by reading, not by importing."""
+    found: dict[str, Path] = {}
+    for number, file in enumerate(_python_files(Path(folder), 0)):
+        if number >= _MOST_FILES:
+            break
+        with contextlib.suppress(OSError):
+            for match in _REGISTERS.finditer(file.read_bytes()):
+                found.setdefault(match[1].decode(), file.relative_to(folder))
+    return found
+
+
+def _python_files(folder: Path, depth: int) -> Iterator[Path]:
+    try:
+        entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
+    except OSError:
+        return
+    for entry in entries:
+        stem, dot, suffix = entry.name.partition(".")
+        if entry.is_dir(follow_symlinks=False):
+            usable = entry.name.isidentifier() and not _NOT_FOR_USE.fullmatch(entry.name)
+            if usable and depth < _DEEPEST and not os.path.exists(os.path.join(entry.path, "pyvenv.cfg")):
+                yield from _python_files(Path(entry.path), depth + 1)
+        elif dot and suffix == "py" and (stem == "__init__" or not _NOT_FOR_USE.fullmatch(stem)):
+            yield Path(entry.path)

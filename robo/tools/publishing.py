@@ -1,0 +1,121 @@
+"""Publishing on topics from outside of any node: typed, with sequence numbers and times as nodes send them."""
+
+import os
+import threading
+import time
+from collections import deque
+from typing import Any
+
+import msgspec
+import zenoh
+
+from robo import codec
+from robo.discovery import EndpointToken
+from robo.errors import MessageError
+from robo.qos import DEFAULT_DEPTH
+from robo.tools.records import Record, payload_of, sample_of
+
+_REMEMBERED = 10_000
+"""Own messages that are remembered, to know them when they come back."""
+
+
+class Line(msgspec.Struct, frozen=True):
+    """A message from a line of text, ready to be published."""
+
+    key: str
+    type: str
+    payload: bytes
+    encoding: str
+    origin: tuple[int, int | None] | None
+    """Publish time and sequence number of the message that the line tells of, if it does."""
+
+
+class Sender:
+    """Publishes on one topic."""
+
+    def __init__(self, session: zenoh.Session, key: str, type_name: str) -> None:
+        """Announces itself as nodes do, so that tools show it."""
+        encoding = f"{codec.MSGPACK};{type_name}" if type_name else codec.MSGPACK
+        # What a person or a file says is to arrive: nothing is dropped on the way out.
+        self._publisher = session.declare_publisher(
+            key, encoding=encoding, congestion_control=zenoh.CongestionControl.BLOCK
+        )
+        namespace, _, _ = key.rpartition("/")
+        token = EndpointToken(namespace, f"topic_pub_{os.getpid()}", "pub", type_name, DEFAULT_DEPTH, key)
+        self._token = session.liveliness().declare_token(token.key())
+        self._number = 0
+        self._sent: deque[tuple[int, int | None]] = deque(maxlen=_REMEMBERED)
+
+    def send(self, payload: bytes, encoding: str | None = None) -> None:
+        """Publish one message with the next sequence number and the time of now."""
+        self._number += 1
+        now = time.time_ns()
+        self._sent.append((now, self._number))
+        self._publisher.put(payload, encoding=encoding, attachment=codec.pack_attachment(self._number, now))
+
+    def has_sent(self, origin: tuple[int, int | None]) -> bool:
+        """Whether a message, by publish time and sequence number, is one of its own that has come back."""
+        return origin in self._sent
+
+    def wait_for_subscriber(self) -> None:
+        """Wait until somebody subscribes."""
+        present = threading.Event()
+
+        def notice(status: Any) -> None:
+            if status.matching:
+                present.set()
+
+        listener = self._publisher.declare_matching_listener(notice)
+        status: Any = self._publisher.matching_status  # zenoh's stub says bool, it is an object
+        notice(status)
+        present.wait()
+        listener.undeclare()
+
+    def close(self) -> None:
+        """Withdraw the announcement and stop publishing."""
+        self._token.undeclare()
+        self._publisher.undeclare()
+
+
+def flush(session: zenoh.Session, timeout: float = 5.0) -> None:
+    """Wait until the routers have all that was published so far: a query follows it on the same link."""
+    for _ in session.get("@/*/router", timeout=timeout):
+        pass
+
+
+def line_of(text: str, key: str | None, type_name: str | None) -> Line:
+    """A line of JSON: a message, or a record of `robo topic echo --json`.
+
+    Args:
+        text: the line.
+        key: where to publish; None where the record says it.
+        type_name: as what; None where the record says it.
+
+    Raises:
+        MessageError: it is no JSON, no message of the type, or does not say key or type.
+    """
+    try:
+        data = msgspec.json.decode(text)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise MessageError(f"no JSON: {error}") from None
+    if not isinstance(data, dict):
+        raise MessageError("expected an object: a message, or what `robo topic echo --json` prints")
+    if {"key", "type", "time", "message"} <= data.keys():
+        return _line_of_record(data, key, type_name)
+    if key is None or type_name is None:
+        raise MessageError("the line says neither key nor type: write robo topic pub KEY TYPE -")
+    return Line(key, type_name, payload_of(type_name, data), f"{codec.MSGPACK};{type_name}", None)
+
+
+def _line_of_record(data: dict[str, object], key: str | None, type_name: str | None) -> Line:
+    try:
+        record = msgspec.convert(data, Record)
+    except msgspec.ValidationError as error:
+        raise MessageError(f"no record of `robo topic echo --json`: {error}") from None
+    if type_name is not None and record.type not in ("", type_name):
+        raise MessageError(f"{record.key} is a {record.type}, not a {type_name}")
+    if type_name is not None and not record.type:
+        record = msgspec.structs.replace(record, type=type_name)
+    payload, encoding = sample_of(record)
+    origin = (record.time, record.sequence_number)
+    return Line(key if key is not None else record.key, record.type, payload, encoding, origin)

@@ -1,0 +1,81 @@
+"""Message types as ROS writes them: the text of a `.msg` or `.srv` file."""
+
+import msgspec
+from msgspec import inspect
+
+import robo_messages
+from robo.tools import interfaces
+from robo_messages import Message
+
+_PACKAGES = {
+    "std": "std_msgs",
+    "geometry": "geometry_msgs",
+    "nav": "nav_msgs",
+    "sensor": "sensor_msgs",
+    "diagnostic": "diagnostic_msgs",
+    "system": "rcl_interfaces",
+}
+_ELSEWHERE = {
+    "std/Time": "builtin_interfaces/Time",
+    "std/Duration": "builtin_interfaces/Duration",
+    "std/Trigger": "std_srvs/Trigger",
+    "std/SetBool": "std_srvs/SetBool",
+    "system/Clock": "rosgraph_msgs/Clock",
+}
+
+
+def ros_name(name: str) -> str:
+    """A type's name in ROS: `geometry/Twist` is `geometry_msgs/Twist`."""
+    group, _, type_name = name.partition("/")
+    return _ELSEWHERE.get(name) or f"{_PACKAGES.get(group, group)}/{type_name}"
+
+
+def ros_text(name: str) -> str:
+    """The definition of a message or a service.
+
+    Raises:
+        robo_messages.UnknownType: there is no such type.
+    """
+    parts = [_message(interfaces.find(half)) for half in interfaces.halves(name)]
+    return "\n---\n".join(["\n".join([f"# {ros_name(name)}", *parts[0]]), *("\n".join(part) for part in parts[1:])])
+
+
+def _message(type_: type[Message]) -> list[str]:
+    interface = interfaces.describe(type_)
+    lines = [f"# {line}".rstrip() for line in interface.description.splitlines()]
+    signed = any(value < 0 for value in interface.constants.values())
+    lines += [f"{'int8' if signed else 'uint8'} {key}={value}" for key, value in interface.constants.items()]
+    info = inspect.type_info(type_)
+    assert isinstance(info, inspect.StructType)
+    for field, said in zip(info.fields, interface.fields, strict=True):
+        if said.description:
+            lines.append(f"# {said.description}")
+        lines.append(f"{_type(field.type)} {field.encode_name}{_default(said.default, field.type)}")
+    return lines
+
+
+def _type(info: inspect.Type) -> str:
+    if isinstance(info, inspect.Metadata):
+        return str((info.extra or {}).get("ros") or _type(info.type))
+    if isinstance(info, inspect.StructType):
+        return ros_name(robo_messages.type_name(info.cls)) if issubclass(info.cls, Message) else info.cls.__name__
+    if isinstance(info, (inspect.ListType, inspect.VarTupleType)):
+        fixed = info.min_length if info.min_length == info.max_length else None
+        return f"{_type(info.item_type)}[{'' if fixed is None else fixed}]"
+    names: dict[type[inspect.Type], str] = {
+        inspect.FloatType: "float64",
+        inspect.IntType: "int64",
+        inspect.BoolType: "bool",
+        inspect.StrType: "string",
+        inspect.BytesType: "uint8[]",
+        inspect.ByteArrayType: "uint8[]",
+        inspect.MemoryViewType: "uint8[]",
+        inspect.AnyType: "rcl_interfaces/ParameterValue",
+    }
+    return names.get(type(info), "string")
+
+
+def _default(value: object, info: inspect.Type) -> str:
+    """A default other than ROS's own zero."""
+    single = isinstance(value, (bool, int, float, str)) and not isinstance(info, inspect.StructType)
+    return f" {msgspec.json.encode(value).decode()}" if single and value else ""

@@ -1,0 +1,127 @@
+"""Receiving topics for tools: every message with the time at which it came, in order, without ever
+holding up who publishes.
+
+A thread drains Zenoh's channel at once; what the tool has not yet handled waits here, up to a number
+of bytes. Beyond it the oldest messages are left out and counted: a tool whose output is slow neither
+eats the machine's memory nor makes a robot wait.
+"""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import zenoh
+
+from robo import codec
+from robo.codec import Attachment
+
+MOST_BYTES = 256_000_000
+"""What may wait for a tool."""
+
+_CHANNEL = 10_000
+"""Messages that Zenoh may hand over before the thread has run."""
+
+
+class Arrival(NamedTuple):
+    """A message as it came."""
+
+    key: str
+    arrived: int
+    """By this machine's clock, ns since the epoch."""
+    size: int
+    """Of the payload, bytes."""
+    attachment: Attachment | None
+    sample: zenoh.Sample
+
+
+class Stream:
+    """The messages of key expressions, until closed."""
+
+    def __init__(self, session: zenoh.Session, keys: Sequence[str], most_bytes: int = MOST_BYTES) -> None:
+        """`keys` may overlap: each message comes once."""
+        self._most_bytes = most_bytes
+        self._waiting: deque[Arrival] = deque()
+        self._bytes = 0
+        self._changed = threading.Condition()
+        self._closed = False
+        self.left_out = 0
+        """Messages that were not handed out, because too many waited."""
+        self._expressions = [zenoh.KeyExpr(key) for key in keys]
+        self._first_of: dict[str, int] = {}
+        self._subscribers = [
+            session.declare_subscriber(key, zenoh.handlers.FifoChannel(_CHANNEL)) for key in self._expressions
+        ]
+        for number, subscriber in enumerate(self._subscribers):
+            threading.Thread(
+                target=self._drain, args=(number, subscriber.handler), name="robo-stream", daemon=True
+            ).start()
+
+    def get(self, until: float | None = None) -> Arrival | None:
+        """The next message; None where none has come until a time by the monotonic clock, or it is closed."""
+        with self._changed:
+            while not self._waiting and not self._closed:
+                left = None if until is None else until - time.monotonic()
+                if left is not None and left <= 0:
+                    return None
+                self._changed.wait(left)
+            if not self._waiting:
+                return None
+            arrival = self._waiting.popleft()
+            self._bytes -= arrival.size
+            return arrival
+
+    def until(self, end: float | None) -> Iterator[Arrival]:
+        """Messages as they come, until a time by the monotonic clock; without end where there is none."""
+        while (arrival := self.get(end)) is not None:
+            yield arrival
+            if end is not None and time.monotonic() >= end:
+                return
+
+    @property
+    def waiting(self) -> bool:
+        """Whether there are more messages at once."""
+        return bool(self._waiting)
+
+    def close(self) -> None:
+        """End the stream."""
+        for subscriber in self._subscribers:
+            subscriber.undeclare()
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+    def _drain(self, number: int, handler: "zenoh.handlers.Handler[zenoh.Sample]") -> None:
+        recv = handler.recv
+        while True:
+            try:
+                sample = recv()
+            except zenoh.ZError:
+                return  # undeclared
+            arrived = time.time_ns()
+            key = str(sample.key_expr)
+            if sample.kind != zenoh.SampleKind.PUT or not self._is_mine(number, key):
+                continue
+            attachment = (
+                codec.unpack_attachment(sample.attachment.to_bytes()) if sample.attachment is not None else None
+            )
+            arrival = Arrival(key, arrived, len(sample.payload), attachment, sample)
+            with self._changed:
+                self._waiting.append(arrival)
+                self._bytes += arrival.size
+                while self._bytes > self._most_bytes and len(self._waiting) > 1:
+                    self._bytes -= self._waiting.popleft().size
+                    self.left_out += 1
+                self._changed.notify()
+
+    def _is_mine(self, number: int, key: str) -> bool:
+        """Whether a key is this expression's: the first one that matches it has it."""
+        if len(self._expressions) == 1:
+            return True
+        first = self._first_of.get(key)
+        if first is None:
+            exact = zenoh.KeyExpr(key)
+            first = next(i for i, expression in enumerate(self._expressions) if expression.intersects(exact))
+            self._first_of[key] = first
+        return first == number

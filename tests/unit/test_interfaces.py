@@ -1,0 +1,117 @@
+"""Types that ship and types of users' packages."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from robo.tools import interfaces, ros_text
+from robo_messages import LaserScan, UnknownType
+
+GRIPPER = '''
+from robo_messages import Message, message
+@message("my_robot/Gripper")
+class Gripper(Message):
+    """A gripper's state."""
+    OPEN = 1
+    width: float = 0.0
+    """m."""
+'''
+
+
+def in_folder(folder: Path, code: str, **environment: str) -> str:
+    """What Python prints there."""
+    script = f"from robo.tools import interfaces, ros_text\n{code}"
+    result = subprocess.run(
+        [sys.executable, "-c", script], cwd=folder, capture_output=True, text=True, check=True,
+        env={"PATH": "", **environment},
+    )  # fmt: skip
+    return result.stdout.strip()
+
+
+@pytest.mark.parametrize("place", ["gripper.py", "my_robot/__init__.py", "my_robot/deep/messages.py"])
+def test_types_below_the_current_folder_are_known(tmp_path: Path, place: str) -> None:
+    file = tmp_path / place
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(GRIPPER)
+    assert in_folder(tmp_path, "print('my_robot/Gripper' in interfaces.known())") == "True"
+    assert "width" in in_folder(tmp_path, "print(interfaces.describe(interfaces.find('my_robot/Gripper')))")
+
+
+def test_modules_may_be_named(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "gripper_types.py").write_text(GRIPPER)
+    here = tmp_path / "here"
+    here.mkdir()
+    code = "print(interfaces.find('my_robot/Gripper').__module__)"
+    path = str(tmp_path / "elsewhere")
+    assert in_folder(here, code, ROBO_MESSAGES="gripper_types", PYTHONPATH=path) == "gripper_types"
+
+
+def test_installed_packages_announce_theirs(tmp_path: Path) -> None:
+    (tmp_path / "gripper_types.py").write_text(GRIPPER)
+    info = tmp_path / "gripper-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: gripper\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[robo.messages]\ngripper = gripper_types\n")
+    here = tmp_path / "here"
+    here.mkdir()
+    code = "print([one for one in interfaces.listed() if one.name == 'my_robot/Gripper'][0].description)"
+    assert in_folder(here, code, PYTHONPATH=str(tmp_path)) == "A gripper's state."
+
+
+def test_a_file_that_cannot_be_imported_is_told(tmp_path: Path) -> None:
+    (tmp_path / "broken.py").write_text(f"{GRIPPER}\nraise RuntimeError('no hardware')")
+    code = (
+        "try: interfaces.find('my_robot/Gripper')\n"
+        "except Exception as error: print(type(error).__name__, error)\n"
+        "print(len(interfaces.listed()) > 30)"
+    )
+    told = in_folder(tmp_path, code)
+    assert told.startswith("ContractError broken.py says it and cannot be imported: RuntimeError: no hardware")
+    assert told.endswith("True"), "the list does without it"
+
+
+def test_what_is_no_code_of_the_user_is_passed_over(tmp_path: Path) -> None:
+    for folder in (".venv", "build", "tests", "env"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "messages.py").write_text(GRIPPER)
+    (tmp_path / "env" / "pyvenv.cfg").write_text("")
+    assert in_folder(tmp_path, "print('my_robot/Gripper' in interfaces.known())") == "False"
+
+
+def test_an_unknown_type_is_told() -> None:
+    with pytest.raises(UnknownType, match="did you mean nav/Odometry"):
+        interfaces.find("nav/Odometri")
+
+
+def test_a_type_is_described_with_units_and_constants() -> None:
+    scan = interfaces.describe(LaserScan)
+    fields = {field.name: field for field in scan.fields}
+    assert fields["angle_min"].description == "Angle of the first ray, rad."
+    assert (fields["ranges"].type, fields["ranges"].default) == ("list of float", [])
+    assert interfaces.describe(interfaces.find("system/Log")).constants["FATAL"] == 50
+    assert interfaces.halves("std/Trigger") == ["std/Trigger_Request", "std/Trigger_Response"]
+    assert interfaces.halves("std/Empty") == ["std/Empty"]
+
+
+@pytest.mark.parametrize(
+    ("name", "lines"),
+    [
+        ("geometry/Quaternion", ["# geometry_msgs/Quaternion", "float64 x", "float64 w 1.0"]),
+        ("sensor/LaserScan", ["std_msgs/Header header", "float32 angle_min", "float32[] ranges"]),
+        ("geometry/PoseWithCovariance", ["geometry_msgs/Pose pose", "float64[36] covariance"]),
+        ("std/Header", ["builtin_interfaces/Time stamp", "string frame_id"]),
+        ("std/Time", ["int32 sec", "uint32 nanosec"]),
+        ("sensor/Image", ["uint32 height", "uint8 is_bigendian", "uint8[] data"]),
+        ("nav/OccupancyGrid", ["nav_msgs/MapMetaData info", "int8[] data"]),
+        ("diagnostic/DiagnosticStatus", ["byte level", "diagnostic_msgs/KeyValue[] values"]),
+        ("sensor/NavSatStatus", ["int8 STATUS_NO_FIX=-1", "int8 status", "uint16 service"]),
+        ("system/Clock", ["# rosgraph_msgs/Clock", "builtin_interfaces/Time clock"]),
+        ("std/SetBool", ["# std_srvs/SetBool", "bool data", "---", "bool success true", "string message"]),
+    ],
+)
+def test_types_as_ros_writes_them(name: str, lines: list[str]) -> None:
+    text = ros_text.ros_text(name).splitlines()
+    assert [line for line in lines if line not in text] == []

@@ -1,0 +1,103 @@
+"""What live views show: charts, the state of topics, tables that fit."""
+
+import math
+
+import pytest
+from rich.console import Console
+
+from robo.cli.top import render, shares
+from robo.codec import Attachment
+from robo.tools.chart import Chart
+from robo.tools.stream import Arrival
+from robo.tools.top import Flow, NodeFigures, Snapshot, TopicFigures
+from robo.tools.topics import Topic
+
+TOPIC = Topic("r1/odom", ["nav/Odometry"], ["/r1/a"], [])
+
+
+def arrival(number: int, size: int = 100) -> Arrival:
+    return Arrival("r1/odom", number * 10**8, size, Attachment(number, number * 10**8), None)  # type: ignore[arg-type]
+
+
+def test_a_flow_has_rate_bandwidth_age_and_loss() -> None:
+    flow = Flow("r1/odom")
+    for number in (1, 2, 3, 6, 7, 8, 9, 10):
+        flow.add(arrival(number), number * 0.1)
+    figures = flow.figures(TOPIC, 1.0, 1.05)
+    assert (figures.rate, figures.bandwidth, figures.lost, figures.count) == (10.0, 800.0, 2, 8)
+    assert figures.age == pytest.approx(0.05)
+    assert not figures.stale
+    later = flow.figures(TOPIC, 1.0, 2.5)
+    assert (later.rate, later.lost, later.stale) == (0.0, 2, True)
+
+
+def test_what_never_came_or_has_no_pace_is_not_stale() -> None:
+    flow = Flow("r1/odom")
+    assert flow.figures(TOPIC, 1.0, 100.0).age is None
+    flow.add(arrival(1), 100.0)
+    assert not flow.figures(TOPIC, 1.0, 1000.0).stale
+    slow = Flow("r1/odom")
+    for number in range(1, 5):
+        slow.add(arrival(number), number * 10.0)
+    assert not slow.figures(TOPIC, 1.0, 80.0).stale, "ten seconds are its pace"
+    assert slow.figures(TOPIC, 1.0, 100.0).stale
+
+
+@pytest.mark.parametrize(
+    ("lines", "first", "second", "expected"),
+    [(20, 4, 8, (4, 8)), (10, 4, 20, (4, 6)), (10, 20, 2, (8, 2)), (10, 20, 20, (5, 5)), (0, 3, 3, (1, 1))],
+)
+def test_two_tables_share_the_lines(lines: int, first: int, second: int, expected: tuple[int, int]) -> None:
+    assert shares(lines, first, second) == expected
+
+
+def snapshot(nodes: int, topics: int) -> Snapshot:
+    return Snapshot(
+        10**18,
+        1.0,
+        [NodeFigures(f"/r1/node_{i}", "ready", "", i, "host", 1.5, 30_000_000, i, 3.0) for i in range(nodes)],
+        [
+            TopicFigures(f"r1/{'long_' * 20}{i}", ["nav/Odometry"], 1, 2, 50.0, 1e6, 0.01, i == 0, i, 9)
+            for i in range(topics)
+        ],
+    )
+
+
+@pytest.mark.parametrize("width", [80, 200])
+@pytest.mark.parametrize("height", [10, 24, 60])
+@pytest.mark.parametrize(("nodes", "topics"), [(0, 0), (3, 5), (40, 2), (40, 40)])
+def test_a_picture_fits_the_terminal(width: int, height: int, nodes: int, topics: int) -> None:
+    console = Console(width=width, height=height, color_system=None)
+    with console.capture() as capture:
+        console.print(render(snapshot(nodes, topics), width, height))
+    lines = capture.get().splitlines()
+    assert len(lines) <= height
+    assert all(len(line) <= width for line in lines)
+    assert "CPU" in lines[1]
+    assert ("HOST" in lines[1]) == (width == 200)
+    if nodes == topics == 40:
+        assert sum("more" in line for line in lines) == 2
+    if (nodes, topics, height) == (3, 5, 24):
+        assert "50.0 Hz" in capture.get()
+        assert "more" not in capture.get()
+
+
+def test_a_chart_draws_lines_with_their_range() -> None:
+    ramp = [(i / 10, i / 10) for i in range(101)]
+    chart = Chart({"ramp": ramp}, begin=0.0, end=10.0, width=40, height=10)
+    rows = str(chart).splitlines()
+    assert len(rows) == 10
+    assert all(len(row) <= 40 for row in rows)
+    assert rows[0].startswith("10.5│")
+    assert rows[-1].startswith("-0.5│")
+    first, last = (next(i for i, row in enumerate(chart.rows) if row[column][1] == 0) for column in (-1, 5))
+    assert first < last, "it rises"
+
+
+def test_a_chart_of_nothing_and_of_gaps_is_drawn() -> None:
+    assert "│" in str(Chart({}, begin=0.0, end=1.0, width=20, height=4))
+    gaps = [(0.0, 1.0), (0.5, math.nan), (1.0, 1.0), (-5.0, 9.0)]
+    chart = Chart({"a": gaps}, begin=0.0, end=1.0, width=30, height=5)
+    drawn = [column for row in chart.rows for column, cell in enumerate(row) if cell[1] == 0]
+    assert len(drawn) == 2, "a point on each side of the gap"
+    assert (chart.low, chart.high) == (0.5, 1.5)
