@@ -1,6 +1,6 @@
-"""The command, with all its verbs."""
+"""The command, with all its verbs; those of groups are read when one is called."""
 
 from robo.cli.verb import app
-from robo.cli.verbs import interface, launching, node, param, running, service, system, topic
+from robo.cli.verbs import launching, running, system
 
-__all__ = ["app", "interface", "launching", "node", "param", "running", "service", "system", "topic"]
+__all__ = ["app", "launching", "running", "system"]

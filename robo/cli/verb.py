@@ -1,14 +1,18 @@
 """What all verbs share: the tree of commands, common options, and how errors end a command."""
 
 import functools
+import importlib
 import inspect
 import os
+import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, MutableMapping
 from contextlib import contextmanager
 from typing import Annotated, Any, TypeVar
 
 import typer
+from typer.core import TyperGroup
+from typer.main import get_group
 
 from robo.cli import completion
 from robo.cli.reach import Reach
@@ -41,11 +45,35 @@ def _root(
     """Show the version."""
 
 
-def group(name: str, about: str) -> typer.Typer:
-    """A group of verbs, such as `robo topic`."""
-    made = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help=about)
-    app.add_typer(made, name=name)
-    return made
+_GROUPS = {
+    "topic": "Look at topics, measure them, publish on them.",
+    "node": "Look at nodes.",
+    "param": "Look at and change parameters of running nodes.",
+    "service": "Look at and call services.",
+    "interface": "Look at message and service types.",
+}
+
+
+class _LazyGroup(TyperGroup):
+    """The verbs of a group, read when one of them is called: `robo.cli.verbs.<group>` has them as `verbs`."""
+
+    def list_commands(self, ctx: object) -> list[str]:
+        del ctx  # all are listed, wherever it is asked
+        return list(self._commands())
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        self._commands()
+        return super().get_command(ctx, cmd_name)
+
+    def _commands(self) -> MutableMapping[str, Any]:
+        if not self.commands:
+            module = importlib.import_module(f"robo.cli.verbs.{self.name}")
+            self.commands = get_group(module.verbs).commands
+        return self.commands
+
+
+for _name, _about in _GROUPS.items():
+    app.add_typer(typer.Typer(cls=_LazyGroup, no_args_is_help=True, rich_markup_mode=None, help=_about), name=_name)
 
 
 RobotName = Annotated[
@@ -152,6 +180,7 @@ def verb(parent: typer.Typer, name: str, *examples: str, **settings: Any) -> Cal
         run.__signature__ = signature.replace(parameters=parameters, return_annotation=None)  # type: ignore[attr-defined]
         run.__annotations__ = {p.name: p.annotation for p in parameters}
         epilog = "\b\nExamples:\n" + "\n".join(f"  {line}" for line in examples) if examples else None
+        settings.setdefault("short_help", re.split("[,:;.]", inspect.cleandoc(function.__doc__ or ""))[0])
         parent.command(name, epilog=epilog, **settings)(run)
         return function
 

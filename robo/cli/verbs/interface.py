@@ -4,13 +4,13 @@ from typing import Annotated
 
 import typer
 
-from robo.cli.verb import Json, JsonLines, TypeName, group, verb
+from robo.cli.verb import Json, JsonLines, TypeName, verb
 from robo.errors import UsageError
 
-interface = group("interface", "Look at message and service types.")
+verbs = typer.Typer(rich_markup_mode=None)
 
 
-@verb(interface, "list", "robo interface list", "robo interface list --json | jq -r .name")
+@verb(verbs, "list", "robo interface list", "robo interface list --json | jq -r .name")
 def interface_list(json: JsonLines = False) -> None:
     """List message and service types: those that ship, those of installed packages and of this folder.
 
@@ -23,7 +23,7 @@ def interface_list(json: JsonLines = False) -> None:
 
 
 @verb(
-    interface,
+    verbs,
     "show",
     "robo interface show nav/Odometry",
     "robo interface show std/Trigger",

@@ -5,12 +5,12 @@ from typing import Annotated
 import typer
 
 from robo.cli.reach import Reach
-from robo.cli.verb import Json, JsonLines, NodeName, group, verb
+from robo.cli.verb import Json, JsonLines, NodeName, verb
 
-node = group("node", "Look at nodes.")
+verbs = typer.Typer(rich_markup_mode=None)
 
 
-@verb(node, "list", "robo node list", "robo node list --json --robot-name r1")
+@verb(verbs, "list", "robo node list", "robo node list --json --robot-name r1")
 def node_list(reach: Reach, json: JsonLines = False) -> None:
     """List the nodes that are ready: class, process, host."""
     from robo.cli.node import print_nodes
@@ -18,7 +18,7 @@ def node_list(reach: Reach, json: JsonLines = False) -> None:
     print_nodes(reach, json=json)
 
 
-@verb(node, "info", "robo node info position_tracker", "robo node info /r1/safety_monitor --json")
+@verb(verbs, "info", "robo node info position_tracker", "robo node info /r1/safety_monitor --json")
 def node_info(reach: Reach, name: NodeName, json: Json = False) -> int:
     """Print all about one node: topics with rates, services, parameters, process, load, what it dropped.
 
@@ -32,7 +32,7 @@ def node_info(reach: Reach, name: NodeName, json: Json = False) -> int:
 
 
 @verb(
-    node,
+    verbs,
     "show",
     "robo node show robo_services.safety_monitor",
     "robo node show my_package.my_node:MyNode --json",

@@ -7,9 +7,9 @@ import typer
 
 from robo.cli import completion
 from robo.cli.reach import Reach
-from robo.cli.verb import Json, JsonLines, NodeName, OptionalNode, group, verb
+from robo.cli.verb import Json, JsonLines, NodeName, OptionalNode, verb
 
-param = group("param", "Look at and change parameters of running nodes.")
+verbs = typer.Typer(rich_markup_mode=None)
 
 Names = Annotated[
     list[str] | None,
@@ -19,7 +19,7 @@ Names = Annotated[
 ]
 
 
-@verb(param, "list", "robo param list", "robo param list velocity_controller --json")
+@verb(verbs, "list", "robo param list", "robo param list velocity_controller --json")
 def param_list(reach: Reach, node: OptionalNode = None, json: Json = False) -> None:
     """List parameters and their values, of one node or of all."""
     from robo.cli.param import print_list
@@ -27,7 +27,7 @@ def param_list(reach: Reach, node: OptionalNode = None, json: Json = False) -> N
     print_list(node, reach, json=json)
 
 
-@verb(param, "get", "robo param get /r1/velocity_controller linear_velocity")
+@verb(verbs, "get", "robo param get /r1/velocity_controller linear_velocity")
 def param_get(
     reach: Reach,
     node: NodeName,
@@ -43,7 +43,7 @@ def param_get(
 
 
 @verb(
-    param,
+    verbs,
     "set",
     "robo param set /r1/velocity_controller linear_velocity 0.3",
     "robo param set velocity_controller linear_velocity:=0.3 angular_velocity:=-0.1",
@@ -63,7 +63,7 @@ def param_set(
     set_values(node, words, reach)
 
 
-@verb(param, "describe", "robo param describe safety_monitor", "robo param describe safety_monitor rate")
+@verb(verbs, "describe", "robo param describe safety_monitor", "robo param describe safety_monitor rate")
 def param_describe(reach: Reach, node: NodeName, names: Names = None, json: Json = False) -> None:
     """Print type, range, unit, default and description."""
     from robo.cli.param import print_descriptions
@@ -71,7 +71,7 @@ def param_describe(reach: Reach, node: NodeName, names: Names = None, json: Json
     print_descriptions(node, names or [], reach, json=json)
 
 
-@verb(param, "dump", "robo param dump velocity_controller", "robo param dump --all -o params.yaml")
+@verb(verbs, "dump", "robo param dump velocity_controller", "robo param dump --all -o params.yaml")
 def param_dump(
     reach: Reach,
     node: OptionalNode = None,
@@ -84,7 +84,7 @@ def param_dump(
     dump(node, reach, every=every, file=file)
 
 
-@verb(param, "load", "robo param load velocity_controller params.yaml")
+@verb(verbs, "load", "robo param load velocity_controller params.yaml")
 def param_load(
     reach: Reach,
     node: NodeName,
@@ -96,7 +96,7 @@ def param_load(
     load(node, file, reach)
 
 
-@verb(param, "explain", "robo param explain velocity_controller linear_velocity")
+@verb(verbs, "explain", "robo param explain velocity_controller linear_velocity")
 def param_explain(reach: Reach, node: NodeName, names: Names = None, json: Json = False) -> None:
     """Print everything that was said of parameters, from the weakest to what holds, each with its place."""
     from robo.cli.param import explain
@@ -104,7 +104,7 @@ def param_explain(reach: Reach, node: NodeName, names: Names = None, json: Json 
     explain(node, names or [], reach, json=json)
 
 
-@verb(param, "watch", "robo param watch", "robo param watch velocity_controller --json")
+@verb(verbs, "watch", "robo param watch", "robo param watch velocity_controller --json")
 def param_watch(reach: Reach, node: OptionalNode = None, json: JsonLines = False) -> None:
     """Print changes of parameters as they come."""
     from robo.cli.param import watch

@@ -6,9 +6,9 @@ import typer
 
 from robo.cli import completion
 from robo.cli.reach import Reach
-from robo.cli.verb import Json, JsonLines, group, verb
+from robo.cli.verb import Json, JsonLines, verb
 
-service = group("service", "Look at and call services.")
+verbs = typer.Typer(rich_markup_mode=None)
 
 ServiceName = Annotated[
     str,
@@ -18,7 +18,7 @@ ServiceName = Annotated[
 ]
 
 
-@verb(service, "list", "robo service list", "robo service list --json")
+@verb(verbs, "list", "robo service list", "robo service list --json")
 def service_list(reach: Reach, json: JsonLines = False) -> None:
     """List services with their types and servers."""
     from robo.cli.service import print_services
@@ -26,7 +26,7 @@ def service_list(reach: Reach, json: JsonLines = False) -> None:
     print_services(reach, json=json)
 
 
-@verb(service, "type", "robo service type r1/reset_distance")
+@verb(verbs, "type", "robo service type r1/reset_distance")
 def service_type(reach: Reach, name: ServiceName) -> None:
     """Print the type of a service."""
     from robo.cli.service import print_type
@@ -34,7 +34,7 @@ def service_type(reach: Reach, name: ServiceName) -> None:
     print_type(name, reach)
 
 
-@verb(service, "info", "robo service info r1/reset_distance")
+@verb(verbs, "info", "robo service info r1/reset_distance")
 def service_info(reach: Reach, name: ServiceName, json: Json = False) -> None:
     """Print who serves a service, what it takes and what it returns."""
     from robo.cli.service import print_info
@@ -43,7 +43,7 @@ def service_info(reach: Reach, name: ServiceName, json: Json = False) -> None:
 
 
 @verb(
-    service,
+    verbs,
     "call",
     "robo service call r1/reset_distance",
     "robo service call r1/lights '{data: true}' --json",

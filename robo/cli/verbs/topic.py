@@ -6,10 +6,10 @@ import typer
 
 from robo.cli import completion
 from robo.cli.reach import Reach
-from robo.cli.verb import Interval, Json, JsonLines, TopicName, TopicNames, TypeName, Watch, group, verb
+from robo.cli.verb import Interval, Json, JsonLines, TopicName, TopicNames, TypeName, Watch, verb
 from robo.errors import UsageError
 
-topic = group("topic", "Look at topics, measure them, publish on them.")
+verbs = typer.Typer(rich_markup_mode=None)
 
 Count = Annotated[int | None, typer.Option("--count", metavar="N", help="End after N messages.", min=1)]
 Windows = Annotated[int | None, typer.Option("--count", metavar="N", help="End after N windows.", min=1)]
@@ -22,7 +22,7 @@ Fields = Annotated[
 
 
 @verb(
-    topic,
+    verbs,
     "list",
     "robo topic list",
     "robo topic list -v --robot-name r1",
@@ -42,7 +42,7 @@ def topic_list(
     print_topics(reach, verbose=verbose, json=json, watch=watch, interval=interval)
 
 
-@verb(topic, "info", "robo topic info r1/odom", "robo topic info odom --robot-name r1 --json")
+@verb(verbs, "info", "robo topic info r1/odom", "robo topic info odom --robot-name r1 --json")
 def topic_info(reach: Reach, key: TopicName, json: Json = False) -> None:
     """Print all about one topic: its type, who publishes and subscribes it, and how much they keep."""
     from robo.cli.topic import print_info
@@ -50,7 +50,7 @@ def topic_info(reach: Reach, key: TopicName, json: Json = False) -> None:
     print_info(key, reach, json=json)
 
 
-@verb(topic, "type", "robo topic type r1/odom", 'robo interface show "$(robo topic type r1/odom)"')
+@verb(verbs, "type", "robo topic type r1/odom", 'robo interface show "$(robo topic type r1/odom)"')
 def topic_type(reach: Reach, key: TopicName) -> None:
     """Print the type of a topic."""
     from robo.cli.topic import print_type
@@ -58,7 +58,7 @@ def topic_type(reach: Reach, key: TopicName) -> None:
     print_type(key, reach)
 
 
-@verb(topic, "find", "robo topic find geometry/Twist", "robo topic find sensor/LaserScan --json")
+@verb(verbs, "find", "robo topic find geometry/Twist", "robo topic find sensor/LaserScan --json")
 def topic_find(reach: Reach, type_name: TypeName, json: JsonLines = False) -> int:
     """Print the topics of a type. Exit code 1 where there are none."""
     from robo.cli.topic import print_topics_of
@@ -67,7 +67,7 @@ def topic_find(reach: Reach, type_name: TypeName, json: JsonLines = False) -> in
 
 
 @verb(
-    topic,
+    verbs,
     "echo",
     "robo topic echo r1/odom",
     "robo topic echo r1/odom --field pose.pose.position.x --field pose.pose.position.y --csv > path.csv",
@@ -109,7 +109,7 @@ def topic_echo(
 
 
 @verb(
-    topic,
+    verbs,
     "pub",
     "robo topic pub r1/cmd_vel_raw geometry/Twist '{linear: {x: 0.2}}' -r 10",
     "robo topic pub r1/chatter std/String '{data: hello}' --once --wait-for-subscriber",
@@ -166,7 +166,7 @@ def topic_pub(
     return 0
 
 
-@verb(topic, "hz", "robo topic hz r1/odom", "robo topic hz 'r1/*' --duration 5 --json")
+@verb(verbs, "hz", "robo topic hz r1/odom", "robo topic hz 'r1/*' --duration 5 --json")
 def topic_hz(
     reach: Reach,
     keys: TopicNames,
@@ -186,7 +186,7 @@ def topic_hz(
     print_figures("hz", keys, reach, count=count, duration=duration, window=window, json=json)
 
 
-@verb(topic, "bw", "robo topic bw r1/scan", "robo topic bw '**' --json --count 1")
+@verb(verbs, "bw", "robo topic bw r1/scan", "robo topic bw '**' --json --count 1")
 def topic_bw(
     reach: Reach,
     keys: TopicNames,
@@ -204,7 +204,7 @@ def topic_bw(
     print_figures("bw", keys, reach, count=count, duration=duration, window=window, json=json)
 
 
-@verb(topic, "delay", "robo topic delay r1/odom", "robo topic delay 'r1/*' --json")
+@verb(verbs, "delay", "robo topic delay r1/odom", "robo topic delay 'r1/*' --json")
 def topic_delay(
     reach: Reach,
     keys: TopicNames,
@@ -222,7 +222,7 @@ def topic_delay(
     print_figures("delay", keys, reach, count=count, duration=duration, window=window, json=json)
 
 
-@verb(topic, "loss", "robo topic loss r1/scan", "robo topic loss '**' --duration 60 --json")
+@verb(verbs, "loss", "robo topic loss r1/scan", "robo topic loss '**' --duration 60 --json")
 def topic_loss(
     reach: Reach,
     keys: TopicNames,
@@ -242,7 +242,7 @@ def topic_loss(
 
 
 @verb(
-    topic,
+    verbs,
     "plot",
     "robo topic plot r1/odom --field twist.twist.linear.x",
     "robo topic plot r1/cmd_vel --field linear.x --field angular.z --window 30",
