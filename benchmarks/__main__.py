@@ -248,6 +248,7 @@ def start_table(rounds: int) -> list[str]:
     names = ("python -c pass", "python -c 'import zenoh, msgspec'", "python -c 'import robo'", "robo --help")
     found = measure(rounds * 2, names, once, "start")
     found["robo up: command to all ready"] = [_time_to_ready() for _ in range(rounds)]
+    found |= _tool_times(rounds * 2)
     lines = ["### Start", "", "| command | ms, whole process |", "|---|---|"]
     lines += [f"| `{name}` | {Spread.of(values).text('.0f')} |" for name, values in found.items()]
     return [*lines, ""]
@@ -258,6 +259,27 @@ def _free_port() -> int:
         s.bind(("127.0.0.1", 0))
         port: int = s.getsockname()[1]
         return port
+
+
+def _tool_times(rounds: int) -> dict[str, list[float]]:
+    """Tools on the running reference robot, and one where nothing runs; whole processes, ms."""
+    endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    robo = [sys.executable, "-m", "robo"]
+
+    def once(verb: str) -> float:
+        begin = time.perf_counter()
+        subprocess.run([*robo, *verb.split()[1:], "--connect", endpoint], capture_output=True, check=False)
+        return (time.perf_counter() - begin) * 1e3
+
+    nothing = [once("robo topic list") for _ in range(rounds)]
+    subprocess.run(
+        [*robo, "up", "-d", "--wait", "--robot-name", "bench", "--listen", endpoint], capture_output=True, check=True
+    )
+    try:
+        found = measure(rounds, ("robo topic list", "robo node list", "robo graph", "robo ps"), once, "tools")
+    finally:
+        subprocess.run([*robo, "down", "--connect", endpoint], capture_output=True, check=True)
+    return found | {"robo topic list, where nothing runs": nothing}
 
 
 def _time_to_ready() -> float:
