@@ -15,6 +15,7 @@ from robo.node import Node
 from robo.parameter_server import Said
 from robo.parameters import parse_assignment
 from robo.runner import SPEC_VARIABLE, NodeSpec
+from robo.session import MODES, Mode
 
 
 def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
@@ -51,6 +52,7 @@ def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
         remappings=launched.remappings | dict(map(_remapping, options.remap)),
         connect=tuple(options.connect) or launched.connect,
         listen=tuple(options.listen) or launched.listen,
+        mode=launched.mode or _mode(),
     )
 
 
@@ -58,6 +60,19 @@ def _launched() -> NodeSpec:
     """What a launch has said of the command that runs this node; options stand above it."""
     given = os.environ.pop(SPEC_VARIABLE, None)
     return msgspec.json.decode(given, type=NodeSpec) if given else NodeSpec()
+
+
+def _mode() -> Mode:
+    """How a node that nobody has launched joins the network: ROBO_MODE, or alone as a router of its own.
+
+    Raises:
+        UsageError: ROBO_MODE is none.
+    """
+    given = os.environ.get("ROBO_MODE") or "router"
+    for mode in MODES:
+        if given == mode:
+            return mode
+    raise UsageError(f"ROBO_MODE={given}: use one of {', '.join(MODES)}")
 
 
 def _parser(node_class: type[Node], contract: Contract) -> argparse.ArgumentParser:

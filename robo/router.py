@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Callable
 
 import msgspec
 
@@ -21,22 +22,31 @@ LINGER = 0.5
 
 
 def main() -> None:
-    """Route until SIGINT or SIGTERM."""
-    ended = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ended.set())
+    """Route for a supervisor, until SIGINT or SIGTERM, or until it is gone."""
+    # Its supervisor's watchdog ends it where the supervisor cannot; where both are gone it ends itself.
+    parent = os.getppid()
     try:
         network = msgspec.json.decode(os.environ.pop(NETWORK_VARIABLE), type=Network)
-        session = open_session(network)
+        route(network, lambda: os.getppid() != parent)
     except RoboError as error:
         print(f"ERROR {error}", file=sys.stderr)
         sys.exit(1)
-    # Its supervisor's watchdog ends it where the supervisor cannot; where both are gone it ends itself.
-    parent = os.getppid()
-    while not ended.wait(1.0) and os.getppid() == parent:
+
+
+def route(network: Network, is_over: Callable[[], bool], linger: float = LINGER) -> None:
+    """Route until SIGINT or SIGTERM, or until it is over, which is asked once a second.
+
+    Raises:
+        NetworkError: an endpoint is none.
+    """
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    session = open_session(network)
+    while not ended.wait(1.0) and not is_over():
         pass
     # Zenoh does not tell when its queues are empty, and closing empties them the short way.
-    time.sleep(LINGER)
+    time.sleep(linger)
     if not close_session(session):
         os._exit(0)
 

@@ -35,7 +35,8 @@ class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):
     remappings: dict[str, str] = {}
     needs: tuple[str, ...] = ()
     """Full names of nodes that this one must see before it starts."""
-    mode: Mode = "router"
+    mode: Mode | None = None
+    """None for one that nobody has launched: ROBO_MODE says it, or it is a router of its own."""
     connect: tuple[str, ...] = ()
     listen: tuple[str, ...] = ()
 
@@ -80,7 +81,7 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, stop)
-    network = Network.from_environment(spec.mode, spec.connect, spec.listen)
+    network = Network.from_environment(spec.mode or "router", spec.connect, spec.listen)
     session = open_session(msgspec.structs.replace(network, name=node.full_name))
     try:
         unseen = wait_for_nodes(session, spec.needs, timeout=5.0)

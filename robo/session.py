@@ -11,7 +11,7 @@ import os
 import re
 import threading
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, get_args
 
 import msgspec
 
@@ -28,6 +28,7 @@ import zenoh
 from robo.errors import NetworkError
 
 Mode = Literal["peer", "client", "router"]
+MODES: tuple[Mode, ...] = get_args(Mode)
 
 RENDEZVOUS = "tcp/127.0.0.1:7447"
 """Where robots on one machine meet: the first router listens there, the others link to it."""
@@ -79,6 +80,19 @@ def zenoh_config(network: Network) -> zenoh.Config:
         NetworkError: an endpoint is no Zenoh endpoint.
     """
     config = zenoh.Config()
+    for key, value in settings_of(network).items():
+        try:
+            config.insert_json5(key, msgspec.json.encode(value).decode())
+        except zenoh.ZError as error:
+            shown = ", ".join(value) if isinstance(value, tuple) else repr(value)
+            raise NetworkError(
+                f"{key}: {shown} is not accepted; an endpoint looks like tcp/127.0.0.1:7447 ({_plain(error)})"
+            ) from None
+    return config
+
+
+def settings_of(network: Network) -> dict[str, object]:
+    """What differs from Zenoh's defaults, by the path of each setting in Zenoh's configuration."""
     router = network.mode == "router"
     settings: dict[str, object] = {
         "mode": network.mode,
@@ -95,6 +109,8 @@ def zenoh_config(network: Network) -> zenoh.Config:
         # holds 20 MB of it. By default (3 kB) laser scans would, and gain nothing.
         "transport/shared_memory/transport_optimization/message_size_threshold": 65_536,
     }
+    if os.environ.get("ROBO_SHM") == "off":
+        settings["transport/shared_memory/enabled"] = False
     if router:
         settings |= {"listen/retry": _RETRY, "listen/timeout_ms": -1, "listen/exit_on_failure": False}
         # Tools ask routers who is connected, and what those declare who are no nodes of robo's.
@@ -104,15 +120,7 @@ def zenoh_config(network: Network) -> zenoh.Config:
         # hold old messages. Leave `transport/unicast/qos` on: without it a publisher that drops a
         # message once on a full queue now and then drops all of them from then on (zenoh 1.10).
         settings["transport/link/tx/queue/size/data"] = 16
-    for key, value in settings.items():
-        try:
-            config.insert_json5(key, msgspec.json.encode(value).decode())
-        except zenoh.ZError as error:
-            shown = ", ".join(value) if isinstance(value, tuple) else repr(value)
-            raise NetworkError(
-                f"{key}: {shown} is not accepted; an endpoint looks like tcp/127.0.0.1:7447 ({_plain(error)})"
-            ) from None
-    return config
+    return settings
 
 
 def open_session(network: Network) -> zenoh.Session:

@@ -91,6 +91,8 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
     """Whether there are words before or after those that run the service."""
     cwd: str | None
     parameters: dict[str, ParameterValue]
+    parameter_files: tuple[str, ...] = ()
+    """The files that say something of its parameters, in order."""
     remap: dict[str, str]
     env: dict[str, str]
     needs: dict[str, Until]

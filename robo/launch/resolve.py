@@ -415,7 +415,8 @@ class _Walk:
             },
             source=str(node.position),
         )
-        settings = values.gather(said, namespace, name, self._files)
+        settings, read = values.gather(said, namespace, name, self._files)
+        plan = msgspec.structs.replace(plan, parameter_files=read)
         needed = parts.last(lambda layer: layer.node.needs)
         asked = [needs.Asked(need.node, need.until, needed[1]) for need in needed[0]] if needed else []
         remap_at = {old: origin for old, (_, origin) in remap.items()}

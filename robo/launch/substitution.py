@@ -18,7 +18,9 @@ import importlib.util
 import os
 import re
 import secrets
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 from robo.launch.expression import ExpressionError, as_text, evaluate
@@ -27,6 +29,21 @@ from robo.names import is_word
 from robo.yaml_tree import Entry, Items, Position, Problem, Scalar, Tree, resolve_scalar, shown
 
 _PATTERN = re.compile(r"\$\$\{|\$\{([^}]*)\}|\$\{")
+
+
+_environment: ContextVar[Callable[[str, str | None], str | None]] = ContextVar(
+    "environment", default=lambda variable, default: os.environ.get(variable, default)
+)
+
+
+@contextmanager
+def environment(look_up: Callable[[str, str | None], str | None]) -> Iterator[None]:
+    """Have another environment than this process's: `look_up` is given a variable and the default, if there is one."""
+    before = _environment.set(look_up)
+    try:
+        yield
+    finally:
+        _environment.reset(before)
 
 
 class Word(str):
@@ -104,11 +121,9 @@ class Scope:
     def _function(self, kind: str, rest: str) -> object:
         if kind == "env":
             variable, default_given, default = rest.partition(":-")
-            value = os.environ.get(variable)
+            value = _environment.get()(variable, default if default_given else None)
             if value is not None:
                 return Word(value)
-            if default_given:
-                return Word(default)
             raise KeyError(f"environment variable {variable} is not set; set it, or write ${{env:{variable}:-default}}")
         if kind == "share":
             return str(_share_folder(rest))

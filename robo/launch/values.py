@@ -89,8 +89,13 @@ class Files:
         ]
 
 
-def gather(said: Sequence[Said], namespace: str, node: str, files: Files) -> dict[str, Setting]:
-    """Every parameter that is said of a node: files in order, then the manifest's values over them."""
+def gather(said: Sequence[Said], namespace: str, node: str, files: Files) -> tuple[dict[str, Setting], tuple[str, ...]]:
+    """Every parameter that is said of a node: files in order, then the manifest's values over them.
+
+    Returns:
+        The settings by name, and the files that say something of the node.
+    """
+    read: dict[str, None] = {}
     found: dict[str, Setting] = {}
     holding = [one for one in said if one.scope.holds(one.source.condition)]
     for one in holding:
@@ -101,6 +106,7 @@ def gather(said: Sequence[Said], namespace: str, node: str, files: Files) -> dic
             continue  # an argument that names no file
         path = nearby(one.scope.folder / name)
         for entry, shared in files.entries_for(path, one.source.file.position, namespace, node):
+            read[path] = None
             for key, value in entry.values.items():
                 found[key] = Setting(value, entry.positions[key], entry.places[key], shared, found.get(key))
     for one in holding:
@@ -109,7 +115,7 @@ def gather(said: Sequence[Said], namespace: str, node: str, files: Files) -> dic
             value = one.scope.raw(tree) if isinstance(tree, Scalar) else one.scope.plain(tree)
             if value is not BROKEN:
                 found[key] = Setting(value, said_value.position, tree.position, one.shared, found.get(key))
-    return found
+    return found, tuple(map(str, read))
 
 
 class Checked(msgspec.Struct, frozen=True):

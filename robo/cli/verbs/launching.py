@@ -1,5 +1,6 @@
 """`robo up`, `check`, `schema` and `run`: from a manifest or a class to running nodes."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -134,6 +135,81 @@ def schema(
     from robo.cli.check import print_schema
 
     print_schema(name)
+
+
+export = typer.Typer(
+    no_args_is_help=True, rich_markup_mode=None, help="Write a manifest in the form of another system."
+)
+app.add_typer(export, name="export")
+
+
+@verb(
+    export,
+    "compose",
+    "robo export compose launch/mine.yaml > docker-compose.yml",
+    "robo export compose launch/mine.yaml -o docker-compose.yml",
+    "robo export compose robot.yaml use_sim:=false --robot-name r1",
+)
+def export_compose(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[MANIFEST] [NAME:=VALUE]...", help="What to export.", show_default=False),
+    ] = None,
+    robot_name: RobotName = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write it there.")] = None,
+) -> None:
+    """Write a manifest as a Compose file: a router for each robot, a container for each process.
+
+    The robot's name becomes ${ROBOT_NAME}, unless --robot-name says it; ${env:NAME} becomes ${NAME}. An argument
+    that is false by default, and starts more processes when it is true, becomes a profile.
+    """
+    from robo.cli.export import export_compose as write
+
+    write(words or [], robot=robot_name, output=output)
+
+
+@verb(
+    app,
+    "router",
+    "robo router",
+    "robo router --listen tcp/0.0.0.0:7447 --name site",
+    "robo router --connect tcp/site.example:7447",
+    "robo router --print-config > zenohd.json5",
+    short_help="Run a Zenoh router for robots and hosts to meet at.",
+)
+def router(
+    name: Annotated[str, typer.Option("--name", metavar="NAME", help="What it is called in `robo net`.")] = "router",
+    listen: Listen = None,
+    connect: Connect = None,
+    print_config: Annotated[
+        bool, typer.Option("--print-config", help="Print the configuration for zenohd, and end.")
+    ] = False,
+) -> None:
+    """Run a Zenoh router with robo's settings, until Ctrl-C.
+
+    On loopback only, unless --listen says otherwise. Each `robo up` has a router of its own; one by itself is
+    for a site with several robots: their `robo up --connect tcp/SITE:7447` dials it.
+    """
+    from robo.cli.router import print_config as show
+    from robo.cli.router import run_router
+
+    (show if print_config else run_router)(name=name, listen=listen or [], connect=connect or [])
+
+
+@verb(
+    app,
+    "health",
+    short_help="Tell whether the router, or a node, is well.",
+    add_help_option=False,
+    context_settings={"ignore_unknown_options": True},
+)
+def health(
+    words: Annotated[list[str] | None, typer.Argument(metavar="[NODE] [OPTIONS]", show_default=False)] = None,
+) -> int:
+    """Tell whether the router, or a node, is well; for health checks of containers."""
+    from robo.health import main
+
+    return main(words or [])
 
 
 @verb(

@@ -1,0 +1,42 @@
+# The robo image: runtime, shipped nodes, tools.
+#   docker build --network=host -t robo .
+#   docker run --rm -p 127.0.0.1:7447:7447 robo up --listen tcp/0.0.0.0:7447
+ARG PYTHON_VERSION=3.12
+
+FROM python:${PYTHON_VERSION}-slim AS build
+# An init that hands signals on and reaps what nodes leave behind; only the program goes into the image.
+RUN apt-get update -qq && apt-get install -y -qq --no-install-recommends tini
+WORKDIR /src
+COPY pyproject.toml README.md LICENSE ./
+COPY messages messages
+COPY services services
+COPY launch launch
+COPY config config
+COPY robo robo
+RUN pip wheel --quiet --no-cache-dir --no-deps --wheel-dir /wheels .
+# For example --build-arg EXTRAS=test
+ARG EXTRAS=""
+RUN python -m venv /opt/robo \
+ && /opt/robo/bin/pip install --quiet --no-cache-dir "$(ls /wheels/*.whl)${EXTRAS:+[$EXTRAS]}" \
+ && /opt/robo/bin/pip uninstall --quiet --yes pip
+
+FROM python:${PYTHON_VERSION}-slim
+ARG VERSION=0.1.0
+LABEL org.opencontainers.image.title="robo" \
+      org.opencontainers.image.description="Robots as microservices over Zenoh" \
+      org.opencontainers.image.version="${VERSION}" \
+      org.opencontainers.image.licenses="Apache-2.0"
+RUN useradd --uid 1000 --create-home robo
+COPY --from=build /usr/bin/tini /usr/bin/tini
+COPY --from=build /opt/robo /opt/robo
+# Containers share no /dev/shm, and a small one that is full would end Zenoh's threads.
+ENV PATH=/opt/robo/bin:$PATH \
+    PYTHONUNBUFFERED=1 \
+    PYTHONDONTWRITEBYTECODE=1 \
+    ROBO_SHM=off \
+    XDG_STATE_HOME=/tmp
+USER robo
+WORKDIR /home/robo
+ENTRYPOINT ["tini", "-g", "--", "robo"]
+CMD ["up"]
+HEALTHCHECK --interval=5s --timeout=3s --start-period=10s --retries=3 CMD ["robo", "health"]

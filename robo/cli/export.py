@@ -1,0 +1,70 @@
+"""`robo export`: a manifest in the forms of other systems."""
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from robo.cli.up import DEFAULT_MANIFEST, is_manifest
+from robo.errors import UsageError
+from robo.export import compose
+from robo.export.placeholders import Placeholders
+from robo.launch import resolve, substitution
+from robo.launch.faults import ManifestFaults
+from robo.launch.find import find_manifest
+from robo.launch.plan import ProcessPlan
+from robo.launch.resolve import Resolution
+from robo.launch.substitution import Word
+
+ROBOT_VARIABLE = "ROBOT_NAME"
+
+
+def export_compose(words: Sequence[str], *, robot: str | None, output: Path | None) -> None:
+    """Print the Compose file of a manifest, or write it.
+
+    Raises:
+        ManifestError: the manifest has mistakes.
+        UsageError: the words make no sense, or the file cannot be written.
+    """
+    files = [word for word in words if ":=" not in word]
+    if len(files) > 1 or not all(map(is_manifest, files)):
+        raise UsageError("name one manifest, and arguments as name:=value")
+    given = {name: Word(value) for name, assign, value in (word.partition(":=") for word in words) if assign}
+    file = find_manifest(files[0] if files else DEFAULT_MANIFEST)
+    names = Placeholders()
+    with substitution.environment(names.environment):
+        if robot is None:
+            robot = names.word(ROBOT_VARIABLE, _resolved(file, given, None).plan.robot)
+        base = _resolved(file, given, robot)
+        more = _profiles(file, given, robot, base)
+    folder = output.parent if output is not None else Path.cwd()
+    made_by = f"robo export compose {' '.join(words)}".rstrip()
+    text = compose.export(base.plan, more, names, folder=folder, made_by=made_by)
+    if output is None:
+        sys.stdout.write(text)
+        return
+    try:
+        output.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{output} cannot be written: {error.strerror}") from None
+
+
+def _resolved(file: Path, given: Mapping[str, object], robot: str | None) -> Resolution:
+    found = resolve.resolve(file, given, robot=robot)
+    if found.problems:
+        raise ManifestFaults(found.problems)
+    return found
+
+
+def _profiles(file: Path, given: Mapping[str, object], robot: str, base: Resolution) -> dict[str, list[ProcessPlan]]:
+    """What each argument that is false by default adds when it is true, where it changes nothing else."""
+    always = {process.full_name: process for process in base.plan.processes}
+    found: dict[str, list[ProcessPlan]] = {}
+    for name, value in base.plan.arguments.items():
+        if value is not False or name in given:
+            continue
+        switched = resolve.resolve(file, {**given, name: True}, robot=robot)
+        processes = {process.full_name: process for process in switched.plan.processes}
+        added = [process for full_name, process in processes.items() if full_name not in always]
+        if added and not switched.problems and all(processes.get(name) == process for name, process in always.items()):
+            found[name] = added
+    return found

@@ -1,0 +1,1 @@
+"""A plan in the forms of other systems that run processes."""

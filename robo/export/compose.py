@@ -1,0 +1,310 @@
+"""A plan as a Compose file: a router for each robot, a container for each process. Pure.
+
+What is left out, because Compose has no word for it: `required`, promises about topics, and what tells of readiness
+beside a node's own token or a probe.
+"""
+
+import os
+import re
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import yaml
+
+from robo import parameter_files
+from robo.codec import jsonable
+from robo.export.placeholders import Placeholders
+from robo.launch.expression import as_text
+from robo.launch.plan import Plan, ProcessPlan
+from robo.parameters import parse_value
+from robo.runner import SPEC_VARIABLE, NodeSpec
+
+PORT = 7447
+FILES = "/etc/robo"
+"""Where the files that processes read stand in their containers."""
+
+_CONDITIONS = {"started": "service_started", "ready": "service_healthy", "completed": "service_completed_successfully"}
+_RESTARTS = {"never": "no", "on-failure": "on-failure", "always": "always"}
+
+_COMMON: dict[str, Any] = {
+    "image": "${ROBO_IMAGE:-robo:latest}",
+    "build": {"context": ".", "network": "host"},
+    "networks": ["robot"],
+    "read_only": True,
+    "cap_drop": ["ALL"],
+    "security_opt": ["no-new-privileges:true"],
+    "tmpfs": ["/tmp"],
+    "stop_signal": "SIGINT",
+    "stop_grace_period": "3s",
+    "logging": {"driver": "json-file", "options": {"max-size": "10m", "max-file": "3"}},
+    "deploy": {"resources": {"limits": {"cpus": "1.0", "memory": "256M"}}},
+}
+_HEALTH = {"interval": "3s", "timeout": "3s", "start_period": "10s", "retries": 3}
+_USUAL = {"<<": "*health"}
+"""Takes in what stands at `x-health`."""
+
+
+def export(
+    plan: Plan, more: Mapping[str, Sequence[ProcessPlan]], names: Placeholders, *, folder: Path, made_by: str
+) -> str:
+    """The text of a Compose file.
+
+    Args:
+        plan: what always runs.
+        more: by profile, what runs with it.
+        names: words in the plan that stand for variables.
+        folder: where the file will stand; paths in it are relative to it.
+        made_by: the command that makes it, for its first line.
+    """
+    return _Export(plan, more, names, folder).text(made_by)
+
+
+class _Export:
+    def __init__(
+        self, plan: Plan, more: Mapping[str, Sequence[ProcessPlan]], names: Placeholders, folder: Path
+    ) -> None:
+        self._plan = plan
+        self._names = names
+        self._folder = folder
+        self._configs: dict[str, dict[str, str]] = {}
+        self._profiles: dict[str, str | None] = {process.full_name: None for process in plan.processes}
+        self._profiles |= {process.full_name: profile for profile, own in more.items() for process in own}
+        self._processes = [*plan.processes, *(process for own in more.values() for process in own)]
+        self._robots: dict[str, str | None] = {}
+        for process in self._processes:
+            robot = _robot_of(process)
+            self._robots.setdefault(robot, self._profiles[process.full_name])
+        if not self._robots:
+            self._robots[plan.robot] = None
+        self._first = next(iter(self._robots))
+        self._services = self._service_names()
+
+    def text(self, made_by: str) -> str:
+        services: dict[str, dict[str, Any]] = {}
+        for robot, profile in self._robots.items():
+            services[self._router(robot)] = self._router_service(robot, profile)
+        for process in self._processes:
+            services[self._services[process.full_name]] = self._service(process)
+        shown = self._plan.manifest if not self._plan.description else self._plan.description
+        lines = [f"# {shown}", f"# Made by: {made_by}", ""]
+        lines += [_block({"x-robo": _COMMON}, anchor="&robo"), _block({"x-health": _HEALTH}, anchor="&health")]
+        lines.append("services:")
+        for name, service in services.items():
+            lines.append(f"  {name}:\n    <<: *robo\n{_indented(_dumped(service), 4)}")
+        lines.append("networks:\n  robot: {}\n")
+        if self._configs:
+            lines.append(_dumped({"configs": dict(sorted(self._configs.items()))}))
+        return "\n".join(lines)
+
+    # -- names -----------------------------------------------------------------------------------
+
+    def _service_names(self) -> dict[str, str]:
+        """A service for each process: its name, with what tells it from another robot's before it."""
+        return {
+            process.full_name: f"{self._prefix(_robot_of(process))}{_slug(self._inner_name(process))}"
+            for process in self._processes
+        }
+
+    def _inner_name(self, process: ProcessPlan) -> str:
+        return process.full_name.strip("/").removeprefix(_robot_of(process)).strip("/") or process.name
+
+    def _prefix(self, robot: str) -> str:
+        if robot == self._first:
+            return ""
+        profile = self._robots[robot]
+        if profile is not None and list(self._robots.values()).count(profile) == 1:
+            return f"{_slug(profile)}_"
+        return f"{_slug(self._names.without(robot)).strip('_') or 'robot'}_"
+
+    def _router(self, robot: str) -> str:
+        return f"{self._prefix(robot)}router"
+
+    # -- services --------------------------------------------------------------------------------
+
+    def _router_service(self, robot: str, profile: str | None) -> dict[str, Any]:
+        service: dict[str, Any] = {} if profile is None else {"profiles": [profile]}
+        command = ["router", "--name", self._names.shown(robot), "--listen", f"tcp/0.0.0.0:{PORT}"]
+        if robot == self._first:
+            # From the host only; other hosts are let in by a router of their own choice.
+            service["ports"] = [f"127.0.0.1:${{ROBO_PORT:-{PORT}}}:{PORT}"]
+        else:
+            command += ["--connect", f"tcp/{self._router(self._first)}:{PORT}"]
+        service["command"] = command
+        service["restart"] = "always"
+        service["healthcheck"] = {"test": ["CMD", "robo", "health"], **_USUAL}
+        return service
+
+    def _service(self, process: ProcessPlan) -> dict[str, Any]:
+        shown = self._names.shown
+        profile = self._profiles[process.full_name]
+        service: dict[str, Any] = {} if profile is None else {"profiles": [profile]}
+        files: dict[str, str] = {}
+        volumes: dict[str, str] = {}
+        if process.service is not None:
+            command, prefix = self._node_command(process, files, volumes)
+            if prefix:
+                service["entrypoint"] = ["tini", "-g", "--", *map(shown, prefix), "robo"]
+        else:
+            command = [_portable(word) for word in process.command]
+            service["entrypoint"] = ["tini", "-g", "--"]
+        service["command"] = [shown(word) for word in command]
+        service["environment"] = self._environment(process)
+        if files:
+            service["configs"] = [{"source": name, "target": target} for name, target in files.items()]
+        if volumes:
+            service["volumes"] = [f"{source}:{target}:ro" for source, target in volumes.items()]
+        if process.cwd is not None:
+            service["working_dir"] = shown(process.cwd)
+        service["depends_on"] = self._needs(process)
+        service["restart"] = _RESTARTS[process.restart.policy]
+        if process.stop.signal != "INT":
+            service["stop_signal"] = f"SIG{process.stop.signal}"
+        if process.stop.timeout > 1.0:
+            service["stop_grace_period"] = f"{process.stop.timeout:g}s"
+        if process.cpus:
+            service["cpuset"] = ",".join(map(str, process.cpus))
+        service["healthcheck"] = self._health(process)
+        return service
+
+    def _node_command(
+        self, process: ProcessPlan, files: dict[str, str], volumes: dict[str, str]
+    ) -> tuple[list[str], list[str]]:
+        """The words after `robo`, and those before it."""
+        assert process.service is not None
+        words = list(process.command)
+        begin = words.index(sys.executable)
+        command = ["run", process.service, "--name", process.name]
+        command += ["--robot-name", process.namespace] if process.namespace else []
+        from_files: dict[str, object] = {}
+        for path in process.parameter_files:
+            command += ["--params-file", self._file(Path(path), files)]
+            from_files |= parameter_files.load(path).values_for(process.namespace, process.name)
+        for name, said in process.parameters.items():
+            value = self._brought_in(said.value, files, volumes)
+            if name not in from_files or from_files[name] != said.value or value != said.value:
+                command += ["-p", f"{name}:={_as_word(value)}"]
+        for old, new in process.remap.items():
+            command += ["-r", f"{old}:={new}"]
+        # After the service stand its full name, for the list of processes, and the words of the manifest.
+        return command + words[begin + 5 :], words[:begin]
+
+    def _environment(self, process: ProcessPlan) -> dict[str, str]:
+        environment = {
+            "ROBO_CONNECT": f"tcp/{self._router(_robot_of(process))}:{PORT}",
+            "ROBO_LISTEN": f"tcp/0.0.0.0:{PORT}",
+            "ROBO_MODE": "peer",
+        }
+        if process.log.level is not None:
+            environment["ROBO_LOG_LEVEL"] = process.log.level
+        if process.service is None:
+            del environment["ROBO_LISTEN"], environment["ROBO_MODE"]
+            spec = NodeSpec(
+                name=process.name,
+                namespace=process.namespace,
+                parameters={name: said.value for name, said in process.parameters.items()},
+                remappings=process.remap,
+                mode="peer",
+                connect=(environment["ROBO_CONNECT"],),
+                listen=(f"tcp/0.0.0.0:{PORT}",),
+            )
+            environment["ROBO_NAMESPACE"] = self._names.shown(process.namespace)
+            plain = msgspec.json.encode(jsonable(msgspec.to_builtins(spec))).decode()
+            environment[SPEC_VARIABLE] = self._names.shown(plain)
+        return environment | {name: self._names.shown(value) for name, value in process.env.items()}
+
+    def _needs(self, process: ProcessPlan) -> dict[str, dict[str, Any]]:
+        needs: dict[str, dict[str, Any]] = {self._router(_robot_of(process)): {"condition": "service_healthy"}}
+        by_name = {other.full_name: other for other in self._processes}
+        for name, until in process.needs.items():
+            condition = _CONDITIONS[until]
+            if condition == "service_healthy" and self._health(by_name[name]) == {"disable": True}:
+                condition = "service_started"
+            needs[self._services[name]] = {"condition": condition}
+            if process.restart.propagate:
+                needs[self._services[name]]["restart"] = True
+        return needs
+
+    def _health(self, process: ProcessPlan) -> dict[str, Any]:
+        if process.ready.probe:
+            return {"test": ["CMD", *map(self._names.shown, process.ready.probe)], **_USUAL}
+        if process.service is not None and process.ready.when == "node":
+            return {"test": ["CMD", "robo", "health", self._names.shown(process.full_name)], **_USUAL}
+        return {"disable": True}
+
+    # -- files -----------------------------------------------------------------------------------
+
+    def _file(self, path: Path, files: dict[str, str]) -> str:
+        """Where a file stands in the container."""
+        relative = os.path.relpath(path.absolute(), self._folder.absolute())
+        outside = relative.startswith("..")
+        source = str(path.absolute()) if outside else f"./{relative}"
+        name = _slug(path.name if outside else relative).strip("_")
+        self._configs[name] = {"file": source}
+        files[name] = f"{FILES}/{path.name if outside else relative}"
+        return files[name]
+
+    def _brought_in(self, value: object, files: dict[str, str], volumes: dict[str, str]) -> object:
+        """A parameter's value, with the path of a file as it is within the container."""
+        if not isinstance(value, str):
+            return value
+        if os.path.isabs(value) and self._names.holds(value):
+            source = self._names.shown(self._names.from_word(value))
+            target = (
+                f"{FILES}/{_slug(self._names.shown(self._names.from_word(value)).partition(':')[0]).strip('_').lower()}"
+            )
+            volumes[source] = target
+            return target
+        if os.path.isabs(value) and Path(value).is_file():
+            return self._file(Path(value), files)
+        return value
+
+
+def _robot_of(process: ProcessPlan) -> str:
+    return process.namespace.partition("/")[0]
+
+
+def _portable(word: str) -> str:
+    """A word of a command without where things are on this machine."""
+    if word == sys.executable:
+        return "python"
+    return "robo" if word == str(Path(sys.executable).parent / "robo") else word
+
+
+def _as_word(value: object) -> str:
+    """A value as `-p` reads it: text that would be read as something else stands in quotes."""
+    if isinstance(value, str):
+        return value if isinstance(parse_value(value), str) and value[:1] not in ("'", '"') else repr(value)
+    if isinstance(value, (list, dict)):
+        return msgspec.json.encode(value).decode()
+    return as_text(value)
+
+
+def _slug(text: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_]", "_", text)
+
+
+def _block(tree: Mapping[str, Any], *, anchor: str) -> str:
+    """A map at the top level that others refer to."""
+    name, _, rest = _dumped(tree).partition(":")
+    return f"{name}: {anchor}{rest}"
+
+
+def _dumped(tree: Mapping[str, Any]) -> str:
+    text: str = yaml.dump(dict(tree), Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=120)
+    return text.replace("'<<': '*health'", "<<: *health")
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes each value out where it stands."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        del data
+        return True
+
+
+def _indented(text: str, width: int) -> str:
+    lines: Iterable[str] = text.splitlines()
+    return "\n".join(f"{' ' * width}{line}" if line else line for line in lines) + "\n"
