@@ -192,23 +192,20 @@ class _Export:
         return command + words[begin + 5 :], words[:begin]
 
     def _environment(self, process: ProcessPlan) -> dict[str, str]:
-        environment = {
-            "ROBO_CONNECT": f"tcp/{self._router(_robot_of(process))}:{PORT}",
-            "ROBO_LISTEN": f"tcp/0.0.0.0:{PORT}",
-            "ROBO_MODE": "peer",
-        }
+        # Clients of the router, not peers with links to each other: Zenoh dials a router again and again when a
+        # cable or a container is gone for a while, and peers that it has once found and lost not always.
+        environment = {"ROBO_CONNECT": f"tcp/{self._router(_robot_of(process))}:{PORT}", "ROBO_MODE": "client"}
         if process.log.level is not None:
             environment["ROBO_LOG_LEVEL"] = process.log.level
         if process.service is None:
-            del environment["ROBO_LISTEN"], environment["ROBO_MODE"]
+            del environment["ROBO_MODE"]
             spec = NodeSpec(
                 name=process.name,
                 namespace=process.namespace,
                 parameters={name: said.value for name, said in process.parameters.items()},
                 remappings=process.remap,
-                mode="peer",
+                mode="client",
                 connect=(environment["ROBO_CONNECT"],),
-                listen=(f"tcp/0.0.0.0:{PORT}",),
             )
             environment["ROBO_NAMESPACE"] = self._names.shown(process.namespace)
             plain = msgspec.json.encode(jsonable(msgspec.to_builtins(spec))).decode()

@@ -1,0 +1,172 @@
+"""The reference robot as containers, on a real Docker engine."""
+
+import json
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+import zenoh
+
+from robo.session import Network, close_session, open_session
+from tests.conftest import free_port
+from tests.support import Inbox, eventually, run_robo
+
+ROOT = Path(__file__).parents[2]
+DOCKER_HOST = ROOT.parent / "shared" / "tools" / "docker-host"
+"""What sets an engine up where there is none; not part of this repository."""
+
+pytestmark = pytest.mark.timeout(420)
+
+
+def docker(*words: str, check: bool = True, **environment: str) -> str:
+    result = subprocess.run(
+        ["docker", *words], cwd=ROOT, env={**os.environ, **environment}, capture_output=True, text=True, check=False,
+        timeout=300,
+    )  # fmt: skip
+    assert not check or result.returncode == 0, f"docker {' '.join(words)}\n{result.stdout}{result.stderr}"
+    return result.stdout
+
+
+@pytest.fixture(scope="session")
+def image() -> str:
+    """The image, built from this checkout."""
+    if DOCKER_HOST.exists():
+        subprocess.run([DOCKER_HOST], check=True, capture_output=True, timeout=400)
+    elif shutil.which("docker") is None or subprocess.run(["docker", "info"], capture_output=True).returncode:
+        pytest.skip("there is no Docker engine here")
+    docker("build", "--network=host", "--quiet", "--tag", "robo:test", ".")
+    return "robo:test"
+
+
+class Project:
+    """The Compose project of one test."""
+
+    def __init__(self, image: str) -> None:
+        port = free_port()
+        self.name = f"robo_test_{port}"
+        self.endpoint = f"tcp/127.0.0.1:{port}"
+        self._environment = {"ROBO_IMAGE": image, "ROBO_PORT": str(port), "ROBOT_NAME": "r1"}
+
+    def __call__(self, *words: str, check: bool = True) -> str:
+        return docker("compose", "--project-name", self.name, *words, check=check, **self._environment)
+
+    def container(self, service: str) -> str:
+        return f"{self.name}-{service}-1"
+
+    def state(self, service: str) -> dict[str, Any]:
+        found: list[dict[str, Any]] = json.loads(docker("inspect", self.container(service)))
+        return found[0]
+
+
+@pytest.fixture
+def project(image: str) -> Iterator[Project]:
+    made = Project(image)
+    try:
+        yield made
+    finally:
+        made("down", "--timeout", "3", "--volumes", check=False)
+
+
+@pytest.fixture
+def client(project: Project) -> Iterator[zenoh.Session]:
+    project("up", "--wait", "--detach")
+    session = open_session(Network(mode="client", connect=(project.endpoint,)))
+    yield session
+    close_session(session)
+
+
+def drives(odometry: Inbox) -> bool:
+    """Whether the newest odometry tells of motion."""
+    return bool(odometry.messages) and odometry.messages[-1]["twist"]["twist"]["linear"]["x"] > 0.05
+
+
+def test_the_image_is_small_and_runs_without_rights(image: str) -> None:
+    sizes = [int(docker("image", "inspect", "-f", "{{.Size}}", name)) for name in ("python:3.12-slim", image)]
+    assert sizes[1] - sizes[0] < 90_000_000
+    locked = ("run", "--rm", "--read-only", "--cap-drop=ALL", "--network=none")
+    assert docker(*locked, image, "--version").strip()
+    assert docker(*locked, "--entrypoint", "id", image, "-u").strip() == "1000"
+
+
+def test_the_robot_drives_in_containers_and_heals(project: Project, client: zenoh.Session) -> None:
+    states = [project.state(service)["State"] for service in yaml_services()]
+    assert {state["Health"]["Status"] for state in states} == {"healthy"}
+    odometry = Inbox(client, "r1/odom")
+    odometry.wait_until(lambda _: drives(odometry), "it drives")
+
+    changed = run_robo("param", "set", "velocity_controller", "linear_velocity", "0.3", "--connect", project.endpoint)
+    assert changed.returncode == 0, changed.stderr
+    odometry.wait_until(lambda m: abs(m[-1]["twist"]["twist"]["linear"]["x"] - 0.3) < 0.01, "it drives slower")
+
+    # A node that crashes comes back by its policy.
+    before = project.state("position_tracker")["RestartCount"]
+    kill = (
+        "import os, signal; [os.kill(int(p), signal.SIGKILL) for p in os.listdir('/proc') if p.isdigit() and p != '1' "
+    )
+    kill += "and b'robo.node_process' in open(f'/proc/{p}/cmdline', 'rb').read()]"
+    project("exec", "-T", "position_tracker", "python", "-c", kill, check=False)
+    eventually(lambda: project.state("position_tracker")["RestartCount"] > before, "it is started again")
+    position = Inbox(client, "r1/current_position")
+    position.wait_for(1)
+
+    # Without its network the base stands still; with it the robot drives on.
+    network, base = f"{project.name}_robot", project.container("diff_drive_sim")
+    docker("network", "disconnect", network, base)
+    time.sleep(3)  # for so long it is gone
+    odometry.forget()
+    docker("network", "connect", network, base)
+    odometry.wait_for(1)
+    assert odometry.messages[0]["twist"]["twist"]["linear"]["x"] < 0.25, "it has stood still, or is just starting"
+    odometry.wait_until(lambda _: drives(odometry), "it drives on")
+
+    project("restart", "--timeout", "3", "router")
+    odometry.forget()
+    odometry.wait_until(lambda _: drives(odometry), "messages come through the new router")
+    listed = run_robo("node", "list", "--json", "--connect", project.endpoint)
+    assert len(listed.stdout.splitlines()) == 4
+    again = run_robo("param", "get", "velocity_controller", "linear_velocity", "--connect", project.endpoint)
+    assert again.stdout.strip() == "0.3"
+
+    project("down", "--timeout", "3")
+    assert docker("ps", "--all", "--quiet", "--filter", f"name={project.name}") == ""
+    assert project.name not in docker("network", "ls")
+
+
+def yaml_services() -> list[str]:
+    """The services that belong to no profile."""
+    tree = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
+    return [name for name, service in tree["services"].items() if "profiles" not in service]
+
+
+def test_a_second_robot_is_a_profile(project: Project) -> None:
+    project("--profile", "second_robot", "up", "--wait", "--detach")
+    listed = run_robo("node", "list", "--json", "--connect", project.endpoint)
+    names = {json.loads(line)["node"] for line in listed.stdout.splitlines()}
+    assert {"/r1/safety_monitor", "/r1_2/safety_monitor"} <= names
+    assert len(names) == 8
+
+
+def test_the_log_of_a_real_robot_is_a_profile(
+    project: Project, intel_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROBO_LOG", str(intel_log.resolve()))
+    project("--profile", "replay", "up", "--wait", "--detach")
+    session = open_session(Network(mode="client", connect=(project.endpoint,)))
+    position = Inbox(session, "r1_replay/current_position")
+    position.wait_for(5)
+    close_session(session)
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in (ROOT / "launch").glob("*.yaml")))
+def test_compose_accepts_what_is_exported(image: str, name: str, tmp_path: Path) -> None:
+    del image  # where it was built there is Compose
+    given = ["log:=config/room.yaml"] if name == "replay.yaml" else []
+    file = tmp_path / "docker-compose.yml"
+    run_robo("export", "compose", f"launch/{name}", *given, "-o", str(file))
+    docker("compose", "--file", str(file), "--profile", "*", "config", "--quiet")

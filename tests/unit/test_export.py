@@ -1,0 +1,152 @@
+"""A manifest as a Compose file."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from robo import node_options
+from robo.cli.export import export_compose
+from robo.errors import UsageError
+from robo.launch import resolve
+from robo.loading import load_node_class
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = sorted(path.name for path in (ROOT / "launch").glob("*.yaml"))
+GIVEN = {"replay.yaml": ["log:=config/room.yaml"]}
+
+
+def exported(capsys: pytest.CaptureFixture[str], *words: str, robot: str | None = None) -> dict[str, Any]:
+    export_compose(words, robot=robot, output=None)
+    tree: dict[str, Any] = yaml.safe_load(capsys.readouterr().out)
+    return tree
+
+
+@pytest.fixture(autouse=True)
+def _in_the_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    monkeypatch.delenv("ROBO_LOG", raising=False)
+
+
+def test_the_shipped_compose_file_is_what_is_exported(capsys: pytest.CaptureFixture[str]) -> None:
+    export_compose(["launch/docker.yaml"], robot=None, output=None)
+    assert capsys.readouterr().out == (ROOT / "docker-compose.yml").read_text()
+
+
+def test_the_export_is_the_same_in_every_process() -> None:
+    command = [sys.executable, "-m", "robo", "export", "compose", "launch/docker.yaml"]
+    first, second = (
+        subprocess.run(
+            command, capture_output=True, text=True, check=True, env={"PYTHONHASHSEED": seed, "PATH": ""}, cwd=ROOT
+        ).stdout
+        for seed in ("1", "2")
+    )
+    assert first == second
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_nodes_get_the_parameters_that_robo_up_gives_them(
+    name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tree = exported(capsys, name, *GIVEN.get(name, ()), robot="r1")
+    arguments = {key: value for key, _, value in (word.partition(":=") for word in GIVEN.get(name, ()))}
+    plan = resolve.resolve(ROOT / "launch" / name, arguments, robot="r1").plan
+    places = {f"/etc/robo/{config['file'][2:]}": config["file"] for config in tree.get("configs", {}).values()}
+    for service in tree["services"].values():
+        command = service["command"]
+        if command[0] != "run" or "profiles" in service:
+            continue
+        _, class_name, *options = command
+        local = [places.get(word, word) for word in options]
+        for variable, value in service["environment"].items():
+            monkeypatch.setenv(variable, value)
+        spec = node_options.parse(load_node_class(class_name), local)
+        process = next(p for p in plan.processes if (p.name, p.namespace) == (spec.name, spec.namespace))
+        told = {key: places.get(str(value), value) for key, value in spec.parameters.items()}
+        wanted = {key: said.value for key, said in process.parameters.items()}
+        for key, value in wanted.items():
+            same = told[key] == value or Path(str(told[key])).resolve() == Path(str(value)).resolve()
+            assert same, f"{process.full_name} {key}"
+        assert spec.remappings == process.remap
+        assert spec.mode == "client"
+
+
+def test_robots_have_routers_that_meet_and_only_the_first_is_seen_from_the_host(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    services = exported(capsys, "fleet.yaml", "robots:=3")["services"]
+    routers = {name: service for name, service in services.items() if name.endswith("router")}
+    assert set(routers) == {"router", "r2_router", "r3_router"}
+    assert [name for name, service in services.items() if "ports" in service] == ["router"]
+    assert routers["router"]["ports"] == ["127.0.0.1:${ROBO_PORT:-7447}:7447"]
+    assert "tcp/router:7447" in routers["r3_router"]["command"]
+    assert services["r2_position_tracker"]["environment"]["ROBO_CONNECT"] == "tcp/r2_router:7447"
+
+
+def test_what_a_manifest_says_of_processes_becomes_what_compose_calls_it(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yaml").write_text(
+        """
+args: {debug: {default: false}}
+groups:
+  all:
+    namespace: ${robot_name}
+    nodes:
+      base: {run: "./driver --port $PORT", env: {PORT: "${env:PORT:-/dev/ttyUSB0}"}, ready: {probe: [test, -e, /tmp/x]}}
+      lamp: {run: [python, lamp.py], params: {pin: 3}, stop: TERM}
+      position_tracker:
+        service: robo_services.position_tracker
+        needs: {base: ready, lamp: ready}
+        restart: {policy: always, propagate: true}
+        params: {log_rate: 0.5}
+        log: {level: debug}
+        cpus: [0, 1]
+        stop: {timeout: 5}
+  debug:
+    if: ${debug}
+    namespace: ${robot_name}
+    nodes:
+      echo: {run: "robo topic echo ${robot_name}/odom"}
+"""
+    )
+    services = exported(capsys, "mine.yaml")["services"]
+    assert set(services) == {"router", "base", "lamp", "position_tracker", "echo"}
+    base, lamp, tracker, echo = (services[name] for name in ("base", "lamp", "position_tracker", "echo"))
+    assert base["command"][-1] == "$$PORT", "a dollar that is the command's own stays one"
+    assert base["environment"]["PORT"] == "${PORT:-/dev/ttyUSB0}"
+    assert base["healthcheck"]["test"] == ["CMD", "test", "-e", "/tmp/x"]
+    assert lamp["command"] == ["python", "lamp.py"]
+    assert lamp["stop_signal"] == "SIGTERM"
+    assert lamp["healthcheck"] == {"disable": True}
+    assert json.loads(lamp["environment"]["ROBO_NODE"])["parameters"] == {"pin": 3}
+    assert lamp["environment"]["ROBO_NAMESPACE"] == "${ROBOT_NAME:-my_robot}"
+    assert tracker["depends_on"] == {
+        "router": {"condition": "service_healthy"},
+        "base": {"condition": "service_healthy", "restart": True},
+        "lamp": {"condition": "service_started", "restart": True},
+    }
+    assert tracker["command"][-2:] == ["-p", "log_rate:=0.5"]
+    assert (tracker["restart"], tracker["cpuset"], tracker["stop_grace_period"]) == ("always", "0,1", "5s")
+    assert tracker["environment"]["ROBO_LOG_LEVEL"] == "debug"
+    assert tracker["healthcheck"]["test"][-1] == "/${ROBOT_NAME:-my_robot}/position_tracker"
+    assert echo["profiles"] == ["debug"]
+    assert echo["command"] == ["robo", "topic", "echo", "${ROBOT_NAME:-my_robot}/odom"]
+
+
+def test_the_robots_name_may_be_fixed(capsys: pytest.CaptureFixture[str]) -> None:
+    services = exported(capsys, "robot.yaml", robot="r7")["services"]
+    assert "${" not in str(services["position_tracker"]["command"])
+    assert services["position_tracker"]["healthcheck"]["test"][-1] == "/r7/position_tracker"
+
+
+def test_words_that_make_no_sense_are_told() -> None:
+    with pytest.raises(UsageError, match="name one manifest"):
+        export_compose(["robot.yaml", "fleet.yaml"], robot=None, output=None)
+    with pytest.raises(UsageError, match="cannot be written"):
+        export_compose(["robot.yaml"], robot=None, output=Path("/nowhere/x.yml"))
