@@ -85,11 +85,18 @@ def first_answer(replies: Iterable[zenoh.Reply]) -> zenoh.Sample | Fault | None:
         if one.ok is not None:
             return one.ok
         if one.err is not None:
-            try:
-                return msgspec.msgpack.decode(one.err.payload.to_bytes(), type=Fault)
-            except (msgspec.DecodeError, UnicodeDecodeError):
-                return None  # Zenoh's own word for a server that did not answer in time
+            return read_fault(one)
     return None
+
+
+def read_fault(reply: zenoh.Reply) -> Fault | None:
+    """The error in a reply; None for Zenoh's own word for a server that did not answer in time."""
+    if reply.err is None:
+        return None
+    try:
+        return msgspec.msgpack.decode(reply.err.payload.to_bytes(), type=Fault)
+    except (msgspec.DecodeError, UnicodeDecodeError):
+        return None
 
 
 def reply(query: zenoh.Query, key: str, value: object, encoding: str = codec.MSGPACK) -> None:

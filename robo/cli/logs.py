@@ -1,13 +1,20 @@
 """`robo logs`: printing what processes have printed."""
 
+import os
 import sys
 import time
 from collections.abc import Sequence
+from typing import NamedTuple
 
+from robo import names
 from robo.cli.connection import print_json, print_table
+from robo.cli.reach import Reach
+from robo.errors import NodeNotFound
+from robo.suggestions import suggest
 from robo.supervisor.console import Console
-from robo.supervisor.log_files import LogRecord, log_base
-from robo.tools import logs
+from robo.supervisor.log_files import Filter, LogRecord, log_base
+from robo.supervisor.status import Asked, ProcessStatus
+from robo.tools import logs, runs
 
 
 def print_runs(*, robot: str | None, json: bool) -> None:
@@ -24,35 +31,97 @@ def print_runs(*, robot: str | None, json: bool) -> None:
     print_table([head, *((r.folder.name, r.info.robot, r.info.manifest, str(len(r.info.nodes))) for r in found)])
 
 
-def print_logs(
-    nodes: Sequence[str],
-    *,
-    robot: str | None,
-    run: str | None,
-    follow: bool,
-    lines: int | None,
-    since: str | None,
-    level: str | None,
-    json: bool,
-) -> None:
-    """Print records of a run.
+class Wanted(NamedTuple):
+    """Which lines are printed, and how."""
+
+    nodes: Sequence[str] = ()
+    follow: bool = False
+    lines: int | None = None
+    since: str | None = None
+    level: str | None = None
+    json: bool = False
+
+    def filter(self) -> Filter:
+        """What decides.
+
+        Raises:
+            UsageError: a time or a level makes no sense.
+        """
+        return Filter(since=self.begin(), least=self.level)
+
+    def begin(self) -> int:
+        """The earliest time, ns since the epoch."""
+        return logs.begin_of(self.since) if self.since is not None else 0
+
+
+def print_logs(wanted: Wanted, reach: Reach, run: str | None) -> None:
+    """Print records of a run: from its files, where it runs or ran on this machine; else from its supervisors.
 
     Raises:
         RoboError: there is no such run or node, or a word makes no sense.
     """
-    wanted = logs.Filter(since=logs.begin_of(since) if since is not None else 0, least=level)
-    chosen = logs.find_run(robot, run)
-    labels = logs.check_nodes(chosen, nodes)
+    kept_here = logs.list_runs(reach.robot)
+    if run is None and (reach.connect or os.environ.get("ROBO_CONNECT") or not kept_here):
+        _print_from_network(wanted, reach)
+    else:
+        _print_from_files(wanted, logs.find_run(reach.robot, run))
+
+
+def _print_from_files(wanted: Wanted, chosen: logs.Run) -> None:
+    wants = wanted.filter().wants
+    labels = logs.check_nodes(chosen, wanted.nodes)
     console = Console(sorted(labels) or chosen.labels)
     follower = logs.Follower(chosen, labels)  # made first: what comes meanwhile is not lost
     last = 0
-    for record in logs.newest(filter(wanted.wants, logs.read(chosen, labels)), lines):
-        show(record, console, json=json)
+    for record in logs.newest(filter(wants, logs.read(chosen, labels)), wanted.lines):
+        show(record, console, json=wanted.json)
         last = max(last, record.time)
-    if follow:
-        for record in filter(wanted.wants, follower.records()):
+    if wanted.follow:
+        for record in filter(wants, follower.records()):
             if record.time > last:
-                show(record, console, json=json)
+                show(record, console, json=wanted.json)
+
+
+def _print_from_network(wanted: Wanted, reach: Reach) -> None:
+    from robo.cli.connection import connect_to_robot
+
+    wants = wanted.filter().wants
+    with connect_to_robot(reach) as session:
+        robot = runs.robot_of(session, reach.robot, wanted.nodes)
+        labels = _labels(runs.processes(session, robot), wanted.nodes)
+        stream = runs.OutputStream(session, robot)
+        asked = Asked(list(wanted.nodes), wanted.begin(), wanted.level, wanted.lines)
+        found = runs.output(session, robot, asked)
+        console = Console(sorted(labels) or sorted({record.node for record in found}))
+        last = 0
+        for record in found:
+            show(record, console, json=wanted.json)
+            last = max(last, record.time)
+        for record in stream.coming() if wanted.follow else ():
+            if (not labels or record.node in labels) and wants(record) and record.time > last:
+                show(record, console, json=wanted.json)
+
+
+def _labels(processes: Sequence[ProcessStatus], nodes: Sequence[str]) -> set[str]:
+    """What the nodes or groups that are wanted are called in the output.
+
+    Raises:
+        NodeNotFound: there is no such one.
+    """
+    found = set()
+    for name in nodes:
+        wanted = name.strip("/")
+        means = {
+            names.within(status.robot, status.node)
+            for status in processes
+            if wanted in (status.node.strip("/"), status.node.rpartition("/")[2], *status.group.split("/"))
+            or wanted == names.within(status.robot, status.node)
+        }
+        if not means:
+            there = [names.within(status.robot, status.node) for status in processes]
+            raise NodeNotFound(f"there is no node {name}; {suggest(wanted, there)}")
+        found |= means
+    return found
 
 
 def show(record: LogRecord, console: Console, *, json: bool) -> None:

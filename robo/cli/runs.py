@@ -102,11 +102,12 @@ def down(reach: Reach, *, every: bool, timeout: float) -> None:
             robots = sorted({status.robot for status in runs.all_processes(session)})
         else:
             robots = [runs.robot_of(session, reach.robot)]
-        supervisors = {r: runs.supervisor_of(session, r) for r in robots}
+        supervisors = {r: runs.supervisors_of(session, r) for r in robots}
         for name in robots:
             runs.command(session, name, "down", [])
-    for name, supervisor in supervisors.items():
-        runs.wait_for_end(supervisor, timeout)
+    for name, found in supervisors.items():
+        for supervisor in found:
+            runs.wait_for_end(supervisor, timeout)
         print_line(f"{name} is down")
 
 

@@ -38,6 +38,7 @@ def run_up(
     log_level: str | None,
     timing: bool,
     watch: bool,
+    host: str | None,
     detach: bool,
     wait: bool,
     begun: Begun | None,
@@ -73,7 +74,7 @@ def run_up(
     assignments = [assignment(text) for text in parameters]
 
     def read() -> Resolution:
-        return resolve.resolve(file, given, robot=robot_name, groups=groups, parameters=assignments)
+        return resolve.resolve(file, given, robot=robot_name, groups=groups, parameters=assignments, host=host)
 
     found = read()
     problems = found.problems
@@ -98,6 +99,7 @@ def run_up(
     if detach:
         options = [f"--robot-name={found.plan.robot}"] + ["--timing"] * timing + ["--watch"] * watch
         options += [f"--param={text}" for text in parameters] + [f"--log-level={log_level}"] * (log_level is not None)
+        options += [f"--host={host}"] * (host is not None)
         options += [f"--connect={e}" for e in connect] + [f"--listen={e}" for e in listen]
         return start_in_background([*words, *options], found.plan.robot, wait=wait)
 

@@ -102,6 +102,10 @@ GROUP: Final = {
     "args": Key("Values for the arguments of the included manifests.", _map_of(SCALAR)),
     "nodes": Key("Processes to start.", _map_of(_ref("node"))),
     "groups": Key("Groups within this one; they inherit its settings.", _map_of(_ref("group"))),
+    "hosts": Key(
+        "The hosts that it runs on, where a robot has several: robo up --host NAME.",
+        _one_of(TEXT, {"type": "array", "items": TEXT, "minItems": 1}),
+    ),
     "topics": MANIFEST["topics"],
 }
 NODE: Final = {

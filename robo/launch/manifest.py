@@ -174,6 +174,7 @@ class Group(msgspec.Struct, frozen=True, kw_only=True):
     includes: tuple[Include, ...]
     nodes: tuple[Node, ...]
     groups: "tuple[Group, ...]"
+    hosts: tuple[Scalar, ...]
     topics: tuple[Topic, ...]
     tree: Map
     position: Position

@@ -84,6 +84,8 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
     namespace: str
     group: str
     """The names of the groups it is in, joined by `/`."""
+    hosts: tuple[str, ...]
+    """The hosts that it runs on; empty where the manifest does not say."""
     service: str | None
     """The node class; None for a command."""
     command: tuple[str, ...]
@@ -148,6 +150,8 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     manifest: str
     description: str
     robot: str
+    host: str = ""
+    """The host whose part of the manifest this is; empty for all of it."""
     arguments: dict[str, object]
     processes: tuple[ProcessPlan, ...]
     topics: tuple[TopicPlan, ...]

@@ -213,6 +213,7 @@ class _Reader:
             includes=self.includes(parts, self.entries(parts, "args")),
             nodes=self.named(parts, "nodes", self.node),
             groups=self.named(parts, "groups", self.group),
+            hosts=self.scalars(parts, "hosts"),
             topics=self.named(parts, "topics", self.topic),
             tree=tree,
             position=entry.position,

@@ -25,6 +25,7 @@ from robo.launch.reader import read
 from robo.launch.substitution import BROKEN, Scope
 from robo.launch.values import Assignment, Checked, Files, Said, Setting
 from robo.parameter_files import ParameterEntry
+from robo.suggestions import suggest
 from robo.yaml_tree import Entry, Items, Map, Position, Problem, Scalar, Tree, shown
 
 MOST_PROCESSES = 2_000
@@ -61,6 +62,7 @@ def load(
     robot: str | None = None,
     groups: Collection[str] = (),
     parameters: Sequence[Assignment] = (),
+    host: str | None = None,
 ) -> Plan:
     """Read a manifest and work out what it starts.
 
@@ -70,11 +72,12 @@ def load(
         robot: the value of `robot_name`.
         groups: start only these groups; all where empty.
         parameters: values that come before all others.
+        host: start only what runs on this host; all where None.
 
     Raises:
         ManifestFaults: the manifest, its includes or its parameter files have mistakes; has all.
     """
-    found = resolve(file, arguments, robot=robot, groups=groups, parameters=parameters)
+    found = resolve(file, arguments, robot=robot, groups=groups, parameters=parameters, host=host)
     if found.problems:
         raise ManifestFaults(found.problems)
     return found.plan
@@ -87,12 +90,13 @@ def resolve(
     robot: str | None = None,
     groups: Collection[str] = (),
     parameters: Sequence[Assignment] = (),
+    host: str | None = None,
     stand_ins: bool = False,
 ) -> Resolution:
     """Like `load`, with the mistakes beside a plan of what could be understood.
 
     Args:
-        file, arguments, robot, groups, parameters: as for `load`.
+        file, arguments, robot, groups, parameters, host: as for `load`.
         stand_ins: an argument that has to be given and is not gets a value of its type.
     """
     walk = _Walk()
@@ -107,7 +111,7 @@ def resolve(
         except _TooMuch as error:
             walk.complain(error.position, str(error))
     absent = args.missing(manifest, given) if manifest is not None else []
-    return walk.finish(manifest, file, found, absent, groups, parameters)
+    return walk.finish(manifest, file, found, absent, groups, parameters, host)
 
 
 class _TooMuch(Exception):
@@ -130,6 +134,7 @@ class _Context(msgspec.Struct, frozen=True):
 
     namespace: str = ""
     group: str = ""
+    hosts: tuple[str, ...] = ()
     params: tuple[Said, ...] = ()
     remap: tuple[tuple[Entry, Scope], ...] = ()
     env: tuple[tuple[Any, Scope], ...] = ()
@@ -228,6 +233,7 @@ class _Walk:
             context,
             namespace=self._namespace(settings.namespace, scope, context.namespace),
             group=path,
+            hosts=tuple(str(scope.text(host)) for host in group.hosts) or context.hosts,
             params=(*context.params, *(Said(source, scope, True) for source in settings.params)),
             remap=(*context.remap, *((entry, scope) for entry in settings.remap)),
             env=(*context.env, *((variable, scope) for variable in settings.env)),
@@ -391,6 +397,7 @@ class _Walk:
             name=name,
             namespace=namespace,
             group=context.group,
+            hosts=context.hosts,
             service=service,
             command=parts.command(service, "/" + names.join(namespace, name)),
             wrapped=parts.wrapped(),
@@ -451,9 +458,11 @@ class _Walk:
         absent: Sequence[str],
         groups: Collection[str],
         parameters: Sequence[Assignment],
+        host: str | None,
     ) -> Resolution:
         drafts = self._unique()
         self._check_groups(groups, file)
+        self._check_host(host, file, drafts)
         waiting = [needs.Waiting(d.plan.full_name, d.plan.namespace, d.needs) for d in drafts]
         by_key: dict[tuple[str, str], list[str]] = {}
         for draft in drafts:
@@ -475,7 +484,8 @@ class _Walk:
                 description=manifest.description if manifest is not None else "",
                 robot=str(found[args.ROBOT_NAME]),
                 arguments={name: value for name, value in found.items() if value is not BROKEN},
-                processes=_chosen(processes, groups),
+                host=host or "",
+                processes=_chosen(processes, groups, host),
                 topics=tuple(self._topics),
             ),
             problems=in_order(self.problems),
@@ -501,6 +511,16 @@ class _Walk:
                 hint = "; put ${index} into its name or namespace" if again else ""
                 self.complain(draft.position, f"node {draft.plan.full_name} is already in {first.position}{hint}")
         return list(kept.values())
+
+    def _check_host(self, host: str | None, file: Path, drafts: Sequence[_Draft]) -> None:
+        """Where a robot has several hosts, every process says on which it runs."""
+        known = list(dict.fromkeys(name for draft in drafts for name in draft.plan.hosts))
+        if host is not None and host not in known:
+            self.complain(Position(str(file), 1, 1), f"there is no host {host!r} in it; {suggest(host, known)}")
+        for draft in drafts if known else ():
+            if not draft.plan.hosts:
+                text = f"{draft.plan.full_name} is on no host, and others are: say hosts: {known[0]} in its group"
+                self.complain(draft.position, text)
 
     def _check_groups(self, groups: Collection[str], file: Path) -> None:
         for name in groups:
@@ -534,10 +554,11 @@ def _loop_names(tree: Tree) -> Iterator[str]:
         yield from _loop_names(child.value)
 
 
-def _chosen(processes: Sequence[ProcessPlan], groups: Collection[str]) -> tuple[ProcessPlan, ...]:
-    """The processes of some groups; they do not wait for what somebody else starts."""
-    chosen = [p for p in processes if not groups or any(_in_group(p.group, name) for name in groups)]
-    kept = {p.full_name for p in chosen}
+def _chosen(processes: Sequence[ProcessPlan], groups: Collection[str], host: str | None) -> tuple[ProcessPlan, ...]:
+    """The processes of some groups, of one host; they do not wait for what nobody of this launch starts."""
+    of_groups = [p for p in processes if not groups or any(_in_group(p.group, name) for name in groups)]
+    kept = {p.full_name for p in of_groups}
+    chosen = [p for p in of_groups if host is None or host in p.hosts]
     return tuple(
         msgspec.structs.replace(p, needs={n: until for n, until in p.needs.items() if n in kept}) for p in chosen
     )

@@ -1,6 +1,7 @@
-"""A run's control keys: what `robo ps`, `why`, `stop`, `start`, `restart`, `down` and `events` ask for.
+"""A run's control keys: what `robo ps`, `why`, `stop`, `start`, `restart`, `down`, `events` and `logs` ask for.
 
-`@robo/<robot>/supervisor/<verb>` takes and gives MessagePack; `@robo/<robot>/events` carries what happens.
+`@robo/<robot>/supervisor/<verb>` takes and gives MessagePack; `@robo/<robot>/events` carries what happens, and
+`@robo/<robot>/output` what is printed.
 """
 
 import asyncio
@@ -12,7 +13,8 @@ import zenoh
 
 from robo import codec
 from robo.queries import QueryLoop, reply, reply_error
-from robo.supervisor.status import Asked, Event, control_key, event_key
+from robo.supervisor.log_files import LogRecord
+from robo.supervisor.status import Asked, Event, control_key, event_key, log_key
 
 _LONGEST = 60.0
 """How long a command may take, s."""
@@ -31,12 +33,23 @@ class Control:
         self._verbs = verbs
         self._loop = loop
         self._events = session.declare_publisher(event_key(robot), encoding=f"{codec.MSGPACK};supervisor/Event")
+        self._output = session.declare_publisher(log_key(robot), encoding=f"{codec.MSGPACK};supervisor/LogRecord")
+        self._followed = False
+        self._listener = self._output.declare_matching_listener(self._notice)
         self._queries = QueryLoop(session, control_key(robot, "*"), self._answer)
         self._queries.start()
 
     def publish(self, event: Event) -> None:
         """Tell whoever listens."""
         self._events.put(msgspec.msgpack.encode(event))
+
+    def publish_line(self, line: LogRecord) -> None:
+        """Tell whoever follows the output."""
+        if self._followed:
+            self._output.put(msgspec.msgpack.encode(line))
+
+    def _notice(self, status: Any) -> None:
+        self._followed = bool(status.matching)
 
     def _answer(self, query: zenoh.Query) -> None:
         self._queries.spare()  # a stop takes a while, and `ps` does not wait for it

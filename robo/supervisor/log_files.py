@@ -12,7 +12,7 @@ from typing import BinaryIO
 
 import msgspec
 
-from robo.log import LEVEL_NAMES
+from robo.log import LEVEL_NAMES, LEVELS, level_of
 
 LARGEST = 10_000_000
 """A file that has grown beyond this is set aside, bytes."""
@@ -62,6 +62,28 @@ def record(node: str, stream: str, text: str) -> LogRecord:
     if level not in LEVEL_NAMES or not (len(text) == len(level) or text[len(level)] == " "):
         return LogRecord(time=time.time_ns(), node=node, message=text, stream=stream)
     return LogRecord(time=time.time_ns(), node=node, message=text[6:], level=level, stream=stream)
+
+
+class Filter:
+    """Which records are wanted. A line of stderr without a level belongs to the record before it: a traceback."""
+
+    def __init__(self, *, since: int = 0, least: str | None = None) -> None:
+        """
+        Raises:
+            UsageError: there is no such level.
+        """
+        self._since = since
+        self._least = level_of(least or "debug")
+        self._last: dict[str, int] = {}
+
+    def wants(self, record: LogRecord) -> bool:
+        """Whether a record is wanted."""
+        rank = LEVELS.get((record.level or "").lower())
+        if rank is None:
+            rank = self._last.get(record.node, LEVELS["info"]) if record.stream == "stderr" else LEVELS["info"]
+        else:
+            self._last[record.node] = rank
+        return rank >= self._least and record.time >= self._since
 
 
 def log_base() -> Path:

@@ -92,6 +92,12 @@ class Asked(msgspec.Struct, frozen=True):
 
     names: list[str] = []
     """Nodes or groups; all where there is none."""
+    since: int = 0
+    """For `logs`: no older lines, ns since the epoch."""
+    level: str | None = None
+    """For `logs`: this level and above."""
+    lines: int | None = None
+    """For `logs`: only so many, the newest."""
 
 
 class Done(msgspec.Struct, frozen=True):
@@ -99,16 +105,44 @@ class Done(msgspec.Struct, frozen=True):
 
     nodes: list[str]
     """Full names."""
+    unknown: list[str] = []
+    """Names that mean nothing of this supervisor's: a robot on several hosts has several."""
 
 
 def control_key(robot: str, verb: str) -> str:
-    """Where a supervisor answers to `ps`, `why`, `events`, `stop`, `start`, `restart` and `down`."""
+    """Where a supervisor answers to `ps`, `why`, `events`, `logs`, `stop`, `start`, `restart` and `down`."""
     return names.join("@robo", robot, "supervisor", verb)
 
 
-def supervisor_token(robot: str, pid: int | str, host: str) -> str:
-    """The liveliness token of a supervisor; `*` for what is not known."""
-    return names.join("@robo", robot, "run", str(pid), host)
+class SupervisorToken(msgspec.Struct, frozen=True):
+    """Which process a supervisor is: a liveliness token that vanishes with it."""
+
+    robot: str
+    pid: int
+    machine: str
+    part: str = ""
+    """The host of the manifest whose part it runs; empty for all of it."""
+
+    def key(self) -> str:
+        """The token's key expression."""
+        return names.join("@robo", self.robot, "run", str(self.pid), f"{self.part}%{self.machine}")
+
+
+def supervisors_key(robot: str) -> str:
+    """The tokens of all supervisors of a robot."""
+    return names.join("@robo", robot, "run", "*", "*")
+
+
+def parse_supervisor_token(key: str) -> SupervisorToken:
+    """The token that a key of `supervisors_key` spells."""
+    _, *robot, _, pid, where = key.split("/")
+    part, _, machine = where.partition("%")
+    return SupervisorToken("/".join(robot), int(pid), machine, part)
+
+
+def log_key(robot: str) -> str:
+    """Where a supervisor publishes what its processes print."""
+    return names.join("@robo", robot, "output")
 
 
 def event_key(robot: str) -> str:

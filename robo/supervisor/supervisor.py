@@ -12,7 +12,8 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Coroutine, Mapping, Set
+from collections import deque
+from collections.abc import Callable, Coroutine, Mapping, Sequence, Set
 from functools import partial
 from pathlib import Path
 
@@ -31,13 +32,23 @@ from robo.supervisor import orphans, process
 from robo.supervisor.console import Console
 from robo.supervisor.control import Control
 from robo.supervisor.early import Begun, base_environment
-from robo.supervisor.log_files import SUPERVISOR, LogFiles, LogRecord, RunInfo, record
+from robo.supervisor.log_files import SUPERVISOR, Filter, LogFiles, LogRecord, RunInfo, record
 from robo.supervisor.member import Changes, Member, listens
 from robo.supervisor.process import Child, describe_exit
 from robo.supervisor.reload import FileWatch, files_of, same
 from robo.supervisor.run_environment import RunEnvironment
 from robo.supervisor.run_id import RUN_VARIABLE, new_run_id
-from robo.supervisor.status import Asked, Done, Event, Explanation, ProcessStatus, State, supervisor_token
+from robo.supervisor.status import (
+    Asked,
+    Done,
+    Event,
+    Explanation,
+    ProcessStatus,
+    State,
+    SupervisorToken,
+    parse_supervisor_token,
+    supervisors_key,
+)
 from robo.supervisor.template import Template
 from robo.supervisor.timing import Started, timing_text
 from robo.supervisor.topic_watch import Flow, TopicWatch
@@ -52,6 +63,8 @@ _HURRY = 0.5
 
 _TICK = 0.25
 _MOST_EVENTS = 1000
+_MOST_LINES = 5000
+"""Lines of output that are kept for those who ask over the network."""
 
 
 class Options(msgspec.Struct, frozen=True, kw_only=True):
@@ -112,6 +125,9 @@ class Supervisor:
         self._logs_work = True
         self.changes = Changes()
         self._members = {p.full_name: Member(p, label_of(plan, p), self) for p in plan.processes}
+        self._elsewhere: set[str] = set()
+        """Nodes that others run, as long as they are ready."""
+        self._recent: deque[LogRecord] = deque(maxlen=_MOST_LINES)
         self._lives: dict[str, asyncio.Task[None]] = {}
         self._chores: set[asyncio.Task[None]] = set()
         self._router = Child(lambda _, line: self._console.line(SUPERVISOR, f"router: {line}"))
@@ -199,16 +215,17 @@ class Supervisor:
             session = await asyncio.to_thread(open_session, network)
         except NetworkError:
             return False  # whoever listens there speaks no Zenoh
-        token = supervisor_token(self._plan.robot, "*", "*")
-        found = [r.ok for r in session.liveliness().get(token, timeout=0.5) if r.ok is not None]
+        replies = session.liveliness().get(supervisors_key(self._plan.robot), timeout=0.5)
+        found = [parse_supervisor_token(str(r.ok.key_expr)) for r in replies if r.ok is not None]
         await asyncio.to_thread(close_session, session)
-        if found:
-            *_, pid, host = str(found[0].key_expr).split("/")
+        # Another host's part of the robot may run beside this one.
+        same = [token for token in found if not (token.part and self._plan.host and token.part != self._plan.host)]
+        if same:
             self._warn(
-                f"{self._plan.robot} runs already (process {pid} on {host}); stop it with `robo down` or choose "
-                "another --robot-name"
+                f"{self._plan.robot} runs already (process {same[0].pid} on {same[0].machine}); stop it with "
+                "`robo down` or choose another --robot-name"
             )
-        return bool(found)
+        return bool(same)
 
     async def _start_router(self) -> None:
         variables = {NETWORK_VARIABLE: msgspec.json.encode(self._router_network).decode()}
@@ -243,10 +260,10 @@ class Supervisor:
             return None
 
         def notice(sample: zenoh.Sample) -> None:
-            if sample.kind == zenoh.SampleKind.PUT:
-                token = discovery.parse_token(str(sample.key_expr))
-                if isinstance(token, NodeToken):
-                    loop.call_soon_threadsafe(self._on_token, token)
+            token = discovery.parse_token(str(sample.key_expr))
+            if isinstance(token, NodeToken):
+                work = self._on_token if sample.kind == zenoh.SampleKind.PUT else self._on_token_gone
+                loop.call_soon_threadsafe(work, token)
 
         session.liveliness().declare_subscriber(discovery.ALL_TOKENS, notice, history=True)
         self._topics = TopicWatch(session, self._promises())
@@ -254,14 +271,15 @@ class Supervisor:
             "ps": self._ps,
             "why": self._why,
             "events": self._past_events,
+            "logs": self._past_output,
             "stop": self._stop_some,
             "start": self._start_some,
             "restart": self._restart_some,
             "down": self._down,
         }
         self._control = Control(session, self._plan.robot, verbs, loop)
-        token = supervisor_token(self._plan.robot, os.getpid(), discovery.hostname())
-        self._token = session.liveliness().declare_token(token)
+        token = SupervisorToken(self._plan.robot, os.getpid(), discovery.hostname(), self._plan.host)
+        self._token = session.liveliness().declare_token(token.key())
         return session
 
     def _promises(self) -> list[TopicPlan]:
@@ -280,6 +298,8 @@ class Supervisor:
     def _on_token(self, token: NodeToken) -> None:
         member = self._members.get(token.full_name)
         if member is None:
+            self._elsewhere.add(token.full_name)
+            self.changes.notify()
             return
         if token.host == discovery.hostname() and member.owns(token.pid):
             member.notice_token()
@@ -288,6 +308,9 @@ class Supervisor:
         else:  # the newcomer gives way
             self._warn(f"{token.full_name} runs already (process {token.pid}); stop it or choose another --robot-name")
             self._finish(1)
+
+    def _on_token_gone(self, token: NodeToken) -> None:
+        self._elsewhere.discard(token.full_name)
 
     # -- what members ask --------------------------------------------------------------------------
 
@@ -300,6 +323,8 @@ class Supervisor:
         found = []
         for name, until in plan.needs.items():
             need = self._members.get(name)
+            if need is None and name not in self._elsewhere:
+                found.append(f"{names.within(self._plan.robot, name)} {until}, on another host")
             if need is not None and not need.reached(until):
                 hopeless = "" if need.may_reach(until) else f", which is {need.state}"
                 found.append(f"{need.label} {until}{hopeless}")
@@ -506,20 +531,29 @@ class Supervisor:
         chosen = {m.plan.full_name for m in self._chosen(asked)} if asked.names else None
         return [event for event in self._events if chosen is None or event.node in chosen]
 
+    async def _past_output(self, asked: Asked) -> list[LogRecord]:
+        labels = {m.label for m in self._chosen(asked)} if asked.names else None
+        wanted = Filter(since=asked.since, least=asked.level)
+        found = [one for one in self._recent if (labels is None or one.node in labels) and wanted.wants(one)]
+        return found if asked.lines is None else found[-asked.lines :] if asked.lines else []
+
     async def _stop_some(self, asked: Asked) -> Done:
         chosen = self._chosen(asked)
         await asyncio.gather(*(member.stop() for member in chosen))
-        return Done([m.plan.full_name for m in chosen])
+        return self._done(chosen, asked)
 
     async def _start_some(self, asked: Asked) -> Done:
         chosen = [member for member in self._chosen(asked) if not member.running]
         await asyncio.gather(*(member.restart("as asked") for member in chosen))
-        return Done([m.plan.full_name for m in chosen])
+        return self._done(chosen, asked)
 
     async def _restart_some(self, asked: Asked) -> Done:
         chosen = self._chosen(asked)
         await asyncio.gather(*(member.restart("as asked") for member in chosen))
-        return Done([m.plan.full_name for m in chosen])
+        return self._done(chosen, asked)
+
+    def _done(self, members: Sequence[Member], asked: Asked) -> Done:
+        return Done([m.plan.full_name for m in members], [name for name in asked.names if not self._meant(name)])
 
     async def _down(self, _: Asked) -> Done:
         self._say("stopping, as robo down asks")
@@ -532,20 +566,23 @@ class Supervisor:
             return list(self._members.values())
         found: dict[str, Member] = {}
         for name in asked.names:
-            wanted = name.strip("/")
-            means = {
-                full: m
-                for full, m in self._members.items()
-                if wanted in (full.strip("/"), m.label, m.plan.name) or f"/{m.plan.group}/".find(f"/{wanted}/") >= 0
-            }
-            if not means:
+            means = self._meant(name)
+            if not means and not self._plan.host:  # another host's supervisor may know it
                 there = ", ".join(m.label for m in self._members.values())
                 raise LookupError(f"robot {self._plan.robot} has no node or group {name!r}; it has {there}")
             found |= means
         return list(found.values())
 
+    def _meant(self, name: str) -> dict[str, Member]:
+        wanted = name.strip("/")
+        return {
+            full: m
+            for full, m in self._members.items()
+            if wanted in (full.strip("/"), m.label, m.plan.name) or f"/{m.plan.group}/".find(f"/{wanted}/") >= 0
+        }
+
     def _status(self, member: Member) -> ProcessStatus:
-        return member.status(self._plan.robot, self._run_id, discovery.hostname())
+        return member.status(self._plan.robot, self._run_id, self._plan.host or discovery.hostname())
 
     # -- stop ----------------------------------------------------------------------------------------
 
@@ -651,6 +688,9 @@ class Supervisor:
             self._console.warn(f"no log files: {error}")
 
     def _log(self, line: LogRecord) -> None:
+        self._recent.append(line)
+        if self._control is not None:
+            self._control.publish_line(line)
         if not self._logs_work:
             return
         try:
@@ -678,7 +718,8 @@ class Supervisor:
     # -- inside ----------------------------------------------------------------------------------------
 
     def _shows_token(self, name: str) -> bool:
-        return self._members[name].plan.ready.when == "node"
+        # What another host runs is waited for by this supervisor, not by the node itself.
+        return name in self._members and self._members[name].plan.ready.when == "node"
 
     def _do(self, work: Coroutine[object, object, None]) -> None:
         chore: asyncio.Task[None] = asyncio.create_task(work)

@@ -13,7 +13,6 @@ import msgspec
 
 from robo import names
 from robo.errors import RunError, UsageError
-from robo.log import LEVELS, level_of
 from robo.supervisor.log_files import SUPERVISOR, LogRecord, RunInfo, log_base
 from robo.supervisor.run_id import supervisor_lives
 
@@ -101,28 +100,6 @@ def begin_of(text: str, now: Callable[[], float] = time.time) -> int:
         return int(datetime.fromisoformat(text).timestamp() * 1e9)
     except (ValueError, OverflowError):
         raise UsageError(f"--since {text}: write 30s, 10m, 2h, 1d or a time such as 2026-11-21T18:30") from None
-
-
-class Filter:
-    """Which records are wanted. A line of stderr without a level belongs to the record before it: a traceback."""
-
-    def __init__(self, *, since: int = 0, least: str | None = None) -> None:
-        """
-        Raises:
-            UsageError: there is no such level.
-        """
-        self._since = since
-        self._least = level_of(least or "debug")
-        self._last: dict[str, int] = {}
-
-    def wants(self, record: LogRecord) -> bool:
-        """Whether a record is wanted."""
-        rank = LEVELS.get((record.level or "").lower())
-        if rank is None:
-            rank = self._last.get(record.node, LEVELS["info"]) if record.stream == "stderr" else LEVELS["info"]
-        else:
-            self._last[record.node] = rank
-        return rank >= self._least and record.time >= self._since
 
 
 def read(run: Run, labels: set[str]) -> Iterator[LogRecord]:

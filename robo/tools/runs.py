@@ -2,23 +2,28 @@
 
 import time
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import msgspec
 import zenoh
 
 from robo.discovery import hostname
 from robo.errors import NodeNotFound, RunError, UsageError
-from robo.queries import Fault, first_answer
+from robo.queries import Fault, read_fault
+from robo.suggestions import suggest
+from robo.supervisor.log_files import LogRecord
 from robo.supervisor.status import (
     Asked,
     Done,
     Event,
     Explanation,
     ProcessStatus,
+    SupervisorToken,
     control_key,
     event_key,
-    supervisor_token,
+    log_key,
+    parse_supervisor_token,
+    supervisors_key,
 )
 
 T = TypeVar("T")
@@ -39,7 +44,7 @@ def processes(session: zenoh.Session, robot: str | None = None, timeout: float =
     found: list[ProcessStatus] = []
     answered = False
     key = control_key(robot if robot is not None else "**", "ps")
-    for reply in session.get(key, payload=_request([]), timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE):
+    for reply in _get(session, key, Asked(), timeout):
         if reply.ok is not None:
             answered = True
             found += _decoded(reply.ok.payload.to_bytes(), list[ProcessStatus])
@@ -82,13 +87,17 @@ def robot_of(session: zenoh.Session, robot: str | None, asked: Sequence[str] = (
 
 
 def command(session: zenoh.Session, robot: str, verb: str, names: Sequence[str]) -> Done:
-    """Have `stop`, `start`, `restart` or `down` done to nodes or groups of a robot.
+    """Have `stop`, `start`, `restart` or `down` done to nodes or groups of a robot, on all its hosts.
 
     Raises:
         NodeNotFound: it has no such node or group.
         RunError: no supervisor runs that robot, or it could not do it.
     """
-    return _ask(session, robot, verb, names, Done, COMMAND_TIMEOUT)
+    answers = _ask(session, robot, verb, Asked(list(names)), Done, COMMAND_TIMEOUT)
+    unknown = [name for name in names if all(name in answer.unknown for answer in answers)]
+    if unknown:
+        raise _not_found(session, robot, unknown)
+    return Done([node for answer in answers for node in answer.nodes])
 
 
 def explain(session: zenoh.Session, robot: str, names: Sequence[str]) -> list[Explanation]:
@@ -97,28 +106,52 @@ def explain(session: zenoh.Session, robot: str, names: Sequence[str]) -> list[Ex
     Raises:
         NodeNotFound, RunError: as for `command`.
     """
-    return _ask(session, robot, "why", names, list[Explanation], TIMEOUT)
+    answers = _ask(session, robot, "why", Asked(list(names)), list[Explanation], TIMEOUT)
+    found = [explanation for answer in answers for explanation in answer]
+    if names and not found:
+        raise _not_found(session, robot, names)
+    return found
 
 
-class SupervisorToken(NamedTuple):
-    """Which process a supervisor is."""
-
-    robot: str
-    host: str
-    pid: int
+def _not_found(session: zenoh.Session, robot: str, names: Sequence[str]) -> NodeNotFound:
+    there = [status.node for status in processes(session, robot)]
+    return NodeNotFound(f"robot {robot} has no node or group {', '.join(names)}; {suggest(names[0], there)}")
 
 
-def supervisor_of(session: zenoh.Session, robot: str) -> SupervisorToken:
-    """The process that runs a robot.
+def output(session: zenoh.Session, robot: str, asked: Asked) -> list[LogRecord]:
+    """What the processes of a robot have printed, on all its hosts, as far as their supervisors keep it.
+
+    Raises:
+        RunError: no supervisor runs that robot.
+    """
+    answers = _ask(session, robot, "logs", asked, list[LogRecord], TIMEOUT)
+    found = sorted((one for answer in answers for one in answer), key=lambda one: one.time)
+    return found if not asked.lines else found[-asked.lines :]
+
+
+class OutputStream:
+    """What the processes of a robot print from now on."""
+
+    def __init__(self, session: zenoh.Session, robot: str) -> None:
+        self._subscriber = session.declare_subscriber(log_key(robot), zenoh.handlers.FifoChannel(10_000))
+
+    def coming(self) -> Iterator[LogRecord]:
+        """Lines as they are printed, without end."""
+        while True:
+            yield _decoded(self._subscriber.handler.recv().payload.to_bytes(), LogRecord)
+
+
+def supervisors_of(session: zenoh.Session, robot: str) -> list[SupervisorToken]:
+    """The processes that run a robot: one, or one for each of its hosts.
 
     Raises:
         RunError: none does.
     """
-    for reply in session.liveliness().get(supervisor_token(robot, "*", "*"), timeout=TIMEOUT):
-        if reply.ok is not None:
-            *_, pid, host = str(reply.ok.key_expr).split("/")
-            return SupervisorToken(robot, host, int(pid))
-    raise RunError(f"no supervisor runs a robot {robot}")
+    replies = session.liveliness().get(supervisors_key(robot), timeout=TIMEOUT)
+    found = [parse_supervisor_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]
+    if not found:
+        raise RunError(f"no supervisor runs a robot {robot}")
+    return found
 
 
 def wait_for_end(supervisor: SupervisorToken, timeout: float) -> None:
@@ -127,7 +160,7 @@ def wait_for_end(supervisor: SupervisorToken, timeout: float) -> None:
     Raises:
         RunError: it does not.
     """
-    if supervisor.host != hostname():
+    if supervisor.machine != hostname():
         return
     import psutil  # which the other commands do without
 
@@ -157,9 +190,7 @@ class EventStream:
         """What has happened so far, in order."""
         found: list[Event] = []
         key = control_key(self._robot, "events")
-        for reply in self._session.get(
-            key, payload=_request([]), timeout=TIMEOUT, consolidation=zenoh.ConsolidationMode.NONE
-        ):
+        for reply in _get(self._session, key, Asked(), TIMEOUT):
             if reply.ok is not None:
                 found += _decoded(reply.ok.payload.to_bytes(), list[Event])
         return sorted(found, key=lambda event: event.time)
@@ -170,18 +201,33 @@ class EventStream:
             yield _decoded(self._subscriber.handler.recv().payload.to_bytes(), Event)
 
 
-def _ask(session: zenoh.Session, robot: str, verb: str, names: Sequence[str], kind: type[T], timeout: float) -> T:
-    answer = first_answer(session.get(control_key(robot, verb), payload=_request(names), timeout=timeout))
-    if isinstance(answer, Fault):
-        raise (NodeNotFound if answer.error == "NodeNotFound" else RunError)(answer.message)
-    if answer is None:
+def _ask(session: zenoh.Session, robot: str, verb: str, asked: Asked, kind: type[T], timeout: float) -> list[T]:
+    """The answers of all supervisors of a robot."""
+    answers: list[T] = []
+    faults: list[Fault] = []
+    for reply in _get(session, control_key(robot, verb), asked, timeout):
+        if reply.ok is not None:
+            answers.append(_decoded(reply.ok.payload.to_bytes(), kind))
+        elif (fault := read_fault(reply)) is not None:
+            faults.append(fault)
+    for fault in faults:
+        raise (NodeNotFound if fault.error == "NodeNotFound" else RunError)(fault.message)
+    if not answers:
         processes(session, robot)  # tells which robots there are
         raise RunError(f"the supervisor of {robot} did not answer within {timeout:g} s")
-    return _decoded(answer.payload.to_bytes(), kind)
+    return answers
 
 
-def _request(names: Sequence[str]) -> bytes:
-    return msgspec.msgpack.encode(Asked(list(names)))
+def _get(session: zenoh.Session, key: str, asked: Asked, timeout: float) -> Iterator[zenoh.Reply]:
+    """The replies of every supervisor that a key reaches, and not only of the nearest."""
+    replies = session.get(
+        key,
+        payload=msgspec.msgpack.encode(asked),
+        timeout=timeout,
+        target=zenoh.QueryTarget.ALL,
+        consolidation=zenoh.ConsolidationMode.NONE,
+    )
+    yield from replies
 
 
 def _decoded(data: bytes, kind: type[T]) -> T:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from robo.errors import UsageError
 from robo.launch.plan import RestartPlan, TopicPlan
 from robo.supervisor import log_files
-from robo.supervisor.log_files import LogFiles, LogRecord, RunInfo, record
+from robo.supervisor.log_files import Filter, LogFiles, LogRecord, RunInfo, record
 from robo.supervisor.output import Budget, Lines, pump
 from robo.supervisor.reload import FileWatch
 from robo.supervisor.restart import Restarts
@@ -173,7 +173,7 @@ def test_old_runs_go(tmp_path: Path) -> None:
 
 
 def test_a_traceback_belongs_to_its_error() -> None:
-    wanted = logs.Filter(least="error")
+    wanted = Filter(least="error")
     records = [
         LogRecord(time=1, node="a", message="fine", level="INFO"),
         LogRecord(time=2, node="a", message="callback raised", level="ERROR"),

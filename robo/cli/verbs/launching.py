@@ -20,6 +20,7 @@ from robo.cli.verb import Connect, Listen, RobotName, app, verb
     "robo up -d --wait --robot-name r1",
     "robo up mine.yaml --watch",
     "robo up simulation.yaml --show-args",
+    "robo up two_hosts.yaml --host arm --connect tcp/base.local:7447",
     short_help="Start a robot, in the foreground or with -d behind.",
 )
 def up(
@@ -45,6 +46,10 @@ def up(
     log_level: Annotated[
         str | None,
         typer.Option("--log-level", metavar="LEVEL", help="debug, info, warn, error or fatal (or ROBO_LOG_LEVEL)."),
+    ] = None,
+    host: Annotated[
+        str | None,
+        typer.Option("--host", metavar="NAME", help="Start only what the manifest says runs on this host."),
     ] = None,
     detach: Annotated[bool, typer.Option("-d", "--detach", help="Run in the background; `robo down` ends it.")] = False,
     wait: Annotated[bool, typer.Option("--wait", help="With -d: return once everything is ready.")] = False,
@@ -81,6 +86,7 @@ def up(
         log_level=log_level,
         timing=timing,
         watch=watch,
+        host=host,
         detach=detach,
         wait=wait,
         begun=begun,

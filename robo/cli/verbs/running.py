@@ -6,7 +6,7 @@ import typer
 
 from robo.cli import completion
 from robo.cli.reach import Reach
-from robo.cli.verb import Interval, Json, JsonLines, RobotName, Watch, app, verb
+from robo.cli.verb import Interval, Json, JsonLines, Watch, app, verb
 
 Everything = Annotated[
     list[str],
@@ -127,11 +127,11 @@ def events(
     short_help="Print what processes have printed.",
 )
 def logs(
+    reach: Reach,
     nodes: Annotated[
         list[str] | None,
         typer.Argument(metavar="[NODE]...", help="Only these.", autocompletion=completion.processes),
     ] = None,
-    robot_name: RobotName = None,
     follow: Annotated[bool, typer.Option("-f", "--follow", help="Wait for more, until Ctrl-C.")] = False,
     lines: Annotated[int | None, typer.Option("-n", "--lines", metavar="N", help="Only the last N.", min=0)] = None,
     since: Annotated[
@@ -142,22 +142,17 @@ def logs(
     run_name: Annotated[str | None, typer.Option("--run", metavar="RUN", help="An earlier run.")] = None,
     list_runs: Annotated[bool, typer.Option("--list", help="List the runs that are kept.")] = False,
 ) -> None:
-    """Print what the processes of a run on this machine have printed; of the latest run by default."""
-    from robo.cli.logs import print_logs, print_runs
+    """Print what the processes of a run have printed; of the latest run on this machine by default.
+
+    With --connect (or ROBO_CONNECT), and where no run is kept on this machine, supervisors are asked over the
+    network, on all hosts of the robot: they keep the last 5,000 lines.
+    """
+    from robo.cli.logs import Wanted, print_logs, print_runs
 
     if list_runs:
-        print_runs(robot=robot_name, json=json)
+        print_runs(robot=reach.robot, json=json)
         return
-    print_logs(
-        nodes or [],
-        robot=robot_name,
-        run=run_name,
-        follow=follow,
-        lines=lines,
-        since=since,
-        level=level,
-        json=json,
-    )
+    print_logs(Wanted(nodes or (), follow, lines, since, level, json), reach, run_name)
 
 
 @verb(
