@@ -53,6 +53,8 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
     """What a router calls itself where one asks who is there."""
     timeout: float = 10.0
     """How long a peer or client waits for its first connection, s."""
+    more: dict[str, object] = {}
+    """What else is said of it in Zenoh's own terms: maps within maps, as in Zenoh's configuration."""
 
     @classmethod
     def from_environment(cls, mode: Mode, connect: Sequence[str] = (), listen: Sequence[str] = ()) -> "Network":
@@ -80,15 +82,29 @@ def zenoh_config(network: Network) -> zenoh.Config:
         NetworkError: an endpoint is no Zenoh endpoint.
     """
     config = zenoh.Config()
-    for key, value in settings_of(network).items():
+    for key, value in {**settings_of(network), **settings_by_path(network.more)}.items():
         try:
             config.insert_json5(key, msgspec.json.encode(value).decode())
         except zenoh.ZError as error:
-            shown = ", ".join(value) if isinstance(value, tuple) else repr(value)
-            raise NetworkError(
-                f"{key}: {shown} is not accepted; an endpoint looks like tcp/127.0.0.1:7447 ({_plain(error)})"
-            ) from None
+            shown = ", ".join(value) if isinstance(value, tuple) else msgspec.json.encode(value).decode()
+            hint = "; an endpoint looks like tcp/127.0.0.1:7447" if key.endswith("endpoints") else ""
+            raise NetworkError(f"{key}: {shown} is not accepted{hint} ({_plain(error)})") from None
     return config
+
+
+_MODES = {"router", "peer", "client"}
+
+
+def settings_by_path(tree: dict[str, object], path: str = "") -> dict[str, object]:
+    """Settings by their paths. A map of modes is one setting: Zenoh takes it as a whole."""
+    found: dict[str, object] = {}
+    for key, value in tree.items():
+        place = f"{path}/{key}" if path else key
+        if isinstance(value, dict) and value and not value.keys() <= _MODES and place != "metadata":
+            found |= settings_by_path(value, place)
+        else:
+            found[place] = value
+    return found
 
 
 def settings_of(network: Network) -> dict[str, object]:

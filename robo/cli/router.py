@@ -2,32 +2,34 @@
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 import msgspec
 
 from robo.cli.connection import note
+from robo.cli.network import router_network
 from robo.router import route
-from robo.session import Network, settings_of, zenoh_config
+from robo.session import settings_by_path, settings_of
 
 
-def run_router(*, name: str, listen: Sequence[str], connect: Sequence[str]) -> None:
+def run_router(*, name: str, listen: Sequence[str], connect: Sequence[str], config: Path | None) -> None:
     """Route until Ctrl-C or SIGTERM.
 
     Raises:
-        NetworkError: an endpoint is none.
+        RoboError: an endpoint is none, or the configuration makes no sense.
     """
-    network = _network(name, listen, connect)
-    zenoh_config(network)  # mistakes first
+    network = router_network(listen, connect, config, name=name)
     dials = [endpoint for endpoint in network.connect if endpoint not in network.listen]
     towards = f", linked to {', '.join(dials)}" if dials else ""
     note(f"router {name} at {', '.join(network.listen)}{towards}; Ctrl-C stops")
     route(network, lambda: False, linger=0.0)
 
 
-def print_config(*, name: str, listen: Sequence[str], connect: Sequence[str]) -> None:
+def print_config(*, name: str, listen: Sequence[str], connect: Sequence[str], config: Path | None) -> None:
     """Print the configuration by which `zenohd` does the same."""
+    network = router_network(listen, connect, config, name=name)
     tree: dict[str, object] = {}
-    for path, value in settings_of(_network(name, listen, connect)).items():
+    for path, value in (settings_of(network) | settings_by_path(network.more)).items():
         *outer, last = path.split("/")
         place = tree
         for part in outer:
@@ -36,7 +38,3 @@ def print_config(*, name: str, listen: Sequence[str], connect: Sequence[str]) ->
             place = inner
         place[last] = value
     sys.stdout.write(f"{msgspec.json.format(msgspec.json.encode(tree)).decode()}\n")
-
-
-def _network(name: str, listen: Sequence[str], connect: Sequence[str]) -> Network:
-    return msgspec.structs.replace(Network.from_environment("router", connect, listen), name=name)

@@ -39,6 +39,7 @@ def run_up(
     timing: bool,
     watch: bool,
     host: str | None,
+    config: Path | None,
     detach: bool,
     wait: bool,
     begun: Begun | None,
@@ -68,8 +69,10 @@ def run_up(
         return 0
     if not dry_run:
         # Before node classes are looked at in a forked process, which then has Zenoh already.
-        from robo.session import Network
+        from robo.cli.network import router_network
         from robo.supervisor import supervisor
+
+        network = router_network(listen, connect, config)
 
     assignments = [assignment(text) for text in parameters]
 
@@ -100,6 +103,7 @@ def run_up(
         options = [f"--robot-name={found.plan.robot}"] + ["--timing"] * timing + ["--watch"] * watch
         options += [f"--param={text}" for text in parameters] + [f"--log-level={log_level}"] * (log_level is not None)
         options += [f"--host={host}"] * (host is not None)
+        options += [f"--network-config={config}"] * (config is not None)
         options += [f"--connect={e}" for e in connect] + [f"--listen={e}" for e in listen]
         return start_in_background([*words, *options], found.plan.robot, wait=wait)
 
@@ -117,7 +121,7 @@ def run_up(
         notify=notify_starter(),
         begun=begun,
     )
-    return supervisor.run(found.plan, Network.from_environment("router", connect, listen), run_options)
+    return supervisor.run(found.plan, network, run_options)
 
 
 def split_words(words: Sequence[str]) -> tuple[str, list[str], dict[str, object]]:

@@ -7,6 +7,13 @@ import typer
 
 from robo.cli.verb import Connect, Listen, RobotName, app, verb
 
+NetworkConfig = Annotated[
+    Path | None,
+    typer.Option(
+        "--network-config", metavar="FILE", help="More of Zenoh's settings for the router: down-sampling, TLS, access."
+    ),
+]
+
 
 @verb(
     app,
@@ -21,6 +28,7 @@ from robo.cli.verb import Connect, Listen, RobotName, app, verb
     "robo up mine.yaml --watch",
     "robo up simulation.yaml --show-args",
     "robo up two_hosts.yaml --host arm --connect tcp/base.local:7447",
+    "robo up --connect tcp/site.example:7447 --network-config config/uplink.yaml",
     short_help="Start a robot, in the foreground or with -d behind.",
 )
 def up(
@@ -56,6 +64,7 @@ def up(
     watch: Annotated[
         bool, typer.Option("--watch", help="Start again what a changed source, parameter file or manifest touches.")
     ] = False,
+    config: NetworkConfig = None,
     timing: Annotated[bool, typer.Option("--timing", help="Print where the time of the start went.")] = False,
 ) -> int:
     """Start a robot and keep it in the foreground until Ctrl-C, or in the background.
@@ -84,6 +93,7 @@ def up(
         connect=connect or [],
         listen=listen or [],
         log_level=log_level,
+        config=config,
         timing=timing,
         watch=watch,
         host=host,
@@ -187,6 +197,7 @@ def router(
     name: Annotated[str, typer.Option("--name", metavar="NAME", help="What it is called in `robo net`.")] = "router",
     listen: Listen = None,
     connect: Connect = None,
+    config: NetworkConfig = None,
     print_config: Annotated[
         bool, typer.Option("--print-config", help="Print the configuration for zenohd, and end.")
     ] = False,
@@ -199,7 +210,7 @@ def router(
     from robo.cli.router import print_config as show
     from robo.cli.router import run_router
 
-    (show if print_config else run_router)(name=name, listen=listen or [], connect=connect or [])
+    (show if print_config else run_router)(name=name, listen=listen or [], connect=connect or [], config=config)
 
 
 @verb(
