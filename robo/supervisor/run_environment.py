@@ -14,18 +14,28 @@ from robo.runner import SPEC_VARIABLE, NodeSpec
 class RunEnvironment:
     """Makes the environment of each start of each process."""
 
-    def __init__(self, base: Mapping[str, str], folder: Path, router: str, shows_token: Callable[[str], bool]) -> None:
+    def __init__(
+        self,
+        base: Mapping[str, str],
+        folder: Path,
+        router: str,
+        shows_token: Callable[[str], bool],
+        *,
+        direct: bool,
+    ) -> None:
         """
         Args:
             base: of every process.
             folder: for the sockets of nodes.
             router: the endpoint of the robot's router.
             shows_token: whether a process, by full name, is a node whose token others can wait for.
+            direct: whether nodes link to each other, or are clients of the router.
         """
         self._base = dict(base)
         self._folder = folder
         self._router = router
         self._shows_token = shows_token
+        self._direct = direct
         self._starts = 0
 
     def of(self, plan: ProcessPlan) -> dict[str, str]:
@@ -42,10 +52,10 @@ class RunEnvironment:
             },
             remappings=plan.remap,
             needs=tuple(name for name, until in plan.needs.items() if until == "ready" and self._shows_token(name)),
-            mode="peer",
+            mode="peer" if self._direct else "client",
             connect=(self._router,),
             # A name of its own for each start: what was killed leaves its socket behind.
-            listen=(f"unixsock-stream/{self._folder}/{self._starts}.sock",),
+            listen=(f"unixsock-stream/{self._folder}/{self._starts}.sock",) if self._direct else (),
         )
         variables = {
             SPEC_VARIABLE: msgspec.json.encode(jsonable(msgspec.to_builtins(spec))).decode(),

@@ -62,6 +62,8 @@ _HURRY = 0.5
 """How long processes have after a second Ctrl-C, s."""
 
 _TICK = 0.25
+MOST_LINKED = 30
+"""More nodes than these do not link to each other; the router passes their messages on."""
 _MOST_EVENTS = 1000
 _MOST_LINES = 5000
 """Lines of output that are kept for those who ask over the network."""
@@ -110,7 +112,9 @@ class Supervisor:
         self._base = {**environment, RUN_VARIABLE: self._run_id}
         if options.reload is not None:
             self._base[WATCH_VARIABLE] = "1"
-        self._environment = RunEnvironment(self._base, self._folder, self._socket, self._shows_token)
+        self._environment = RunEnvironment(
+            self._base, self._folder, self._socket, self._shows_token, direct=_may_link(plan)
+        )
         self._log_files = LogFiles(
             RunInfo(
                 run=self._run_id,
@@ -748,6 +752,15 @@ def run(plan: Plan, router: Network, options: Options | None = None) -> int:
 
 async def _run(plan: Plan, router: Network, console: Console, environment: Mapping[str, str], options: Options) -> int:
     return await Supervisor(plan, router, console, environment, options).run()
+
+
+def _may_link(plan: Plan) -> bool:
+    """Whether the nodes of a plan link to each other: those of one robot, as long as they are few.
+
+    Links grow with the square of the nodes, and nobody needs them between robots.
+    """
+    robots = {process.namespace.partition("/")[0] for process in plan.processes}
+    return len(robots) <= 1 and len(plan.processes) <= MOST_LINKED
 
 
 def label_of(plan: Plan, process: ProcessPlan) -> str:

@@ -1,0 +1,124 @@
+"""`python -m benchmarks.fleet [ROBOTS]`: many light robots on this machine, under one router; writes FLEET.md.
+
+Each robot is a supervisor, a router that dials the common one, and one node. Told is how long it takes until a
+client of the common router sees all of them, what they hold and use at rest, and whether anything links robot to robot.
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import psutil
+
+from benchmarks.__main__ import machine
+from robo.session import Network, close_session, open_session
+from robo.tools import admin, nodes
+
+PORT = 17447
+MANIFEST = """
+groups:
+  light:
+    namespace: ${robot_name}
+    nodes: {position_tracker: {service: robo_services.position_tracker}}
+"""
+REST = 10.0
+"""How long they are watched at rest, s."""
+
+
+RESULTS = Path(__file__).parent / "FLEET.md"
+
+
+def main(robots: int) -> None:
+    lines = list(measure(robots))
+    text = "\n".join([f"# A fleet of {robots} light robots", "", *machine(), *(f"- {line}" for line in lines), ""])
+    RESULTS.write_text(text)
+    print(text)
+
+
+def one_run(folder: str, robots: int) -> str:
+    """The same robots by one supervisor, with one router for all."""
+    manifest = Path(folder) / "fleet.yaml"
+    nodes_text = "{position_tracker: {service: robo_services.position_tracker}}"
+    manifest.write_text(f"groups: {{light: {{replicas: {robots}, namespace: 'r${{index}}', nodes: {nodes_text}}}}}\n")
+    endpoint = f"tcp/127.0.0.1:{PORT}"
+    robo = [sys.executable, "-m", "robo"]
+    begin = time.monotonic()
+    command = [*robo, "up", str(manifest), "-d", "--wait", "--robot-name", "fleet", "--listen", endpoint]
+    subprocess.run(command, check=True, capture_output=True)
+    took = time.monotonic() - begin
+    subprocess.run([*robo, "down", "--connect", endpoint], check=True, capture_output=True)
+    return f"as one run of {robots} robots, one node each: all ready {took:.2f} s after the command"
+
+
+def measure(robots: int) -> Iterator[str]:
+    site = f"tcp/127.0.0.1:{PORT}"
+    robo = [sys.executable, "-m", "robo"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        manifest = Path(folder) / "light.yaml"
+        manifest.write_text(MANIFEST)
+        yield one_run(folder, robots)
+
+        def start(*words: str) -> subprocess.Popen[bytes]:
+            process = subprocess.Popen([*robo, *words], **quiet)  # type: ignore[call-overload]
+            stack.callback(process.wait, 20)
+            stack.callback(process.terminate)
+            started: subprocess.Popen[bytes] = process
+            return started
+
+        processes = [start("router", "--listen", site)]
+        session = open_session(Network(mode="client", connect=(site,), timeout=10))
+        stack.callback(close_session, session)
+        begin = time.monotonic()
+        for i in range(1, robots + 1):
+            listen = f"tcp/127.0.0.1:{PORT + i}"
+            processes.append(start("up", str(manifest), "--robot-name", f"r{i}", "--listen", listen, "--connect", site))
+        while len(nodes.list_nodes(session)) < robots:
+            time.sleep(0.02)
+        yield (f"{robots} robots: all seen {time.monotonic() - begin:.2f} s after the first command")
+
+        # One that comes to the others: what discovery itself takes.
+        late = start(
+            "up", str(manifest), "--robot-name", "late", "--listen", f"tcp/127.0.0.1:{PORT - 1}", "--connect", site
+        )
+        begin = time.monotonic()
+        while len(nodes.list_nodes(session)) < robots + 1:
+            time.sleep(0.005)
+        yield (f"one more: seen {time.monotonic() - begin:.2f} s after its command")
+        fresh = open_session(Network(mode="client", connect=(site,)))
+        begin = time.monotonic()
+        assert len(nodes.list_nodes(fresh)) == robots + 1
+        yield (f"a new client knows all of them within {(time.monotonic() - begin) * 1e3:.0f} ms")
+        close_session(fresh)
+
+        family = [psutil.Process(p.pid) for p in (*processes, late)]
+        family += [child for p in family for child in p.children(recursive=True)]
+        time.sleep(3)
+        before = sum(sum(p.cpu_times()[:2]) for p in family)
+        time.sleep(REST)
+        used = (sum(sum(p.cpu_times()[:2]) for p in family) - before) / REST
+        resident = sum(p.memory_info().rss for p in family)
+        yield (f"at rest: {len(family)} processes, {resident / 1e6:.0f} MB resident, {used:.1%} of a core")
+
+        found = admin.routers(session, 5.0)
+        own = {router.zid: router for router in found}
+        centre = next(router for router in found if router.name == "router")
+        between = [
+            (router.name, own[one.zid].name)
+            for router in found
+            for one in router.sessions
+            if one.zid in own and centre.zid not in (router.zid, one.zid)
+        ]
+        status = nodes.all_status(session, 5.0)
+        zids = {one.zid for one in status.values()}
+        links = [one.node for one in status.values() if zids & set(one.links) - {one.zid}]
+        yield (f"links between robots: {json.dumps(between)} of routers, {json.dumps(links)} of nodes")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20)
