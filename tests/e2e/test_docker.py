@@ -4,8 +4,10 @@ import json
 import os
 import shutil
 import subprocess
+import tempfile
 import time
 from collections.abc import Iterator
+from fcntl import LOCK_EX, flock
 from pathlib import Path
 from typing import Any
 
@@ -35,13 +37,19 @@ def docker(*words: str, check: bool = True, **environment: str) -> str:
 
 @pytest.fixture(scope="session")
 def image() -> str:
-    """The image, built from this checkout."""
+    """The image, built from this checkout; once, also where several workers want it."""
+    with open(Path(tempfile.gettempdir()) / "robo-test-image.lock", "w") as lock:
+        flock(lock, LOCK_EX)
+        _build()
+    return "robo:test"
+
+
+def _build() -> None:
     if DOCKER_HOST.exists():
         subprocess.run([DOCKER_HOST], check=True, capture_output=True, timeout=400)
     elif shutil.which("docker") is None or subprocess.run(["docker", "info"], capture_output=True).returncode:
         pytest.skip("there is no Docker engine here")
     docker("build", "--network=host", "--quiet", "--tag", "robo:test", ".")
-    return "robo:test"
 
 
 class Project:

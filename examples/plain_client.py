@@ -1,0 +1,55 @@
+"""A robot from any Zenoh client: pip install eclipse-zenoh msgpack; python plain_client.py [ROBOT [ENDPOINT]].
+
+Reads where the robot is, drives it for a second, resets its odometer, and makes it slower.
+"""
+
+import json
+import struct
+import sys
+import time
+from typing import Any
+
+import msgpack
+import zenoh
+
+
+def ask(session: zenoh.Session, key: str, request: dict[str, Any]) -> Any:
+    """Ask a service, or a node for its parameters: a query whose payload is the request, answered once."""
+    for reply in session.get(key, payload=msgpack.packb(request), encoding="application/msgpack", timeout=2.0):
+        answer = reply.ok if reply.ok is not None else reply.err
+        return msgpack.unpackb(answer.payload.to_bytes()) if answer is not None else None
+    return None
+
+
+def main() -> None:
+    """Talk to a robot."""
+    given = dict(enumerate(sys.argv))
+    robot, endpoint = given.get(1, "r1"), given.get(2, "tcp/127.0.0.1:7447")
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    with zenoh.open(config) as session:
+        odometry = session.declare_subscriber(f"{robot}/odom")
+        sample = odometry.recv()
+        message = msgpack.unpackb(sample.payload.to_bytes())
+        print("encoding ", sample.encoding)  # application/msgpack;nav/Odometry
+        print("position ", message["pose"]["pose"]["position"])
+        if sample.attachment is not None:
+            number, published = struct.unpack_from("<qq", sample.attachment.to_bytes())
+            print("number   ", number, "published at", time.ctime(published / 1e9))
+
+        # Commands: a map of field names; what is left out is 0. The safety monitor stands between this and the base.
+        commands = session.declare_publisher(f"{robot}/cmd_vel_raw", encoding="application/msgpack;geometry/Twist")
+        for count in range(10):
+            stamp = struct.pack("<qq", count + 1, time.time_ns())  # optional: lets tools count losses
+            commands.put(msgpack.packb({"linear": {"x": 0.2}, "angular": {"z": 0.5}}), attachment=stamp)
+            time.sleep(0.1)
+
+        print("reset    ", ask(session, f"{robot}/reset_distance", {}))
+        print("set      ", ask(session, f"{robot}/velocity_controller/parameters/set", {"linear_velocity": 0.3}))
+        print("refused  ", ask(session, f"{robot}/velocity_controller/parameters/set", {"linear_velocity": 99}))
+        print("get      ", ask(session, f"{robot}/velocity_controller/parameters/get", {"names": ["linear_velocity"]}))
+
+
+if __name__ == "__main__":
+    main()
