@@ -80,7 +80,7 @@ def _end(end: End, types: list[str]) -> str:
     return f"{end.node}{clash}  {'keeps all' if end.depth == 0 else f'depth {end.depth}'}"
 
 
-def print_type(name: str, reach: Reach) -> None:
+def print_type(name: str, reach: Reach, *, json: bool) -> None:
     """Print the type of a topic; each of them where there are several.
 
     Raises:
@@ -88,6 +88,9 @@ def print_type(name: str, reach: Reach) -> None:
     """
     with connect_to_robot(reach) as session:
         topic = topics.find_topic(topics.list_topics(session, reach.timeout), reach.key(name))
+    if json:
+        print_json({"key": topic.key, "types": topic.types})
+        return
     for type_name in topic.types:
         print_line(type_name)
 

@@ -42,7 +42,7 @@ _COMMON: dict[str, Any] = {
     "logging": {"driver": "json-file", "options": {"max-size": "10m", "max-file": "3"}},
     "deploy": {"resources": {"limits": {"cpus": "1.0", "memory": "256M"}}},
 }
-_HEALTH = {"interval": "3s", "timeout": "3s", "start_period": "10s", "retries": 3}
+_HEALTH = {"interval": "5s", "timeout": "3s", "start_period": "10s", "retries": 3}
 _USUAL = {"<<": "*health"}
 """Takes in what stands at `x-health`."""
 

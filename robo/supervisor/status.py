@@ -122,10 +122,12 @@ class SupervisorToken(msgspec.Struct, frozen=True):
     machine: str
     part: str = ""
     """The host of the manifest whose part it runs; empty for all of it."""
+    zid: str = ""
+    """The id of its Zenoh session."""
 
     def key(self) -> str:
         """The token's key expression."""
-        return names.join("@robo", self.robot, "run", str(self.pid), f"{self.part}%{self.machine}")
+        return names.join("@robo", self.robot, "run", str(self.pid), f"{self.part}%{self.machine}%{self.zid}")
 
 
 def supervisors_key(robot: str) -> str:
@@ -136,8 +138,8 @@ def supervisors_key(robot: str) -> str:
 def parse_supervisor_token(key: str) -> SupervisorToken:
     """The token that a key of `supervisors_key` spells."""
     _, *robot, _, pid, where = key.split("/")
-    part, _, machine = where.partition("%")
-    return SupervisorToken("/".join(robot), int(pid), machine, part)
+    part, machine, zid = (*where.split("%"), "", "")[:3]
+    return SupervisorToken("/".join(robot), int(pid), machine, part, zid)
 
 
 def log_key(robot: str) -> str:

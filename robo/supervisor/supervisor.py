@@ -282,7 +282,9 @@ class Supervisor:
             "down": self._down,
         }
         self._control = Control(session, self._plan.robot, verbs, loop)
-        token = SupervisorToken(self._plan.robot, os.getpid(), discovery.hostname(), self._plan.host)
+        token = SupervisorToken(
+            self._plan.robot, os.getpid(), discovery.hostname(), self._plan.host, str(session.zid())
+        )
         self._token = session.liveliness().declare_token(token.key())
         return session
 

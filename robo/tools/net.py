@@ -66,6 +66,8 @@ def look(session: zenoh.Session, timeout: float) -> Network:
     for router in routers:
         # A node that is run alone is its own router.
         names.setdefault(router.zid, f"router of {router.name}" if router.name else "router")
+    for one in runs.supervisors(session, timeout=timeout):
+        names.setdefault(one.zid, f"supervisor of {one.robot}{f' on {one.part}' if one.part else ''}")
     own = str(session.zid())
     found = [_node(session, token, status.get(token.full_name), names, timeout) for token in tokens]
     return Network(

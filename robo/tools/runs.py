@@ -147,11 +147,16 @@ def supervisors_of(session: zenoh.Session, robot: str) -> list[SupervisorToken]:
     Raises:
         RunError: none does.
     """
-    replies = session.liveliness().get(supervisors_key(robot), timeout=TIMEOUT)
-    found = [parse_supervisor_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]
+    found = supervisors(session, robot)
     if not found:
         raise RunError(f"no supervisor runs a robot {robot}")
     return found
+
+
+def supervisors(session: zenoh.Session, robot: str = "**", timeout: float = TIMEOUT) -> list[SupervisorToken]:
+    """The supervisors of one robot, or of all."""
+    replies = session.liveliness().get(supervisors_key(robot), timeout=timeout)
+    return [parse_supervisor_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]
 
 
 def wait_for_end(supervisor: SupervisorToken, timeout: float) -> None:

@@ -20,6 +20,7 @@ from robo.cli.verb import Json, app, verb
 def graph(
     reach: Reach,
     form: Annotated[str, typer.Option("--format", metavar="FORM", help="text, mermaid, dot or json.")] = "text",
+    json: Annotated[bool, typer.Option("--json", help="As --format json.")] = False,
     hide_system: Annotated[
         bool, typer.Option("--hide-system", help="Leave out log, parameter_events and clock.")
     ] = False,
@@ -30,7 +31,7 @@ def graph(
     """
     from robo.cli.graph import print_graph
 
-    print_graph(reach, form=form, hide_system=hide_system)
+    print_graph(reach, form="json" if json else form, hide_system=hide_system)
 
 
 @verb(

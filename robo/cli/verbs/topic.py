@@ -51,11 +51,11 @@ def topic_info(reach: Reach, key: TopicName, json: Json = False) -> None:
 
 
 @verb(verbs, "type", "robo topic type r1/odom", 'robo interface show "$(robo topic type r1/odom)"')
-def topic_type(reach: Reach, key: TopicName) -> None:
+def topic_type(reach: Reach, key: TopicName, json: Json = False) -> None:
     """Print the type of a topic."""
     from robo.cli.topic import print_type
 
-    print_type(key, reach)
+    print_type(key, reach, json=json)
 
 
 @verb(verbs, "find", "robo topic find geometry/Twist", "robo topic find sensor/LaserScan --json")
