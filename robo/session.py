@@ -10,7 +10,7 @@ import logging
 import os
 import re
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal, get_args
 
 import msgspec
@@ -95,7 +95,7 @@ def zenoh_config(network: Network) -> zenoh.Config:
 _MODES = {"router", "peer", "client"}
 
 
-def settings_by_path(tree: dict[str, object], path: str = "") -> dict[str, object]:
+def settings_by_path(tree: Mapping[str, object], path: str = "") -> dict[str, object]:
     """Settings by their paths. A map of modes is one setting: Zenoh takes it as a whole."""
     found: dict[str, object] = {}
     for key, value in tree.items():

@@ -68,7 +68,7 @@ def _show(system: Watch, interval: float) -> None:
             display.update(render(snapshot, console.width, console.height), refresh=True)
             while time.monotonic() < due:
                 system.take_in(min(due, time.monotonic() + _LOOK))
-                if next(pressed) in ("q", "Q", "\x1b"):
+                if next(pressed) in ("q", "Q"):
                     return
             snapshot = system.look()
             due = time.monotonic() + interval

@@ -58,9 +58,10 @@ def list_topics(session: zenoh.Session, timeout: float = 1.0) -> list[Topic]:
         types, publishers, subscribers = found.setdefault(token.topic, (set(), set(), set()))
         types.add(token.type_name)
         (publishers if token.kind == "pub" else subscribers).add(token.full_name)
+    known = set(found)
     for kind, key, zid in admin.declared(session, timeout):
         # Of a key that nodes of robo's use, who is no node cannot be told from who is one.
-        if key not in {token.topic for token in ends}:
+        if key not in known:
             _, publishers, subscribers = found.setdefault(key, (set(), set(), set()))
             (publishers if kind == "publisher" else subscribers).add(f"zenoh:{zid}")
     return [

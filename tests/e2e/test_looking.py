@@ -276,6 +276,17 @@ def test_a_plot_shows_a_line(robot: str) -> None:
     assert "header.frame_id is no number but str" in wrong.stderr
 
 
+def test_health(robot: str, endpoint: str) -> None:
+    assert run_robo("health", "--connect", robot).returncode == 0
+    assert run_robo("health", "/r1/position_tracker", "--connect", robot).returncode == 0
+    absent = run_robo("health", "/r1/nobody", "--connect", robot)
+    assert (absent.returncode, absent.stderr) == (1, "/r1/nobody is not ready\n")
+    nothing = run_robo("health", "--connect", endpoint, "--timeout", "0.3")
+    assert nothing.returncode == 1
+    assert "no connection at" in nothing.stderr
+    assert run_robo("health", "a", "b").returncode == 2
+
+
 # -- nodes and the graph ---------------------------------------------------------------------------
 
 

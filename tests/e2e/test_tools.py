@@ -89,6 +89,12 @@ def test_ctrl_c_is_quiet(session: zenoh.Session, endpoint: str) -> None:
         (("topic", "echo", "a", "--json", "--csv"), "choose one of"),
         (("topic", "pub", "a"), "say which type"),
         (("topic", "pub", "a/*", "std/Bool", "{}"), "publish on one"),
+        (("router", "--listen", "nonsense"), "an endpoint looks like tcp/127.0.0.1:7447"),
+        (("router", "--network-config", "nowhere.yaml"), "nowhere.yaml cannot be read: No such file"),
+        (("router", "--network-config", "README.md"), "README.md"),
+        (("up", "--network-config", "launch/fleet.yaml"), "description: "),
+        (("up", "--host", "arm"), "there is no host 'arm' in it"),
+        (("export", "compose", "nowhere.yaml"), "there is no manifest 'nowhere.yaml'"),
         (("graph", "--format", "png"), "use one of text, mermaid, dot, json"),
         (("net", "one"), "name two nodes"),
         (("interface", "show", "nav/Odometri"), "did you mean nav/Odometry?"),
@@ -122,11 +128,12 @@ def test_mistakes_are_told_and_never_a_traceback(words: tuple[str, ...], message
     "words",
     [
         (),
-        *((verb,) for verb in ("up", "run", "graph", "top", "net", "topic", "node", "interface")),
+        *((verb,) for verb in ("up", "router", "run", "graph", "top", "net", "topic", "node", "interface")),
         *(("topic", verb) for verb in ("list", "info", "type", "find", "echo", "pub", "hz", "plot")),
         *(("topic", verb) for verb in ("bw", "delay", "loss")),
         *(("node", verb) for verb in ("list", "info", "show")),
         *(("interface", verb) for verb in ("list", "show")),
+        ("export", "compose"),
     ],
 )
 def test_help(words: tuple[str, ...]) -> None:
