@@ -17,7 +17,7 @@ import psutil
 
 from benchmarks.__main__ import machine
 from robo.session import Network, close_session, open_session
-from robo.tools import admin, nodes
+from robo.tools import admin, nodes, runs
 
 PORT = 17447
 MANIFEST = """
@@ -80,7 +80,11 @@ def measure(robots: int) -> Iterator[str]:
             processes.append(start("up", str(manifest), "--robot-name", f"r{i}", "--listen", listen, "--connect", site))
         while len(nodes.list_nodes(session)) < robots:
             time.sleep(0.02)
+        seen = time.time()
         yield (f"{robots} robots: all seen {time.monotonic() - begin:.2f} s after the first command")
+        while len(ready := [e.time * 1e-9 for e in runs.EventStream(session).past() if e.event == "ready"]) < robots:
+            time.sleep(0.05)
+        yield (f"the last one: seen {max(0.0, seen - max(ready)) * 1e3:.0f} ms after it was ready by its own word")
 
         # One that comes to the others: what discovery itself takes.
         late = start(

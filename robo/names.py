@@ -102,6 +102,20 @@ def _check_chunks(what: str, shown: str, body: str) -> None:
             raise InvalidName(f"{what} {shown!r} has {part}; use {RULE}, parts joined by /")
 
 
+def nested(values: Mapping[str, object], separator: str) -> dict[str, object]:
+    """Values whose names have parts as maps within maps: `{"a.b": 1}` to `{"a": {"b": 1}}`."""
+    tree: dict[str, object] = {}
+    for name, value in values.items():
+        *outer, last = name.split(separator)
+        place = tree
+        for part in outer:
+            inner = place.setdefault(part, {})
+            assert isinstance(inner, dict)
+            place = inner
+        place[last] = value
+    return tree
+
+
 def within(namespace: str, full_name: str) -> str:
     """A full name as it is called within a namespace: without it, where it is in there."""
     return full_name.strip("/").removeprefix(f"{namespace.strip('/')}/")

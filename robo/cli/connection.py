@@ -28,7 +28,7 @@ def connect_to_robot(reach: Reach) -> zenoh.Session:
     zenoh_config(network)  # an endpoint that is none is told first
     begin = time.monotonic()
     try:
-        if not _somebody_listens(network.connect, begin + reach.refused_timeout):
+        if not somebody_listens(network.connect, begin + reach.refused_timeout):
             raise NetworkError("nobody listens")
         left = max(begin + reach.timeout - time.monotonic(), 0.1)
         return open_session(msgspec.structs.replace(network, timeout=left))
@@ -36,7 +36,7 @@ def connect_to_robot(reach: Reach) -> zenoh.Session:
         raise NetworkError(_nothing_there(network.connect, reach, time.monotonic() - begin)) from None
 
 
-def _somebody_listens(endpoints: Sequence[str], end: float) -> bool:
+def somebody_listens(endpoints: Sequence[str], end: float) -> bool:
     """Whether one of some endpoints may answer: an address that refuses is tried again, and not for long."""
     addresses = [_address(endpoint) for endpoint in endpoints]
     while True:

@@ -1,13 +1,15 @@
 """`robo router`: a router by itself, for several robots or hosts to meet at."""
 
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
 
-from robo.cli.connection import note
+from robo.cli.connection import note, somebody_listens
 from robo.cli.network import router_network
+from robo.names import nested
 from robo.router import route
 from robo.session import settings_by_path, settings_of
 
@@ -22,19 +24,13 @@ def run_router(*, name: str, listen: Sequence[str], connect: Sequence[str], conf
     dials = [endpoint for endpoint in network.connect if endpoint not in network.listen]
     towards = f", linked to {', '.join(dials)}" if dials else ""
     note(f"router {name} at {', '.join(network.listen)}{towards}; Ctrl-C stops")
+    if somebody_listens(network.listen, time.monotonic()):
+        note("another program has that port just now; this router takes it over when it is free")
     route(network, lambda: False, linger=0.0)
 
 
 def print_config(*, name: str, listen: Sequence[str], connect: Sequence[str], config: Path | None) -> None:
     """Print the configuration by which `zenohd` does the same."""
     network = router_network(listen, connect, config, name=name)
-    tree: dict[str, object] = {}
-    for path, value in (settings_of(network) | settings_by_path(network.more)).items():
-        *outer, last = path.split("/")
-        place = tree
-        for part in outer:
-            inner = place.setdefault(part, {})
-            assert isinstance(inner, dict)
-            place = inner
-        place[last] = value
+    tree = nested(settings_of(network) | settings_by_path(network.more), "/")
     sys.stdout.write(f"{msgspec.json.format(msgspec.json.encode(tree)).decode()}\n")

@@ -8,6 +8,7 @@ import zenoh
 from robo import parameter_files
 from robo.discovery import NodeToken
 from robo.errors import NodeUnreachable, ParameterError
+from robo.names import nested
 from robo.parameter_server import Result, Said, parameters_key
 from robo.queries import Fault, first_answer
 
@@ -89,23 +90,9 @@ def to_yaml(dumped: Mapping[str, Mapping[str, object]]) -> str:
     """Values by node's full name and parameter as a file that `robo up` and ROS 2 read."""
     import yaml
 
-    tree = {node: {parameter_files.ROS_KEY: _nested(values)} for node, values in dumped.items()}
+    tree = {node: {parameter_files.ROS_KEY: nested(values, ".")} for node, values in dumped.items()}
     text: str = yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=120)
     return text
-
-
-def _nested(values: Mapping[str, object]) -> dict[str, object]:
-    """Names with dots as maps within maps."""
-    tree: dict[str, object] = {}
-    for name, value in values.items():
-        *outer, last = name.split(".")
-        place = tree
-        for part in outer:
-            inner = place.setdefault(part, {})
-            assert isinstance(inner, dict)
-            place = inner
-        place[last] = value
-    return tree
 
 
 def _named(names: Sequence[str]) -> dict[str, object] | None:
