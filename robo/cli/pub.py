@@ -10,23 +10,27 @@ import robo_messages
 from robo.cli.connection import amount, connect_to_robot, hint, note
 from robo.cli.reach import Reach
 from robo.errors import MessageError, UsageError
-from robo.tools import interfaces
+from robo.tools import interfaces, topics
 from robo.tools.message_input import message_of
 from robo.tools.publishing import Line, Sender, flush, line_of
 from robo_messages import Message
 
 
-def publish(key: str, type_name: str, text: str, reach: Reach, *, rate: float, times: int | None, wait: bool) -> None:
+def publish(
+    key: str, type_name: str, text: str, reach: Reach, *, rate: float, times: int | None, wait: bool, force: bool
+) -> None:
     """Publish a message so many times, or until Ctrl-C.
 
     Raises:
-        MessageError: the type is unknown or the data are no message of it; nothing is published.
+        MessageError: the type is unknown or not the topic's, or the data are no message of it; nothing is published.
         RoboError: the name makes no sense, or nothing runs.
     """
     message = _message(type_name, text)
     stamped = "now" in text or "auto" in text
     expression = _one_topic(reach.key(key))
     with connect_to_robot(reach) as session:
+        if not force:
+            topics.check_type(session, expression, type_name, reach.timeout)
         sender = Sender(session, expression, type_name)
         if wait:
             hint(f"waiting for a subscriber of {expression} …")
@@ -47,7 +51,14 @@ def publish(key: str, type_name: str, text: str, reach: Reach, *, rate: float, t
 
 
 def publish_lines(
-    key: str | None, type_name: str | None, reach: Reach, *, rate: float | None, times: int | None, wait: bool
+    key: str | None,
+    type_name: str | None,
+    reach: Reach,
+    *,
+    rate: float | None,
+    times: int | None,
+    wait: bool,
+    force: bool,
 ) -> int:
     """Publish what standard input says, line by line, as it comes or at a rate.
 
@@ -61,7 +72,7 @@ def publish_lines(
         _type(type_name)  # a mistake in it is told before anything is read
     target = _one_topic(reach.key(key)) if key is not None else None
     with connect_to_robot(reach) as session:
-        lines = _Lines(session, wait=wait)
+        lines = _Lines(session, wait=wait, check_timeout=None if force else reach.timeout)
         mistakes = 0
         try:
             for number, text in _input():
@@ -80,8 +91,9 @@ def publish_lines(
 
 
 class _Lines:
-    def __init__(self, session: zenoh.Session, *, wait: bool) -> None:
+    def __init__(self, session: zenoh.Session, *, wait: bool, check_timeout: float | None) -> None:
         self._session = session
+        self._check_timeout = check_timeout
         self._wait = wait
         self._senders: dict[str, Sender] = {}
         self._due = time.monotonic()
@@ -91,6 +103,8 @@ class _Lines:
     def publish(self, line: Line, rate: float | None) -> None:
         sender = self._senders.get(line.key)
         if sender is None:
+            if self._check_timeout is not None and line.type:
+                topics.check_type(self._session, line.key, line.type, self._check_timeout)
             sender = self._senders[line.key] = Sender(self._session, _one_topic(line.key), line.type)
             if self._wait:
                 hint(f"waiting for a subscriber of {line.key} …")

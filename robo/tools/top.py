@@ -154,7 +154,7 @@ class Watch:
         self._publishers = {key: len(topic.publishers) for key, topic in known.items()}
         found = []
         for key in sorted({*filter(self._is_wanted, known), *self._flows}):
-            topic = known.get(key) or topics.Topic(key, [], [], [])
+            topic = known.get(key) or topics.Topic(key, "", [], [], [])
             flow = self._flows.setdefault(key, Flow(key, len(topic.publishers)))
             found.append(flow.figures(topic, interval, now))
             if key not in known and not found[-1].count:

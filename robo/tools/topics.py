@@ -6,7 +6,7 @@ import msgspec
 import zenoh
 
 from robo.discovery import ALL_TOKENS, EndpointToken, parse_token
-from robo.errors import TopicNotFound
+from robo.errors import MessageError, TopicNotFound
 from robo.suggestions import suggest
 from robo.supervisor.status import ProcessStatus
 from robo.tools import admin, runs
@@ -29,8 +29,10 @@ class Topic(msgspec.Struct, frozen=True):
     """A topic that somebody publishes or subscribes."""
 
     key: str
+    type: str
+    """Empty where only clients that are no nodes of robo's are there; the first one where there is a clash."""
     types: list[str]
-    """More than one is a clash; none where only clients that are no nodes of robo's are there."""
+    """More than one is a clash."""
     publishers: list[str]
     """Full names of nodes; `zenoh:<id>` for a client that is none."""
     subscribers: list[str]
@@ -42,6 +44,7 @@ class TopicInfo(msgspec.Struct, frozen=True):
     """A topic with all that is known of its ends."""
 
     key: str
+    type: str
     types: list[str]
     publishers: list[End]
     subscribers: list[End]
@@ -65,7 +68,7 @@ def list_topics(session: zenoh.Session, timeout: float = 1.0) -> list[Topic]:
             _, publishers, subscribers = found.setdefault(key, (set(), set(), set()))
             (publishers if kind == "publisher" else subscribers).add(f"zenoh:{zid}")
     return [
-        Topic(key, sorted(types), sorted(publishers), sorted(subscribers))
+        Topic(key, min(types, default=""), sorted(types), sorted(publishers), sorted(subscribers))
         for key, (types, publishers, subscribers) in sorted(found.items())
     ]
 
@@ -96,7 +99,7 @@ def topic_info(session: zenoh.Session, key: str, timeout: float = 1.0) -> TopicI
     rates = published_rates(runs.processes(session, timeout=RATES_TIMEOUT))
     others = [f"publisher {name}" for name in topic.publishers if name.startswith("zenoh:")]
     others += [f"subscriber {name}" for name in topic.subscribers if name.startswith("zenoh:")]
-    return TopicInfo(key, topic.types, _sorted(ends, "pub"), _sorted(ends, "sub"), rates.get(key), others)
+    return TopicInfo(key, topic.type, topic.types, _sorted(ends, "pub"), _sorted(ends, "sub"), rates.get(key), others)
 
 
 def find_topic(topics: Iterable[Topic], key: str) -> Topic:
@@ -109,6 +112,21 @@ def find_topic(topics: Iterable[Topic], key: str) -> Topic:
     if key in by_key:
         return by_key[key]
     raise TopicNotFound(f"nobody publishes or subscribes {key}; {suggest(key, by_key)}")
+
+
+def check_type(session: zenoh.Session, key: str, type_name: str, timeout: float = 1.0) -> None:
+    """Refuse a type that a topic does not have.
+
+    Raises:
+        MessageError: nodes that publish or subscribe the topic know it as something else.
+    """
+    ends = [token for token in _ends(session, timeout) if token.topic == key and token.type_name]
+    if ends and type_name not in {token.type_name for token in ends}:
+        there = ends[0]
+        verb = "publishes" if there.kind == "pub" else "subscribes"
+        raise MessageError(
+            f"{key} is no {type_name}: {there.full_name} {verb} {there.type_name} on it; --force to insist"
+        )
 
 
 def _sorted(ends: Iterable[EndpointToken], kind: str) -> list[End]:

@@ -195,6 +195,9 @@ def test_pub_tells_mistakes_and_publishes_nothing(robot: str, client: zenoh.Sess
         result = run_robo("topic", "pub", "q5/x", type_name, data, "--connect", robot)
         assert (result.returncode, result.stdout) == (1, "")
         assert message in result.stderr
+    other = run_robo("topic", "pub", "r1/scan", "geometry/Twist", "{}", "--connect", robot)
+    assert other.returncode == 1
+    assert "r1/scan is no geometry/Twist: /r1/" in other.stderr
     good = run_robo("topic", "pub", "q5/end", "geometry/Twist", "{linear: {x: 1e-3}}", "--connect", robot)
     assert good.returncode == 0
     inbox.wait_for()

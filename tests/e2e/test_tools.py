@@ -37,7 +37,13 @@ def test_topics_are_listed(session: zenoh.Session, endpoint: str) -> None:
         found = [
             json.loads(line) for line in run_robo("topic", "list", "--json", "--connect", endpoint).stdout.splitlines()
         ]
-        words = {"key": "r1/words", "types": ["std/String"], "publishers": ["/r1/beacon"], "subscribers": []}
+        words = {
+            "key": "r1/words",
+            "type": "std/String",
+            "types": ["std/String"],
+            "publishers": ["/r1/beacon"],
+            "subscribers": [],
+        }
         assert {**words, "rate": None} in found
 
 

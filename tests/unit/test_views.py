@@ -12,7 +12,7 @@ from robo.tools.stream import Arrival
 from robo.tools.top import Flow, NodeFigures, Snapshot, TopicFigures
 from robo.tools.topics import Topic
 
-TOPIC = Topic("r1/odom", ["nav/Odometry"], ["/r1/a"], [])
+TOPIC = Topic("r1/odom", "nav/Odometry", ["nav/Odometry"], ["/r1/a"], [])
 
 
 def arrival(number: int, size: int = 100) -> Arrival:

@@ -139,6 +139,7 @@ def topic_pub(
     wait_for_subscriber: Annotated[
         bool, typer.Option("--wait-for-subscriber", help="Publish nothing before somebody listens.")
     ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Also where nodes know the topic as another type.")] = False,
 ) -> int:
     """Publish messages: one, several at a rate, or those of JSON Lines.
 
@@ -154,7 +155,8 @@ def topic_pub(
             raise UsageError("with - the messages come from standard input: leave DATA and --once out")
         target = None if key == "-" else key
         wanted = None if type_name == "-" else type_name
-        return publish_lines(target, wanted, reach, rate=rate, times=times, wait=wait_for_subscriber)
+        wait = wait_for_subscriber
+        return publish_lines(target, wanted, reach, rate=rate, times=times, wait=wait, force=force)
     if type_name is None:
         raise UsageError(
             f"say which type: robo topic pub {key} TYPE DATA, for example geometry/Twist '{{linear: {{x: 0.2}}}}'"
@@ -162,7 +164,8 @@ def topic_pub(
     if once and (times is not None or rate is not None):
         raise UsageError("--once goes without --times and -r")
     limit = times if times is not None else None if rate is not None else 1
-    publish(key, type_name, data or "{}", reach, rate=rate or 1.0, times=limit, wait=wait_for_subscriber)
+    wait = wait_for_subscriber
+    publish(key, type_name, data or "{}", reach, rate=rate or 1.0, times=limit, wait=wait, force=force)
     return 0
 
 
