@@ -1,6 +1,6 @@
 """`robo topic`: looking at topics, measuring them, publishing on them."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -169,79 +169,64 @@ def topic_pub(
     return 0
 
 
-@verb(verbs, "hz", "robo topic hz r1/odom", "robo topic hz 'r1/*' --duration 5 --json")
-def topic_hz(
-    reach: Reach,
-    keys: TopicNames,
-    count: Windows = None,
-    duration: Duration = None,
-    window: Window = 1.0,
-    json: JsonLines = False,
-) -> None:
+def _measuring(measure: Literal["hz", "bw", "delay", "loss"], about: str, *examples: str) -> None:
+    """Make a verb of a measure: they all take the same words."""
+
+    def figures(
+        reach: Reach,
+        keys: TopicNames,
+        count: Windows = None,
+        duration: Duration = None,
+        window: Window = 1.0,
+        json: JsonLines = False,
+    ) -> None:
+        from robo.cli.measure import print_figures
+
+        print_figures(measure, keys, reach, count=count, duration=duration, window=window, json=json)
+
+    figures.__doc__ = about
+    verb(verbs, measure, *examples)(figures)
+
+
+_measuring(
+    "hz",
     """Measure how often messages are published, and how evenly.
 
     Rates come from the publishers' own times and sequence numbers, so they are exact even where messages are lost
     on the way. Times are those between two messages; jitter is their mean change. JSON: key, rate (Hz), count, min,
     max, std, jitter (s), lost.
-    """
-    from robo.cli.measure import print_figures
-
-    print_figures("hz", keys, reach, count=count, duration=duration, window=window, json=json)
-
-
-@verb(verbs, "bw", "robo topic bw r1/scan", "robo topic bw '**' --json --count 1")
-def topic_bw(
-    reach: Reach,
-    keys: TopicNames,
-    count: Windows = None,
-    duration: Duration = None,
-    window: Window = 1.0,
-    json: JsonLines = False,
-) -> None:
+    """,
+    "robo topic hz r1/odom",
+    "robo topic hz 'r1/*' --duration 5 --json",
+)
+_measuring(
+    "bw",
     """Measure how many bytes come: payload only, without what the network adds.
 
     JSON: key, rate (Hz), bandwidth (B/s), count, min, max, mean, std (bytes a message).
-    """
-    from robo.cli.measure import print_figures
-
-    print_figures("bw", keys, reach, count=count, duration=duration, window=window, json=json)
-
-
-@verb(verbs, "delay", "robo topic delay r1/odom", "robo topic delay 'r1/*' --json")
-def topic_delay(
-    reach: Reach,
-    keys: TopicNames,
-    count: Windows = None,
-    duration: Duration = None,
-    window: Window = 1.0,
-    json: JsonLines = False,
-) -> None:
+    """,
+    "robo topic bw r1/scan",
+    "robo topic bw '**' --json --count 1",
+)
+_measuring(
+    "delay",
     """Measure how long messages take from their publisher to here.
 
     Between machines their clocks have to agree. JSON: key, rate (Hz), count, min, max, mean, std, jitter (s).
-    """
-    from robo.cli.measure import print_figures
-
-    print_figures("delay", keys, reach, count=count, duration=duration, window=window, json=json)
-
-
-@verb(verbs, "loss", "robo topic loss r1/scan", "robo topic loss '**' --duration 60 --json")
-def topic_loss(
-    reach: Reach,
-    keys: TopicNames,
-    count: Windows = None,
-    duration: Duration = None,
-    window: Window = 1.0,
-    json: JsonLines = False,
-) -> None:
+    """,
+    "robo topic delay r1/odom",
+    "robo topic delay 'r1/*' --json",
+)
+_measuring(
+    "loss",
     """Count messages that were published and did not come, by the gaps in their sequence numbers.
 
     JSON: key, rate (Hz), count, lost, loss (0 to 1), min, max, std (lost at a stretch), and since the beginning
     total_count, total_lost.
-    """
-    from robo.cli.measure import print_figures
-
-    print_figures("loss", keys, reach, count=count, duration=duration, window=window, json=json)
+    """,
+    "robo topic loss r1/scan",
+    "robo topic loss '**' --duration 60 --json",
+)
 
 
 @verb(
