@@ -141,7 +141,8 @@ def _nodes(nodes: Sequence[NodeFigures], most: int, width: int) -> Table:
     wide = width >= _WIDE
     table = _table(width, "NODE", "STATE", "CPU", "MEMORY", "RESTARTS", *(("UPTIME", "PID", "HOST") if wide else ()))
     rows: list[tuple[RenderableType, ...]] = []
-    for node in nodes:
+    # Where not all have room, those with something wrong come first.
+    for node in sorted(nodes, key=lambda node: node.state == "ready") if len(nodes) > most else nodes:
         state = Text(node.state, style=_STATES.get(node.state, "yellow"))
         restarts = Text(_or_dash(node.restarts, str), style="yellow" if node.restarts else "")
         more = (_or_dash(node.uptime, duration), _or_dash(node.pid, str), node.host) if wide else ()
@@ -154,7 +155,7 @@ def _topics(topics: Sequence[TopicFigures], most: int, width: int) -> Table:
     wide = width >= _WIDE
     table = _table(width, "TOPIC", *(("TYPE", "PUB", "SUB") if wide else ()), "RATE", "AGE", "BANDWIDTH", "LOST")
     rows: list[tuple[RenderableType, ...]] = []
-    for topic in topics:
+    for topic in sorted(topics, key=lambda topic: not topic.stale) if len(topics) > most else topics:
         kind = Text(" ≠ ".join(topic.types) or "-", style="red" if len(topic.types) > 1 else "")
         more = (kind, str(topic.publishers), str(topic.subscribers)) if wide else ()
         age = Text(_or_dash(topic.age, _age), style="bold red" if topic.stale else "")

@@ -2,6 +2,7 @@
 
 import math
 
+import msgspec
 import pytest
 from rich.console import Console
 
@@ -80,6 +81,18 @@ def test_a_picture_fits_the_terminal(width: int, height: int, nodes: int, topics
     if (nodes, topics, height) == (3, 5, 24):
         assert "50.0 Hz" in capture.get()
         assert "more" not in capture.get()
+
+
+def test_what_is_wrong_is_seen_where_not_all_have_room() -> None:
+    seen = snapshot(40, 40)
+    nodes = [*seen.nodes[:-1], msgspec.structs.replace(seen.nodes[-1], state="failed")]
+    topics = [msgspec.structs.replace(topic, stale=topic is seen.topics[-1]) for topic in seen.topics]
+    console = Console(width=200, height=24, color_system=None)
+    with console.capture() as capture:
+        console.print(render(msgspec.structs.replace(seen, nodes=nodes, topics=topics), 200, 24))
+    lines = capture.get().splitlines()
+    assert "/r1/node_39" in lines[3]
+    assert next(line for line in lines if line.startswith("r1/")).split()[0].endswith("39")
 
 
 def test_a_chart_draws_lines_with_their_range() -> None:
