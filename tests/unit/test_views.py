@@ -92,7 +92,7 @@ def test_what_is_wrong_is_seen_where_not_all_have_room() -> None:
         console.print(render(msgspec.structs.replace(seen, nodes=nodes, topics=topics), 200, 24))
     lines = capture.get().splitlines()
     assert "/r1/node_39" in lines[3]
-    assert next(line for line in lines if line.startswith("r1/")).split()[0].endswith("39")
+    assert next(line for line in lines if line.startswith("r1/")).split()[-1] == "39", "by how many it has lost"
 
 
 def test_a_chart_draws_lines_with_their_range() -> None:
