@@ -90,6 +90,18 @@ def parse_token(key: str) -> NodeToken | EndpointToken | None:
     return None
 
 
+def tokens(session: zenoh.Session, timeout: float) -> list[NodeToken | EndpointToken]:
+    """Every node and every end of a topic or service that this session can see.
+
+    Args:
+        session: who asks.
+        timeout: how long to wait for routers that do not answer, s.
+    """
+    replies = session.liveliness().get(ALL_TOKENS, timeout=timeout)
+    found = [parse_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]
+    return [token for token in found if token is not None]
+
+
 def status_key(namespace: str, node: str) -> str:
     """Where a node answers queries about its counters; `*` asks all nodes of a namespace."""
     return names.join(PREFIX, namespace, "status", node)

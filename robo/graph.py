@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable, Sequence
 
 import msgspec
 
+from robo.columns import aligned
+
 SYSTEM_TYPES = frozenset({"system/Log", "system/ParameterEvent", "system/Clock"})
 """Types of the topics that every node has; nobody needs to be at their other end."""
 
@@ -103,7 +105,7 @@ def draw(graph: Graph, form: str) -> str:
 
 
 def _text(graph: Graph) -> str:
-    lines = ["nodes", *_table([(node.name, node.class_name or "a command") for node in graph.nodes])]
+    lines = ["nodes", *_indented([(node.name, node.class_name or "a command") for node in graph.nodes])]
     everybody = [node.name for node in graph.nodes]
 
     def who(nodes: Sequence[str]) -> str:
@@ -116,13 +118,13 @@ def _text(graph: Graph) -> str:
             (t.key, " ≠ ".join(t.types) or "-", f"{who(t.publishers)} → {who(t.subscribers)}", *_marks(t.problems))
             for t in graph.topics
         ]
-        lines += ["", "topics", *_table(rows)]
+        lines += ["", "topics", *_indented(rows)]
     if graph.services:
         rows = [
             (s.key, " ≠ ".join(s.types) or "-", f"{who(s.clients)} → {who(s.servers)}", *_marks(s.problems))
             for s in graph.services
         ]
-        lines += ["", "services", *_table(rows)]
+        lines += ["", "services", *_indented(rows)]
     return "\n".join(lines)
 
 
@@ -130,9 +132,8 @@ def _marks(problems: Sequence[str]) -> tuple[str]:
     return (f"! {'; '.join(problems)}" if problems else "",)
 
 
-def _table(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))] if rows else []
-    return ["  " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+def _indented(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    return [f"  {line}" for line in aligned(rows)]
 
 
 def _mermaid(graph: Graph) -> str:

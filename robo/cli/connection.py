@@ -10,6 +10,7 @@ import msgspec
 
 from robo.cli.reach import Reach
 from robo.codec import jsonable
+from robo.columns import aligned
 from robo.discovery import NodeToken
 from robo.errors import NetworkError
 from robo.session import Network, open_session, zenoh_config
@@ -110,9 +111,7 @@ def print_json(value: object) -> None:
 
 def print_table(rows: Sequence[Sequence[str]]) -> None:
     """A table whose first row is its head."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
-    for number, row in enumerate(rows):
-        line = "  ".join(cell.ljust(width) for cell, width in zip(row, [*widths, 0], strict=True)).rstrip()
+    for number, line in enumerate(aligned(rows)):
         print(paint(line, "1") if number == 0 else line)
 
 
@@ -147,6 +146,11 @@ def clock_time(nanoseconds: int) -> str:
 def amount(count: int, what: str) -> str:
     """How many of something: `1 node`, `2 nodes`."""
     return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def depth_text(depth: int) -> str:
+    """How much an end of a topic keeps."""
+    return "keeps all" if depth == 0 else f"depth {depth}"
 
 
 def data_size(size: float, unit: str = "B") -> str:

@@ -8,6 +8,7 @@ import msgspec
 from robo.cli.connection import (
     connect_to_robot,
     data_size,
+    depth_text,
     nodes_of,
     note,
     paint,
@@ -17,6 +18,7 @@ from robo.cli.connection import (
 )
 from robo.cli.reach import Reach
 from robo.cli.runs import duration
+from robo.columns import aligned
 from robo.errors import ContractError
 from robo.tools import nodes
 from robo.tools.nodes import NodeInfo
@@ -78,7 +80,9 @@ def _lines(info: NodeInfo) -> list[str]:
         ("errors", f"its callbacks raised {info.callback_errors} exceptions" if info.callback_errors else ""),
     ]
     lines = [paint(info.node, "1"), *(f"  {label:9} {text}" for label, text in facts if text)]
-    rows = [(p.topic, p.type, _depth(p.depth), f"{p.rate:.1f} Hz", f"{p.published} published") for p in info.publishers]
+    rows = [
+        (p.topic, p.type, depth_text(p.depth), f"{p.rate:.1f} Hz", f"{p.published} published") for p in info.publishers
+    ]
     lines += _section("publishers", rows)
     lines += _section(
         "subscriptions",
@@ -86,7 +90,7 @@ def _lines(info: NodeInfo) -> list[str]:
             (
                 s.topic,
                 s.type,
-                _depth(s.depth),
+                depth_text(s.depth),
                 f"{s.rate:.1f} Hz",
                 f"{s.received} received, {s.dropped} dropped, {s.malformed} malformed",
             )
@@ -100,18 +104,8 @@ def _lines(info: NodeInfo) -> list[str]:
     return lines
 
 
-def _depth(depth: int) -> str:
-    return "keeps all" if depth == 0 else f"depth {depth}"
-
-
 def _section(title: str, rows: Sequence[tuple[str, ...]]) -> list[str]:
-    if not rows:
-        return []
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return [
-        f"  {title}",
-        *("    " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows),
-    ]
+    return [f"  {title}", *(f"    {line}" for line in aligned(rows))] if rows else []
 
 
 def print_contract(service: str, *, json: bool) -> None:

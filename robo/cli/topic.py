@@ -5,6 +5,7 @@ import time
 from robo.cli.connection import (
     clear_screen,
     connect_to_robot,
+    depth_text,
     note,
     paint,
     print_json,
@@ -77,7 +78,7 @@ def print_info(name: str, reach: Reach, *, json: bool) -> None:
 
 def _end(end: End, types: list[str]) -> str:
     clash = f"  {end.type}" if len(types) > 1 else ""
-    return f"{end.node}{clash}  {'keeps all' if end.depth == 0 else f'depth {end.depth}'}"
+    return f"{end.node}{clash}  {depth_text(end.depth)}"
 
 
 def print_type(name: str, reach: Reach, *, json: bool) -> None:

@@ -194,18 +194,20 @@ class _Export:
     def _environment(self, process: ProcessPlan) -> dict[str, str]:
         # Clients of the router, not peers with links to each other: Zenoh dials a router again and again when a
         # cable or a container is gone for a while, and peers that it has once found and lost not always.
-        environment = {"ROBO_CONNECT": f"tcp/{self._router(_robot_of(process))}:{PORT}", "ROBO_MODE": "client"}
+        router = f"tcp/{self._router(_robot_of(process))}:{PORT}"
+        environment = {"ROBO_CONNECT": router}
+        if process.service is not None:
+            environment["ROBO_MODE"] = "client"
         if process.log.level is not None:
             environment["ROBO_LOG_LEVEL"] = process.log.level
         if process.service is None:
-            del environment["ROBO_MODE"]
             spec = NodeSpec(
                 name=process.name,
                 namespace=process.namespace,
                 parameters={name: said.value for name, said in process.parameters.items()},
                 remappings=process.remap,
                 mode="client",
-                connect=(environment["ROBO_CONNECT"],),
+                connect=(router,),
             )
             environment["ROBO_NAMESPACE"] = self._names.shown(process.namespace)
             plain = msgspec.json.encode(jsonable(msgspec.to_builtins(spec))).decode()
@@ -249,11 +251,8 @@ class _Export:
             return value
         if os.path.isabs(value) and self._names.holds(value):
             source = self._names.shown(self._names.from_word(value))
-            target = (
-                f"{FILES}/{_slug(self._names.shown(self._names.from_word(value)).partition(':')[0]).strip('_').lower()}"
-            )
-            volumes[source] = target
-            return target
+            volumes[source] = f"{FILES}/{_slug(source.partition(':')[0]).strip('_').lower()}"
+            return volumes[source]
         if os.path.isabs(value) and Path(value).is_file():
             return self._file(Path(value), files)
         return value

@@ -1,7 +1,7 @@
 """Parts of messages as plain data: `pose.pose.position.x`, `ranges[0]`; conditions on them; short forms. Pure."""
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 
 import msgspec
 
@@ -134,13 +134,3 @@ def truncated(value: object) -> object:
     if isinstance(value, (bytes, memoryview)):
         return f"<{len(value)} bytes>"
     return value
-
-
-def selection(fields: Sequence[Field]) -> Callable[[object], object]:
-    """A function from a message to what of it is wanted: all, or a map from path to value.
-
-    The function raises Missing.
-    """
-    if not fields:
-        return lambda message: message
-    return lambda message: {field.path: field.of(message) for field in fields}

@@ -3,7 +3,7 @@
 import zenoh
 
 from robo import graph
-from robo.discovery import ALL_TOKENS, EndpointToken, NodeToken, parse_token
+from robo.discovery import NodeToken, tokens
 from robo.graph import Edge, Graph
 from robo.tools import admin
 
@@ -12,11 +12,10 @@ def running(session: zenoh.Session, timeout: float = 1.0) -> Graph:
     """Nodes, topics and services, with the ends that any Zenoh client has on topics that no node knows."""
     nodes: list[graph.Node] = []
     edges: list[Edge] = []
-    for reply in session.liveliness().get(ALL_TOKENS, timeout=timeout):
-        token = parse_token(str(reply.ok.key_expr)) if reply.ok is not None else None
+    for token in tokens(session, timeout):
         if isinstance(token, NodeToken):
             nodes.append(graph.Node(token.full_name, token.class_name))
-        elif isinstance(token, EndpointToken):
+        else:
             edges.append(Edge(token.full_name, token.kind, token.topic, token.type_name))
     known = {edge.key for edge in edges}
     edges += (

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import msgspec
 import zenoh
 
-from robo.discovery import ALL_TOKENS, EndpointToken, NodeToken, hostname, parse_token
+from robo import discovery
+from robo.discovery import EndpointToken, NodeToken, hostname
 from robo.errors import NodeUnreachable
 from robo.node_status import NodeStatus
 from robo.suggestions import closest
@@ -218,8 +219,7 @@ def _joined(routers: Mapping[str, Router], begin: set[str]) -> set[str]:
 
 def _talk(session: zenoh.Session, a: NodeToken, b: NodeToken, timeout: float) -> Iterable[Reason]:
     ends: dict[str, list[EndpointToken]] = {a.full_name: [], b.full_name: []}
-    for reply in session.liveliness().get(ALL_TOKENS, timeout=timeout):
-        token = parse_token(str(reply.ok.key_expr)) if reply.ok is not None else None
+    for token in discovery.tokens(session, timeout):
         if isinstance(token, EndpointToken) and token.full_name in ends:
             ends[token.full_name].append(token)
     talks = False

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import msgspec
 import zenoh
 
-from robo.discovery import ALL_TOKENS, EndpointToken, NodeToken, parse_token, status_key
+from robo.discovery import EndpointToken, NodeToken, status_key, tokens
 from robo.errors import NodeNotFound, NodeUnreachable, RoboError
 from robo.node_status import NodeStatus
 from robo.suggestions import suggest
@@ -99,19 +99,19 @@ class NodeInfo(msgspec.Struct, frozen=True):
 
 def list_nodes(session: zenoh.Session, timeout: float = 1.0) -> list[NodeToken]:
     """Every node, sorted by full name."""
-    found = [token for token in _tokens(session, timeout) if isinstance(token, NodeToken)]
+    found = [token for token in tokens(session, timeout) if isinstance(token, NodeToken)]
     return sorted(found, key=lambda token: token.full_name)
 
 
 def list_services(session: zenoh.Session, timeout: float = 1.0) -> list[ServiceInfo]:
     """Every service that somebody serves, sorted by key."""
-    tokens = [token for token in _tokens(session, timeout) if isinstance(token, EndpointToken)]
+    ends = [token for token in tokens(session, timeout) if isinstance(token, EndpointToken)]
     found: dict[str, ServiceInfo] = {}
-    for token in tokens:
+    for token in ends:
         if token.kind == "srv":
             info = found.setdefault(token.topic, ServiceInfo(token.topic, token.type_name, [], []))
             info.servers.append(token.full_name)
-    for token in tokens:
+    for token in ends:
         if token.kind == "cli" and token.topic in found:
             found[token.topic].clients.append(token.full_name)
     return [found[key] for key in sorted(found)]
@@ -164,7 +164,7 @@ def node_info(session: zenoh.Session, node: NodeToken, timeout: float = 1.0) -> 
     """All about one node. It takes `LOAD_WINDOW`, over which load and rates are measured."""
     from robo.tools import parameters  # which reads YAML; lists of nodes do without
 
-    ends = [token for token in _tokens(session, timeout) if isinstance(token, EndpointToken)]
+    ends = [token for token in tokens(session, timeout) if isinstance(token, EndpointToken)]
     own = sorted((t for t in ends if t.full_name == node.full_name), key=lambda token: token.topic)
     before, problem = None, ""
     values: dict[str, object] | None = None
@@ -242,8 +242,3 @@ def _info(
         parameters=values,
         problem=problem,
     )
-
-
-def _tokens(session: zenoh.Session, timeout: float) -> list[NodeToken | EndpointToken | None]:
-    replies = session.liveliness().get(ALL_TOKENS, timeout=timeout)
-    return [parse_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 import msgspec
 import zenoh
 
-from robo.discovery import ALL_TOKENS, EndpointToken, parse_token
+from robo.discovery import EndpointToken, tokens
 from robo.errors import MessageError, TopicNotFound
 from robo.suggestions import suggest
 from robo.supervisor.status import ProcessStatus
@@ -55,7 +55,11 @@ class TopicInfo(msgspec.Struct, frozen=True):
 
 def list_topics(session: zenoh.Session, timeout: float = 1.0) -> list[Topic]:
     """Every topic, sorted by key; without rates."""
-    ends = _ends(session, timeout)
+    return _topics(session, _ends(session, timeout), timeout)
+
+
+def _topics(session: zenoh.Session, ends: Iterable[EndpointToken], timeout: float) -> list[Topic]:
+    """The topics of the ends that nodes have, and those that only other clients have."""
     found: dict[str, tuple[set[str], set[str], set[str]]] = {}
     for token in ends:
         types, publishers, subscribers = found.setdefault(token.topic, (set(), set(), set()))
@@ -94,8 +98,9 @@ def topic_info(session: zenoh.Session, key: str, timeout: float = 1.0) -> TopicI
     Raises:
         TopicNotFound: nobody has it; says what comes close.
     """
-    topic = find_topic(list_topics(session, timeout), key)
-    ends = [token for token in _ends(session, timeout) if token.topic == key]
+    every = _ends(session, timeout)
+    topic = find_topic(_topics(session, every, timeout), key)
+    ends = [token for token in every if token.topic == key]
     rates = published_rates(runs.processes(session, timeout=RATES_TIMEOUT))
     others = [f"publisher {name}" for name in topic.publishers if name.startswith("zenoh:")]
     others += [f"subscriber {name}" for name in topic.subscribers if name.startswith("zenoh:")]
@@ -138,9 +143,5 @@ def _sorted(ends: Iterable[EndpointToken], kind: str) -> list[End]:
 
 
 def _ends(session: zenoh.Session, timeout: float) -> list[EndpointToken]:
-    found = []
-    for reply in session.liveliness().get(ALL_TOKENS, timeout=timeout):
-        token = parse_token(str(reply.ok.key_expr)) if reply.ok is not None else None
-        if isinstance(token, EndpointToken) and token.kind in ("pub", "sub"):
-            found.append(token)
-    return found
+    found = tokens(session, timeout)
+    return [token for token in found if isinstance(token, EndpointToken) and token.kind in ("pub", "sub")]
