@@ -5,6 +5,7 @@
     ├── ParameterError        a value that a node's parameters refuse
     ├── ParameterFileError    a parameter file that cannot be read or understood
     ├── ContractError         a node class that does not say clearly what it does
+    ├── EngineError           a container engine that cannot be reached, or refuses
     ├── NetworkError          the Zenoh network cannot be reached or opened
     ├── ServiceError          a service's handler raised, or its answer cannot be read
     │   └── ServiceTimeout    a service did not answer in time, or nobody serves it
@@ -13,6 +14,7 @@
     ├── ManifestError         a launch manifest with mistakes
     ├── NodeNotFound          no node of this name runs
     ├── NodeUnreachable       a node runs and does not answer
+    ├── RunError              a run that is not there, or could not do what it was asked to
     └── UsageError            a command line that makes no sense
 
 Each message tells what is wrong, where, and what to do. A user's own mistake is one of these and
@@ -38,6 +40,10 @@ class ParameterFileError(RoboError):
 
 class ContractError(RoboError, TypeError):
     """A node class does not say clearly what it publishes, subscribes or how it is tuned."""
+
+
+class EngineError(RoboError):
+    """A container engine cannot be reached, or refuses what it was asked to do."""
 
 
 class NetworkError(RoboError, ConnectionError):

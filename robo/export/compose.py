@@ -1,4 +1,4 @@
-"""A plan as a Compose file: a router for each robot, a container for each process. Pure.
+"""A plan as a Compose file: a router for each robot, a container for each process, a keeper for all. Pure.
 
 What is left out, because Compose has no word for it: `required`, promises about topics, and what tells of readiness
 beside a node's own token or a probe.
@@ -7,7 +7,8 @@ beside a node's own token or a probe.
 import os
 import re
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,6 @@ _RESTARTS = {"never": "no", "on-failure": "on-failure", "always": "always"}
 
 _COMMON: dict[str, Any] = {
     "image": "${ROBO_IMAGE:-robo:latest}",
-    "build": {"context": ".", "network": "host"},
     "networks": ["robot"],
     "read_only": True,
     "cap_drop": ["ALL"],
@@ -42,13 +42,22 @@ _COMMON: dict[str, Any] = {
     "logging": {"driver": "json-file", "options": {"max-size": "10m", "max-file": "3"}},
     "deploy": {"resources": {"limits": {"cpus": "1.0", "memory": "256M"}}},
 }
+_BUILD = {"context": ".", "network": "host"}
+_KEEPS = "/tmp/keeps"
+"""There while the keeper watches."""
 _HEALTH = {"interval": "5s", "timeout": "3s", "start_period": "10s", "retries": 3}
 _USUAL = {"<<": "*health"}
 """Takes in what stands at `x-health`."""
 
 
 def export(
-    plan: Plan, more: Mapping[str, Sequence[ProcessPlan]], names: Placeholders, *, folder: Path, made_by: str
+    plan: Plan,
+    more: Mapping[str, Sequence[ProcessPlan]],
+    names: Placeholders,
+    *,
+    folder: Path,
+    made_by: str,
+    keeper: bool = True,
 ) -> str:
     """The text of a Compose file.
 
@@ -58,8 +67,9 @@ def export(
         names: words in the plan that stand for variables.
         folder: where the file will stand; paths in it are relative to it.
         made_by: the command that makes it, for its first line.
+        keeper: with a container that starts the others again when somebody kills them by hand.
     """
-    return _Export(plan, more, names, folder).text(made_by)
+    return _Export(plan, more, names, folder).text(made_by, keeper=keeper)
 
 
 class _Export:
@@ -80,14 +90,17 @@ class _Export:
         if not self._robots:
             self._robots[plan.robot] = None
         self._first = next(iter(self._robots))
+        self._routers = {robot: f"{self._prefix(robot)}router" for robot in self._robots}
         self._services = self._service_names()
 
-    def text(self, made_by: str) -> str:
+    def text(self, made_by: str, *, keeper: bool) -> str:
         services: dict[str, dict[str, Any]] = {}
         for robot, profile in self._robots.items():
-            services[self._router(robot)] = self._router_service(robot, profile)
+            services[self._routers[robot]] = self._router_service(robot, profile)
         for process in self._processes:
             services[self._services[process.full_name]] = self._service(process)
+        if keeper:
+            services["keeper"] = _keeper_service()
         shown = self._plan.manifest if not self._plan.description else self._plan.description
         lines = [f"# {shown}", f"# Made by: {made_by}", ""]
         lines += [_block({"x-robo": _COMMON}, anchor="&robo"), _block({"x-health": _HEALTH}, anchor="&health")]
@@ -103,10 +116,13 @@ class _Export:
 
     def _service_names(self) -> dict[str, str]:
         """A service for each process: its name, with what tells it from another robot's before it."""
-        return {
-            process.full_name: f"{self._prefix(_robot_of(process))}{_slug(self._inner_name(process))}"
-            for process in self._processes
-        }
+        taken = {*self._routers.values(), "keeper"}
+        found: dict[str, str] = {}
+        for process in self._processes:
+            name = _free(f"{self._prefix(_robot_of(process))}{_slug(self._inner_name(process))}", taken)
+            taken.add(name)
+            found[process.full_name] = name
+        return found
 
     def _inner_name(self, process: ProcessPlan) -> str:
         return process.full_name.strip("/").removeprefix(_robot_of(process)).strip("/") or process.name
@@ -119,19 +135,19 @@ class _Export:
             return f"{_slug(profile)}_"
         return f"{_slug(self._names.without(robot)).strip('_') or 'robot'}_"
 
-    def _router(self, robot: str) -> str:
-        return f"{self._prefix(robot)}router"
-
     # -- services --------------------------------------------------------------------------------
 
     def _router_service(self, robot: str, profile: str | None) -> dict[str, Any]:
         service: dict[str, Any] = {} if profile is None else {"profiles": [profile]}
+        if robot == self._first:
+            # Compose builds each section by itself, and the image once is enough for all.
+            service["build"] = _BUILD
         command = ["router", "--name", self._names.shown(robot), "--listen", f"tcp/0.0.0.0:{PORT}"]
         if robot == self._first:
             # From the host only; other hosts are let in by a router of their own choice.
             service["ports"] = [f"127.0.0.1:${{ROBO_PORT:-{PORT}}}:{PORT}"]
         else:
-            command += ["--connect", f"tcp/{self._router(self._first)}:{PORT}"]
+            command += ["--connect", f"tcp/{self._routers[self._first]}:{PORT}"]
         service["command"] = command
         service["restart"] = "always"
         service["healthcheck"] = {"test": ["CMD", "robo", "health"], **_USUAL}
@@ -194,7 +210,7 @@ class _Export:
     def _environment(self, process: ProcessPlan) -> dict[str, str]:
         # Clients of the router, not peers with links to each other: Zenoh dials a router again and again when a
         # cable or a container is gone for a while, and peers that it has once found and lost not always.
-        router = f"tcp/{self._router(_robot_of(process))}:{PORT}"
+        router = f"tcp/{self._routers[_robot_of(process)]}:{PORT}"
         environment = {"ROBO_CONNECT": router}
         if process.service is not None:
             environment["ROBO_MODE"] = "client"
@@ -215,7 +231,7 @@ class _Export:
         return environment | {name: self._names.shown(value) for name, value in process.env.items()}
 
     def _needs(self, process: ProcessPlan) -> dict[str, dict[str, Any]]:
-        needs: dict[str, dict[str, Any]] = {self._router(_robot_of(process)): {"condition": "service_healthy"}}
+        needs: dict[str, dict[str, Any]] = {self._routers[_robot_of(process)]: {"condition": "service_healthy"}}
         by_name = {other.full_name: other for other in self._processes}
         for name, until in process.needs.items():
             condition = _CONDITIONS[until]
@@ -239,10 +255,15 @@ class _Export:
         """Where a file stands in the container."""
         relative = os.path.relpath(path.absolute(), self._folder.absolute())
         outside = relative.startswith("..")
-        source = str(path.absolute()) if outside else f"./{relative}"
-        name = _slug(path.name if outside else relative).strip("_")
-        self._configs[name] = {"file": source}
-        files[name] = f"{FILES}/{path.name if outside else relative}"
+        source = {"file": str(path.absolute()) if outside else f"./{relative}"}
+        wanted = path.name if outside else relative
+        name = next((name for name, known in self._configs.items() if known == source), None)
+        if name is None:
+            name = _free(_slug(wanted).strip("_"), self._configs)
+            self._configs[name] = source
+        if name not in files:
+            target = f"{FILES}/{wanted}"
+            files[name] = target if target not in files.values() else f"{FILES}/{name}/{path.name}"
         return files[name]
 
     def _brought_in(self, value: object, files: dict[str, str], volumes: dict[str, str]) -> object:
@@ -256,6 +277,19 @@ class _Export:
         if os.path.isabs(value) and Path(value).is_file():
             return self._file(Path(value), files)
         return value
+
+
+def _keeper_service() -> dict[str, Any]:
+    """Root within its container, because the engine's socket is root's; nothing on a network can speak to it."""
+    return {
+        "networks": {},
+        "network_mode": "none",
+        "user": "root",
+        "command": ["keeper", "--project", "${COMPOSE_PROJECT_NAME}", "--ready-file", _KEEPS],
+        "volumes": ["${DOCKER_SOCKET:-/var/run/docker.sock}:/var/run/docker.sock"],
+        "restart": "always",
+        "healthcheck": {"test": ["CMD", "test", "-e", _KEEPS], **_USUAL},
+    }
 
 
 def _robot_of(process: ProcessPlan) -> str:
@@ -280,6 +314,12 @@ def _as_word(value: object) -> str:
 
 def _slug(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]", "_", text)
+
+
+def _free(name: str, taken: Container[str]) -> str:
+    """A name, or the first of name_2, name_3 … that is not taken."""
+    numbered = (f"{name}_{number}" for number in count(2))
+    return next(free for free in chain([name], numbered) if free not in taken)
 
 
 def _block(tree: Mapping[str, Any], *, anchor: str) -> str:

@@ -15,6 +15,7 @@ import pytest
 import yaml
 import zenoh
 
+from robo.containers.keeper import DELAY
 from robo.session import Network, close_session, open_session
 from tests.conftest import free_port
 from tests.support import Inbox, eventually, run_robo
@@ -123,6 +124,18 @@ def test_the_robot_drives_in_containers_and_heals(project: Project, client: zeno
     position = Inbox(client, "r1/current_position")
     position.wait_for(1)
 
+    # So does one that is killed by hand: the keeper starts it. What is stopped stays stopped.
+    project("kill", "position_tracker")
+    assert not project.state("position_tracker")["State"]["Running"]
+    eventually(lambda: project.state("position_tracker")["State"]["Running"], "the keeper starts it again")
+    position.forget()
+    position.wait_for(1)
+    project("kill", "position_tracker")
+    project("stop", "--timeout", "3", "safety_monitor")
+    eventually(lambda: project.state("position_tracker")["State"]["Running"], "the one that was killed is back")
+    assert not project.state("safety_monitor")["State"]["Running"]
+    project("start", "safety_monitor")
+
     # Without its network the base stands still; with it the robot drives on.
     network, base = f"{project.name}_robot", project.container("diff_drive_sim")
     docker("network", "disconnect", network, base)
@@ -150,6 +163,13 @@ def yaml_services() -> list[str]:
     """The services that belong to no profile."""
     tree = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
     return [name for name, service in tree["services"].items() if "profiles" not in service]
+
+
+def test_who_kills_the_whole_project_means_it(project: Project, client: zenoh.Session) -> None:
+    del client  # which has started it
+    project("kill")
+    with pytest.raises(AssertionError):
+        eventually(lambda: project("ps", "--quiet") != "", "something comes back", timeout=2 * DELAY)
 
 
 def test_a_second_robot_is_a_profile(project: Project) -> None:

@@ -116,7 +116,7 @@ groups:
 """
     )
     services = exported(capsys, "mine.yaml")["services"]
-    assert set(services) == {"router", "base", "lamp", "position_tracker", "echo"}
+    assert set(services) == {"router", "base", "lamp", "position_tracker", "echo", "keeper"}
     base, lamp, tracker, echo = (services[name] for name in ("base", "lamp", "position_tracker", "echo"))
     assert base["command"][-1] == "$$PORT", "a dollar that is the command's own stays one"
     assert base["environment"]["PORT"] == "${PORT:-/dev/ttyUSB0}"
@@ -137,6 +137,52 @@ groups:
     assert tracker["healthcheck"]["test"][-1] == "/${ROBOT_NAME:-my_robot}/position_tracker"
     assert echo["profiles"] == ["debug"]
     assert echo["command"] == ["robo", "topic", "echo", "${ROBOT_NAME:-my_robot}/odom"]
+
+
+def test_nothing_else_is_called_or_stored_alike(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inside = tmp_path / "robot"
+    for folder in (inside, tmp_path / "left", tmp_path / "right"):
+        folder.mkdir()
+        (folder / "params.yaml").write_text(f"position_tracker: {{log_rate: {len(folder.name)}.5}}\n")
+    monkeypatch.chdir(inside)
+    Path("mine.yaml").write_text(
+        """
+groups:
+  all:
+    namespace: ${robot_name}
+    nodes:
+      router: {run: "sleep inf"}
+      keeper: {run: "sleep inf"}
+      arm_router: {run: "sleep inf"}
+      position_tracker:
+        service: robo_services.position_tracker
+        params: [params.yaml, ../left/params.yaml, ../right/params.yaml]
+    groups:
+      arm: {namespace: arm, nodes: {router: {run: "sleep inf"}}}
+"""
+    )
+    tree = exported(capsys, "mine.yaml")
+    assert set(tree["services"]) == {
+        *("router", "router_2", "keeper", "keeper_2", "arm_router", "arm_router_2", "position_tracker")
+    }
+    tracker = tree["services"]["position_tracker"]
+    places = {config["target"]: tree["configs"][config["source"]]["file"] for config in tracker["configs"]}
+    told = [word for word in tracker["command"] if word.endswith(".yaml")]
+    assert [places[word] for word in told] == [
+        "./params.yaml",
+        *(str(tmp_path / side / "params.yaml") for side in ("left", "right")),
+    ]
+
+
+def test_the_keeper_speaks_to_the_engine_alone_and_may_be_left_out(capsys: pytest.CaptureFixture[str]) -> None:
+    keeper = exported(capsys, "robot.yaml")["services"]["keeper"]
+    assert (keeper["network_mode"], keeper["networks"], keeper["cap_drop"]) == ("none", {}, ["ALL"])
+    export_compose(["robot.yaml"], robot=None, output=None, keeper=False)
+    text = capsys.readouterr().out
+    assert "docker.sock" not in text
+    assert "robo export compose robot.yaml --no-keeper\n" in text
 
 
 def test_the_robots_name_may_be_fixed(capsys: pytest.CaptureFixture[str]) -> None:

@@ -173,15 +173,19 @@ def export_compose(
     ] = None,
     robot_name: RobotName = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write it there.")] = None,
+    no_keeper: Annotated[
+        bool, typer.Option("--no-keeper", help="Without the container that starts killed ones again.")
+    ] = False,
 ) -> None:
     """Write a manifest as a Compose file: a router for each robot, a container for each process.
 
     The robot's name becomes ${ROBOT_NAME}, unless --robot-name says it; ${env:NAME} becomes ${NAME}. An argument
-    that is false by default, and starts more processes when it is true, becomes a profile.
+    that is false by default, and starts more processes when it is true, becomes a profile. See `robo keeper --help`
+    for the keeper, which has the engine's socket.
     """
     from robo.cli.export import export_compose as write
 
-    write(words or [], robot=robot_name, output=output)
+    write(words or [], robot=robot_name, output=output, keeper=not no_keeper)
 
 
 @verb(
@@ -211,6 +215,34 @@ def router(
     from robo.cli.router import run_router
 
     (show if print_config else run_router)(name=name, listen=listen or [], connect=connect or [], config=config)
+
+
+@verb(
+    app,
+    "keeper",
+    "robo keeper --project my_robot",
+    "robo keeper --project my_robot --socket $XDG_RUNTIME_DIR/docker.sock",
+    short_help="Start containers again that were killed by hand, as their restart policy says.",
+)
+def keeper(
+    project: Annotated[str, typer.Option("--project", metavar="NAME", help="The Compose project.")],
+    socket: Annotated[
+        Path | None,
+        typer.Option("--socket", metavar="FILE", help="The engine's socket (default /var/run/docker.sock)."),
+    ] = None,
+    ready_file: Annotated[
+        Path | None, typer.Option("--ready-file", metavar="FILE", help="Is there while it watches; for health checks.")
+    ] = None,
+) -> None:
+    """Start containers of a Compose project again that were killed by hand, until Ctrl-C.
+
+    An engine starts what crashes again by its restart policy, but not what `docker kill` or `docker compose kill`
+    ended. The keeper does, a second later, where the policy is on-failure or always; what was stopped stays stopped.
+    It needs the engine's socket, and who has that has the machine: so it listens to nobody but the engine.
+    """
+    from robo.cli.keeper import run_keeper
+
+    run_keeper(project=project, socket=socket, ready_file=ready_file)
 
 
 @verb(

@@ -1,0 +1,21 @@
+"""`robo keeper`: containers that are killed by hand come back."""
+
+import signal
+from pathlib import Path
+
+from robo.cli.connection import note
+from robo.containers.engine import SOCKET, Engine
+from robo.containers.keeper import Keeper
+
+
+def run_keeper(*, project: str, socket: Path | None, ready_file: Path | None) -> None:
+    """Keep the containers of a Compose project, until Ctrl-C or SIGTERM.
+
+    Raises:
+        EngineError: there is no engine, or it is gone.
+    """
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        Keeper(Engine(socket or SOCKET), project, note).run(ready_file)
+    except KeyboardInterrupt:
+        note("the keeper ends")

@@ -1,0 +1,1 @@
+"""What robo asks of a Docker engine."""
