@@ -26,10 +26,11 @@ LARGEST = 100_000
 
 def main() -> None:
     """Serve until the supervisor is gone; in a forked process, run the node."""
+    gc.disable()  # there is nothing to collect while modules are imported
     lean.import_msgspec()
     importlib.import_module("robo.runner")  # for the nodes to be
-    gc.collect()
     gc.freeze()  # what is here is never freed, and need not be copied by a collection
+    gc.enable()
     node = serve(socket.socket(fileno=int(sys.argv[1])))
     if node is not None:
         node()

@@ -142,6 +142,14 @@ _SHARED = {
 }
 
 
+def keep_only(name: str) -> None:
+    """Forget all but the verb or group of this name, if there is one: Typer builds each of them before it calls one."""
+    commands = [command for command in app.registered_commands if command.name == name]
+    groups = [group for group in app.registered_groups if group.name == name]
+    if commands or groups:
+        app.registered_commands, app.registered_groups = commands, groups
+
+
 def verb(parent: typer.Typer, name: str, *examples: str, **settings: Any) -> Callable[[F], F]:
     """Make a function a verb. Its docstring is the help; what it returns is the exit code, None being 0.
 

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import msgspec
-import psutil
 
 from robo.errors import ContractError, ParameterError
 from robo.launch.substitution import Word, settled
@@ -73,7 +72,7 @@ def examine_apart(questions: Sequence[Question]) -> list[Answer]:
     """
     if not questions:
         return []
-    if not hasattr(os, "fork") or psutil.Process().num_threads() > 1:
+    if not hasattr(os, "fork") or _threads() > 1:
         return examine(questions)
     answered = _in_child(lambda: pickle.dumps(examine(questions)))
     if answered is not None:
@@ -83,6 +82,15 @@ def examine_apart(questions: Sequence[Question]) -> list[Answer]:
         return [Answer(error=f"service {questions[0].service!r} cannot be imported: it ends the process")]
     # One of them takes the process with it; asked one by one, the others answer.
     return [answer for asked in questions for answer in examine_apart([asked])]
+
+
+def _threads() -> int:
+    """The threads of this process, those of libraries too."""
+    if sys.platform != "linux":
+        import psutil
+
+        return psutil.Process().num_threads()
+    return len(os.listdir("/proc/self/task"))
 
 
 def _in_child(work: Callable[[], bytes]) -> bytes | None:

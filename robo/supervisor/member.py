@@ -10,10 +10,9 @@ import time
 from collections import deque
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
-import psutil
 
 from robo.heartbeat import Beat
 from robo.launch.manifest import Until
@@ -23,6 +22,9 @@ from robo.supervisor.restart import Restarts
 from robo.supervisor.status import Exit, Explanation, Input, ProcessStatus, State
 from robo.supervisor.template import Template
 from robo.supervisor.topic_watch import Flow
+
+if TYPE_CHECKING:
+    import psutil  # which a start does without
 
 CANNOT_START = 127
 """The exit code of a process that could not even be started, as shells have it."""
@@ -160,8 +162,15 @@ class Member:
         if own is None or pid == own:
             return own is not None
         try:
-            return os.getpgid(pid) == own or any(p.pid == own for p in psutil.Process(pid).parents())
-        except (psutil.Error, ProcessLookupError):
+            if os.getpgid(pid) == own:
+                return True
+        except ProcessLookupError:
+            return False
+        import psutil
+
+        try:
+            return any(p.pid == own for p in psutil.Process(pid).parents())
+        except psutil.Error:
             return False
 
     @property
@@ -288,17 +297,16 @@ class Member:
     def _give_priority(self) -> None:
         """Give the new process its priority and its processors, before it has a second thread."""
         plan, pid = self.plan, self.pid
-        if plan.priority is None and not plan.cpus:
+        if pid is None or (plan.priority is None and not plan.cpus):
             return
         try:
-            process = psutil.Process(pid)
             if plan.priority is not None:
-                process.nice(plan.priority)
+                os.setpriority(os.PRIO_PROCESS, pid, plan.priority)
             if plan.cpus:
-                process.cpu_affinity(list(plan.cpus))
-        except psutil.NoSuchProcess:
+                os.sched_setaffinity(pid, plan.cpus)
+        except ProcessLookupError:
             return  # it has ended already
-        except (psutil.Error, OSError, ValueError, AttributeError) as error:
+        except (OSError, ValueError, AttributeError) as error:
             # macOS has no affinity, and a lower nice value needs rights that most users lack.
             wish = f"priority {plan.priority}" if plan.priority is not None else ""
             wish += f" cpus {list(plan.cpus)}" if plan.cpus else ""
@@ -534,6 +542,8 @@ class Member:
     def _measure(self) -> tuple[float | None, int | None]:
         if not self.running:
             return None, None
+        import psutil
+
         try:
             if self._usage is None:
                 self._usage = psutil.Process(self.pid)

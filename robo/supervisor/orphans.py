@@ -10,10 +10,12 @@ import signal
 import sys
 from collections.abc import Callable, Collection, Container, Iterator
 from pathlib import Path
-
-import psutil
+from typing import TYPE_CHECKING
 
 from robo.supervisor.run_id import RUN_VARIABLE, supervisor_lives
+
+if TYPE_CHECKING:
+    import psutil  # which a start does without: it would take a tenth of it
 
 PATIENCE = (0.5, 0.25, 0.5)
 """How long to wait after INT, TERM and KILL, s. All of it is less than 2 s."""
@@ -21,14 +23,14 @@ PATIENCE = (0.5, 0.25, 0.5)
 _SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER, linux/prctl.h
 
 
-def processes_of(run: str) -> list[psutil.Process]:
-    """The processes that carry a run's id, this one left out."""
-    return [process for process, found in _marked() if found == run]
+def processes_of(run: str) -> list[int]:
+    """The ids of the processes that carry a run's id, this one left out."""
+    return [pid for pid, found in _marked() if found == run]
 
 
-def leftovers() -> list[psutil.Process]:
-    """Processes of runs whose supervisor is gone."""
-    return [process for process, run in _marked() if not supervisor_lives(run)]
+def leftovers() -> list[int]:
+    """The ids of processes of runs whose supervisor is gone."""
+    return [pid for pid, run in _marked() if not supervisor_lives(run)]
 
 
 def sweep(run: str, spare: Collection[int] = (), *, also: Collection[int] = (), adopted: bool = False) -> list[int]:
@@ -45,11 +47,11 @@ def sweep(run: str, spare: Collection[int] = (), *, also: Collection[int] = (), 
     """
     known = [p for pid in also for p in _family(pid)]
 
-    def find() -> list[psutil.Process]:
-        found = {p.pid: p for p in processes_of(run)} | {p.pid: p for p in known if p.is_running()}
+    def find() -> list[int]:
+        found = {*processes_of(run), *(p.pid for p in known if p.is_running())}
         if adopted:
-            found |= {p.pid: p for p in psutil.Process().children(recursive=True)}
-        return [p for pid, p in found.items() if pid not in spare and _is_alive(p)]
+            found |= {p.pid for p in _family(os.getpid())} - {os.getpid()}
+        return [pid for pid in found if pid not in spare]
 
     return _end(find)
 
@@ -81,10 +83,12 @@ def reap(own: Container[int]) -> None:
         os.waitpid(ended.si_pid, os.WNOHANG)
 
 
-def _end(find: Callable[[], list[psutil.Process]]) -> list[int]:
+def _end(find: Callable[[], list[int]]) -> list[int]:
+    import psutil
+
     first: list[int] = []
     for number, patience in zip((signal.SIGINT, signal.SIGTERM, signal.SIGKILL), PATIENCE, strict=True):
-        found = find()
+        found = list(_alive(find()))
         first = first or [process.pid for process in found]
         for process in found:
             try:
@@ -98,8 +102,10 @@ def _end(find: Callable[[], list[psutil.Process]]) -> list[int]:
     return first
 
 
-def _family(pid: int) -> list[psutil.Process]:
+def _family(pid: int) -> "list[psutil.Process]":
     """A process and its descendants."""
+    import psutil
+
     try:
         process = psutil.Process(pid)
         return [process, *process.children(recursive=True)]
@@ -107,28 +113,38 @@ def _family(pid: int) -> list[psutil.Process]:
         return []
 
 
-def _is_alive(process: psutil.Process) -> bool:
-    try:
-        return process.status() != psutil.STATUS_ZOMBIE
-    except psutil.Error:
-        return False
+def _alive(pids: Collection[int]) -> "Iterator[psutil.Process]":
+    import psutil
 
-
-def _marked() -> Iterator[tuple[psutil.Process, str]]:
-    """All processes with a run's id, and the id."""
-    for pid in psutil.pids():
-        if pid == os.getpid():
+    for pid in pids:
+        try:
+            process = psutil.Process(pid)
+            if process.status() != psutil.STATUS_ZOMBIE:
+                yield process
+        except psutil.Error:
             continue
-        run = _run_of(pid)
+
+
+def _marked() -> Iterator[tuple[int, str]]:
+    """The ids of all processes with a run's id, and the run's."""
+    for pid in _pids():
+        run = _run_of(pid) if pid != os.getpid() else None
         if run:
-            try:
-                yield psutil.Process(pid), run
-            except psutil.Error:
-                continue
+            yield pid, run
+
+
+def _pids() -> list[int]:
+    if sys.platform != "linux":
+        import psutil
+
+        return psutil.pids()
+    return [int(name) for name in os.listdir("/proc") if name.isdecimal()]
 
 
 def _run_of(pid: int) -> str | None:
     if sys.platform != "linux":
+        import psutil
+
         try:
             return psutil.Process(pid).environ().get(RUN_VARIABLE)
         except (psutil.Error, OSError):

@@ -1,7 +1,6 @@
 """The id of a run: it tells which process the run's supervisor is, so that others see whether it lives."""
 
 import os
-import secrets
 import sys
 from pathlib import Path
 
@@ -11,7 +10,7 @@ RUN_VARIABLE = "ROBO_RUN"
 
 def new_run_id() -> str:
     """`<random>-<pid>-<start of this process>-<its pid namespace>`."""
-    return f"{secrets.token_hex(4)}-{os.getpid()}-{_begin_of(os.getpid())}-{_pid_namespace()}"
+    return f"{os.urandom(4).hex()}-{os.getpid()}-{_begin_of(os.getpid())}-{_pid_namespace()}"
 
 
 def supervisor_lives(run: str) -> bool:

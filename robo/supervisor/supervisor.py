@@ -18,7 +18,6 @@ from functools import partial
 from pathlib import Path
 
 import msgspec
-import psutil
 import zenoh
 
 from robo import discovery, names
@@ -60,6 +59,9 @@ gives single processes more."""
 
 _HURRY = 0.5
 """How long processes have after a second Ctrl-C, s."""
+
+_STARTING = 2.0
+"""For how long nothing is measured unless the robot is ready before, s: measuring takes a part of a start."""
 
 _TICK = 0.25
 MOST_LINKED = 30
@@ -145,7 +147,6 @@ class Supervisor:
         self._stop_requests = 0
         self._announced = False
         self._phases: list[tuple[str, float]] = []
-        self._born = psutil.Process().create_time()
 
     async def run(self) -> int:
         """Start everything, wait for the end, stop everything.
@@ -440,7 +441,8 @@ class Supervisor:
             for member in self._members.values():
                 if now - last > 4 * _TICK:
                     member.forgive(now)
-                member.measure()
+                if self._announced or now - self._begin > _STARTING:
+                    member.measure()
                 why = member.check(now)
                 if why is not None:
                     self._on_hang(member, why)
@@ -466,20 +468,24 @@ class Supervisor:
         nodes = "1 node" if count == 1 else f"{count} nodes"
         self._say(f"{self._plan.robot} is ready: {nodes} in {seconds:.2f} s, at {where}; Ctrl-C stops")
         if self._options.timing:
-            for line in timing_text(self._phases, self._started()):
+            for line in self._timing():
                 self._say(line)
         self._event("ready", "")
 
-    def _started(self) -> dict[str, Started]:
-        shift = time.time() - time.monotonic() - self._born
-        return {
+    def _timing(self) -> list[str]:
+        import psutil  # which takes a tenth of a start, and this one is done
+
+        born = psutil.Process().create_time()
+        shift = time.time() - time.monotonic() - born
+        started = {
             name: Started(m.label, list(m.plan.needs), m.started_at + shift, m.ready_at + shift)
             for name, m in self._members.items()
             if m.ready
         }
+        return timing_text([(what, at - born) for what, at in self._phases], started)
 
     def _phase(self, what: str) -> None:
-        self._phases.append((what, time.time() - self._born))
+        self._phases.append((what, time.time()))
 
     # -- changed files -------------------------------------------------------------------------------
 

@@ -175,7 +175,7 @@ def leftovers() -> Finding:
     """Whether processes of earlier runs live on without their supervisor."""
     found = orphans.leftovers()
     if found:
-        pids = ", ".join(str(process.pid) for process in found)
+        pids = ", ".join(map(str, found))
         return Finding("leftovers", "fault", f"processes of a run that is over: {pids}", "the next robo up ends them")
     return Finding("leftovers", "ok", "no process of an earlier run is left")
 
