@@ -33,6 +33,10 @@ _RESTARTS = {"never": "no", "on-failure": "on-failure", "always": "always"}
 _COMMON: dict[str, Any] = {
     "image": "${ROBO_IMAGE:-robo:latest}",
     "networks": ["robot"],
+    # The name of a container that is down is nobody else's to know: without these an engine asks the outside for it,
+    # and where there is no internet, each try to reach a router that is just starting again would hang for 10 s.
+    "dns_opt": ["ndots:1"],
+    "dns_search": ".",
     "read_only": True,
     "cap_drop": ["ALL"],
     "security_opt": ["no-new-privileges:true"],
