@@ -1,4 +1,4 @@
-"""Keeping the process of a node small."""
+"""Keeping processes small: what a library would bring along and nobody here uses stays out."""
 
 import importlib
 import sys
@@ -20,6 +20,11 @@ def import_yaml() -> None:
     Not for a process that reads manifests: they are read ten times as fast with it.
     """
     _import("yaml", without="yaml._yaml")
+
+
+def import_asyncio() -> None:
+    """Import asyncio without TLS, which is Zenoh's business here: OpenSSL takes a supervisor some MB."""
+    _import("asyncio", without="ssl")
 
 
 def _import(name: str, *, without: str) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from robo import log
+from robo import lean, log
 from robo.cli import show
 from robo.cli.background import notify_starter, start_in_background
 from robo.errors import RoboError, UsageError
@@ -69,6 +69,7 @@ def run_up(
         return 0
     if not dry_run:
         # Before node classes are looked at in a forked process, which then has Zenoh already.
+        lean.import_asyncio()
         from robo.cli.network import router_network
         from robo.supervisor import supervisor
 

@@ -17,7 +17,6 @@ import importlib.machinery
 import importlib.util
 import os
 import re
-import secrets
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -130,7 +129,7 @@ class Scope:
         if kind == "anon":
             if not is_word(rest):
                 raise KeyError(f"${{anon:{rest}}}: the prefix is a name: letters, digits and _")
-            return self._anonymous.setdefault(rest, f"{rest}_{secrets.token_hex(4)}")
+            return self._anonymous.setdefault(rest, f"{rest}_{os.urandom(4).hex()}")
         raise KeyError(f"${{{kind}:…}} is not known; there are ${{env:NAME}}, ${{share:package}} and ${{anon:prefix}}")
 
     # -- values ----------------------------------------------------------------------------------
