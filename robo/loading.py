@@ -6,6 +6,7 @@ import sys
 
 from robo.errors import ContractError
 from robo.node import Node
+from robo.suggestions import hint, suggest
 
 
 def load_node_class(service: str) -> type[Node]:
@@ -57,15 +58,14 @@ def _among(classes: dict[str, type[Node]]) -> str:
 
 
 def _similar(module_name: str) -> str:
-    import difflib  # only mistakes need these
+    # only mistakes need these
     import importlib.util
     import pkgutil
 
     package, _, _ = module_name.rpartition(".")
     if not package:
         here = [m.name for m in pkgutil.iter_modules([os.getcwd()])]
-        close = difflib.get_close_matches(module_name, here, n=1)
-        return f"; did you mean {close[0]}?" if close else "; write package.module or package.module:Class"
+        return hint(module_name, here, "; write package.module or package.module:Class")
     try:
         spec = importlib.util.find_spec(package)
     except ImportError:
@@ -73,5 +73,4 @@ def _similar(module_name: str) -> str:
     if spec is None or spec.submodule_search_locations is None:
         return "; write package.module or package.module:Class"
     known = [f"{package}.{m.name}" for m in pkgutil.iter_modules(spec.submodule_search_locations)]
-    close = difflib.get_close_matches(module_name, known, n=1)
-    return f"; did you mean {close[0]}?" if close else f"; {package} has {', '.join(known)}"
+    return f"; {suggest(module_name, known, f'{package} has')}"

@@ -10,7 +10,6 @@ A key names nodes: `name`, `/ns/name`, or a pattern in which `*` is one part of 
 number. Where several entries match, the more specific one wins, whatever their order.
 """
 
-import difflib
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,6 +18,7 @@ import msgspec
 
 from robo import names
 from robo.errors import ParameterFileError
+from robo.suggestions import hint
 from robo.yaml_tree import Entry, Map, Position, Problem, parse, plain
 
 ROS_KEY = "ros__parameters"
@@ -127,8 +127,7 @@ def _similar(path: Path) -> str:
         known = sorted(other.name for other in path.parent.iterdir() if other.suffix in (".yaml", ".yml"))
     except OSError:
         return f"; there is no folder {path.parent}" if not path.parent.is_dir() else ""
-    close = difflib.get_close_matches(path.name, known, n=1)
-    return f"; did you mean {close[0]}?" if close else ""
+    return hint(path.name, known)
 
 
 def _collect(prefix: str, entry: Entry, entries: list[ParameterEntry], problems: list[Problem]) -> None:

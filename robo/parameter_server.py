@@ -21,6 +21,7 @@ from robo.codec import Malformed
 from robo.errors import ParameterError
 from robo.parameters import ParameterInfo, Parameters
 from robo.queries import QueryLoop
+from robo.suggestions import hint
 
 LONGEST_REQUEST = 1_000_000
 """A longer request, in bytes, is refused unread."""
@@ -134,11 +135,8 @@ class ParameterServer:
             raise Malformed("expected {names: [...]}, or nothing for all parameters")
         for name in wanted:
             if not isinstance(name, str) or name not in self._infos:
-                import difflib  # only mistakes need it
-
-                close = difflib.get_close_matches(str(name), self._infos, n=1)
-                hint = f"; did you mean {close[0]}?" if close else ""
-                raise ParameterError(f"/{names.join(self._namespace, self._node)} has no parameter {str(name)!r}{hint}")
+                owner = f"/{names.join(self._namespace, self._node)}"
+                raise ParameterError(f"{owner} has no parameter {str(name)!r}{hint(str(name), self._infos)}")
         return wanted
 
 

@@ -17,6 +17,7 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 
 from robo.errors import ContractError, ParameterError
+from robo.suggestions import suggest
 
 
 class Unit(str):
@@ -144,11 +145,7 @@ def _changed(current: P, changes: Mapping[str, object], owner: str, *, read_only
     for name, value in _flattened(changes, leaves):
         hint = leaves.get(name)
         if name not in leaves:
-            import difflib  # only mistakes need it
-
-            close = difflib.get_close_matches(name, leaves, n=1)
-            suggestion = f"did you mean {close[0]}?" if close else f"it has {', '.join(leaves) or 'none'}"
-            mistakes.append(f"{owner} has no parameter {name!r}; {suggestion}")
+            mistakes.append(f"{owner} has no parameter {name!r}; {suggest(name, leaves, 'it has')}")
             continue
         if NON_FINITE in _extras(hint) and value in ("inf", "-inf", "nan"):
             value = float(str(value))  # as JSON has to write them

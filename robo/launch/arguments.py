@@ -1,6 +1,5 @@
 """The arguments of a manifest: what is given over what is declared, each with its type."""
 
-import difflib
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -11,6 +10,7 @@ import msgspec
 from robo.launch.expression import as_text
 from robo.launch.manifest import Arg, Manifest
 from robo.launch.substitution import BROKEN, Scope, Word, settled
+from robo.suggestions import hint, suggest
 from robo.yaml_tree import Position, shown
 
 ROBOT_NAME = "robot_name"
@@ -115,9 +115,8 @@ def _refuse_unknown(manifest: Manifest, given: Given, scope: Scope) -> None:
     declared = [arg.name for arg in manifest.args]
     for name in given.values:
         if name not in declared and name != ROBOT_NAME:
-            close = difflib.get_close_matches(name, declared, n=1)
-            hint = f"did you mean {close[0]}?" if close else f"it has {', '.join(declared) or 'none'}"
-            scope.complain(given.place(name), f"{manifest.file.name} has no argument {name!r}; {hint}")
+            instead = suggest(name, declared, "it has")
+            scope.complain(given.place(name), f"{manifest.file.name} has no argument {name!r}; {instead}")
 
 
 def _typed(
@@ -136,9 +135,8 @@ def _typed(
         if found == choice or as_text(found) == as_text(choice):
             return choice
     texts = [as_text(choice) for choice in choices]
-    close = difflib.get_close_matches(as_text(found), texts, n=1)
-    hint = f"; did you mean {close[0]}?" if close else ""
-    scope.complain(position, f"argument {arg.name}: {shown(value)} is none of {', '.join(texts)}{hint}")
+    meant = hint(as_text(found), texts)
+    scope.complain(position, f"argument {arg.name}: {shown(value)} is none of {', '.join(texts)}{meant}")
     return BROKEN
 
 

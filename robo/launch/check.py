@@ -4,7 +4,6 @@ Pure, from a `Resolution` to findings: two types on one topic, a subscription th
 remapping of a name that the node does not have, a promise about a topic that nobody keeps.
 """
 
-import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal
 
@@ -16,6 +15,7 @@ from robo.launch.contracts import Endpoint
 from robo.launch.faults import in_order
 from robo.launch.plan import ProcessPlan, TopicPlan
 from robo.launch.resolve import Resolution
+from robo.suggestions import closest, hint, suggest
 from robo.yaml_tree import Position, Problem
 
 
@@ -86,10 +86,9 @@ def unmatched(resolution: Resolution) -> list[tuple[Problem, bool]]:
     present = [name.rpartition("/")[2] for name in resolution.positions]
     found = []
     for entry in resolution.unmatched:
-        close = difflib.get_close_matches(entry.pattern.rpartition("/")[2], present, n=1)
-        hint = f"; did you mean {close[0]}?" if close else ""
-        problem = Problem(entry.position, f"{entry.pattern} matches no node of this launch{hint}")
-        found.append((problem, bool(close) or not entry.names_one_node))
+        meant = hint(entry.pattern.rpartition("/")[2], present)
+        problem = Problem(entry.position, f"{entry.pattern} matches no node of this launch{meant}")
+        found.append((problem, bool(meant) or not entry.names_one_node))
     return found
 
 
@@ -128,14 +127,13 @@ def _unfed(
         return
     for end in ends:
         candidates = [o for o in all_ends if o.kind == "publishes" and o.type == end.type]
-        names_ = [other.key for other in candidates]
-        close = difflib.get_close_matches(key, names_, n=1, cutoff=0.0) if candidates else []
-        if close:
-            other = candidates[names_.index(close[0])]
-            hint = f"; {other.node} publishes this type on {other.key}: remap one of them"
+        close = closest(key, [other.key for other in candidates], cutoff=0.0)
+        if close is not None:
+            other = next(other for other in candidates if other.key == close)
+            advice = f"{other.node} publishes this type on {other.key}: remap one of them"
         else:
-            hint = "; start a node that does, or promise it: topics: {" + end.topic + ": {external: true}}"
-        yield Problem(resolution.positions[end.node], f"nothing publishes {key}, which {end}{hint}")
+            advice = "start a node that does, or promise it: topics: {" + end.topic + ": {external: true}}"
+        yield Problem(resolution.positions[end.node], f"nothing publishes {key}, which {end}; {advice}")
 
 
 def _may_be_fed(problem: Problem, silent: Sequence[str]) -> Problem:
@@ -179,15 +177,13 @@ def _unknown_remaps(resolution: Resolution) -> Iterable[Problem]:
     for (position, old), processes in unused.items():
         if position in used:
             continue
-        known = list(dict.fromkeys(topic for process in processes for topic in topics[process.full_name]))
-        close = difflib.get_close_matches(old, known, n=1)
-        hint = f"did you mean {close[0]}?" if close else f"there is {', '.join(known) or 'none'}"
+        instead = suggest(old, [topic for process in processes for topic in topics[process.full_name]])
         first = processes[0]
         if len(processes) == 1:
             owner = f"{first.full_name} ({first.service or 'a command'}) has no"
         else:
             owner = f"none of {', '.join(process.full_name for process in processes)} has a"
-        yield Problem(position, f"remap {old} to {first.remap[old]}: {owner} topic {old!r}; {hint}")
+        yield Problem(position, f"remap {old} to {first.remap[old]}: {owner} topic {old!r}; {instead}")
 
 
 def _promise(topic: TopicPlan, by_key: Mapping[str, Sequence[End]], *, may_be_served: bool) -> Iterable[Problem]:
@@ -195,9 +191,8 @@ def _promise(topic: TopicPlan, by_key: Mapping[str, Sequence[End]], *, may_be_se
     position = Position(file, int(line), int(column))
     ends = by_key.get(topic.key, ())
     if not topic.external and not may_be_served and not any(end.kind == "publishes" for end in ends):
-        close = difflib.get_close_matches(topic.key, list(by_key), n=1)
-        hint = f"; did you mean {close[0]}?" if close else "; if it comes from outside, say external: true"
-        yield Problem(position, f"nobody publishes {topic.key}, which is promised here{hint}")
+        meant = hint(topic.key, by_key, "; if it comes from outside, say external: true")
+        yield Problem(position, f"nobody publishes {topic.key}, which is promised here{meant}")
     if topic.type is None:
         return
     for end in ends:
@@ -205,6 +200,6 @@ def _promise(topic: TopicPlan, by_key: Mapping[str, Sequence[End]], *, may_be_se
             yield Problem(position, f"{topic.key} is promised as {topic.type}, but {end}")
     known = robo_messages.type_names()
     if topic.type not in known and not any(end.type == topic.type for end in ends):
-        close = difflib.get_close_matches(topic.type, known, n=1, cutoff=0.75)
-        if close:
-            yield Problem(position, f"{topic.key}: there is no type {topic.type!r}; did you mean {close[0]}?")
+        close = closest(topic.type, known, cutoff=0.75)
+        if close is not None:
+            yield Problem(position, f"{topic.key}: there is no type {topic.type!r}; did you mean {close}?")

@@ -1,10 +1,10 @@
 """Where manifests are looked for."""
 
-import difflib
 import os
 from pathlib import Path
 
 from robo.errors import ManifestError
+from robo.suggestions import suggest
 
 SHARE = Path(__file__).resolve().parent.parent / "share"
 """The manifests and parameter files that ship with robo."""
@@ -32,7 +32,5 @@ def find_manifest(name: str, beside: Path | None = None) -> Path:
         if os.path.isfile(path):
             return Path(path)
     known = sorted({p.name for folder in folders[1:] if folder.is_dir() for p in folder.glob("*.yaml")})
-    close = difflib.get_close_matches(name, known, n=1)
-    hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(known)}"
     looked = ", ".join(dict.fromkeys(str(folder) for folder in folders))
-    raise ManifestError(f"there is no manifest {name!r}; {hint} (looked in {looked})")
+    raise ManifestError(f"there is no manifest {name!r}; {suggest(name, known, 'there are')} (looked in {looked})")

@@ -1,6 +1,5 @@
 """Which process comes after which: `needs`, from names as written to full names, without circles."""
 
-import difflib
 import graphlib
 from collections.abc import Collection, Mapping, Sequence
 
@@ -9,6 +8,7 @@ import msgspec
 from robo import names
 from robo.launch.manifest import Until
 from robo.launch.substitution import Scope
+from robo.suggestions import closest
 from robo.yaml_tree import Position, Problem, Scalar
 
 
@@ -70,12 +70,11 @@ def resolve(
 def _hint(full: str, known: Collection[str]) -> str:
     name = full.rpartition("/")[2]
     same = [other for other in known if other.rpartition("/")[2] == name]
-    close = same or difflib.get_close_matches(full, known, n=1)
-    if not close:
+    close = same[0] if same else closest(full, known)
+    if close is None:
         return ""
     folder = full.rpartition("/")[0]
-    shown = close[0].removeprefix(f"{folder}/") if close[0].startswith(f"{folder}/") else close[0]
-    return f"; did you mean {shown}?"
+    return f"; did you mean {close.removeprefix(f'{folder}/')}?"
 
 
 def _circles(needs: Mapping[str, Mapping[str, Until]]) -> list[list[str]]:

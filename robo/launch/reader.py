@@ -3,7 +3,6 @@
 All mistakes of a file are collected; what they hit is left out, so that one mistake is one message.
 """
 
-import difflib
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TypeVar, get_args
@@ -32,6 +31,7 @@ from robo.launch.manifest import (
     Variable,
 )
 from robo.names import is_word
+from robo.suggestions import closest, hint, suggest
 from robo.yaml_tree import Entry, Items, Map, Position, Problem, Scalar, Tree, kind, parse
 
 T = TypeVar("T")
@@ -78,9 +78,8 @@ class _Reader:
         """The values of a map by key; unknown keys are mistakes, and a key without a value is not there."""
         for entry in tree:
             if entry.key not in known:
-                close = difflib.get_close_matches(entry.key, known, n=1)
-                hint = f"did you mean {close[0]!r}?" if close else f"it may hold {', '.join(sorted(known))}"
-                self.complain(entry.position, f"unknown key {entry.key!r} in {what}; {hint}")
+                instead = suggest(entry.key, sorted(known), "it may hold")
+                self.complain(entry.position, f"unknown key {entry.key!r} in {what}; {instead}")
         return {entry.key: entry.value for entry in tree if entry.key in known and not _empty(entry.value)}
 
     def named(self, parts: Parts, key: str, read: Callable[[Entry], T | None]) -> tuple[T, ...]:
@@ -139,9 +138,8 @@ class _Reader:
     def _is_one_of(self, scalar: Scalar, key: str, values: Collection[str]) -> bool:
         if scalar.value in values or _is_substituted(scalar):
             return True
-        close = difflib.get_close_matches(str(scalar.value), values, n=1)
-        hint = f"did you mean {close[0]}?" if close else f"use {_either(values)}"
-        self.complain(scalar.position, f"{key}: {scalar.value!r} is not known; {hint}")
+        instead = hint(str(scalar.value), values, f"; use {_either(values)}")
+        self.complain(scalar.position, f"{key}: {scalar.value!r} is not known{instead}")
         return False
 
     def condition(self, parts: Parts) -> Condition:
@@ -227,7 +225,7 @@ class _Reader:
         parts = self.fields(tree, what, language.NODE)
         keys = {part.key for part in tree}
         if not keys & {"service", "run"}:
-            close = [k for k in keys if difflib.get_close_matches(k, ("service", "run"), n=1)]
+            close = [k for k in keys if closest(k, ("service", "run"))]
             if not close:  # else the misspelt key has been named already
                 text = "has no service and no run; name a node class, package.module, or give a command"
                 self.complain(entry.position, f"{what} {text}")

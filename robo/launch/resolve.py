@@ -4,7 +4,6 @@ Nothing is started and no network is touched. All mistakes are collected; a part
 left out, or taken as if it were fine, so that the rest is checked too.
 """
 
-import difflib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -283,9 +282,7 @@ class _Walk:
         changed = {**override.without, **{key: node.position for key, node in override.nodes.items()}}
         for key, place in changed.items():
             if key not in override.used:
-                close = difflib.get_close_matches(key, keys, n=1)
-                hint = f"did you mean {close[0]}?" if close else f"it has {', '.join(dict.fromkeys(keys)) or 'none'}"
-                self.complain(place, f"{file.name} has no node {key!r}; {hint}")
+                self.complain(place, f"{file.name} has no node {key!r}; {suggest(key, keys, 'it has')}")
 
     def _given(self, include: Include, scope: Scope) -> args.Given:
         given = {args.ROBOT_NAME: scope.values[args.ROBOT_NAME]}
@@ -525,9 +522,8 @@ class _Walk:
     def _check_groups(self, groups: Collection[str], file: Path) -> None:
         for name in groups:
             if not any(_in_group(path, name) for path in self._groups):
-                close = difflib.get_close_matches(name, self._groups, n=1)
-                hint = f"did you mean {close[0]}?" if close else f"it has {', '.join(self._groups) or 'none'}"
-                self.complain(args.COMMAND_LINE, f"{file.name} has no group {name!r}; {hint}")
+                instead = suggest(name, self._groups, "it has")
+                self.complain(args.COMMAND_LINE, f"{file.name} has no group {name!r}; {instead}")
 
     def _ask(self, drafts: Sequence[_Draft]) -> list[Answer | None]:
         """What the node classes say; None for a command."""

@@ -12,7 +12,6 @@ A value that is nothing but one `${name}` takes the value with its type, so `${u
 within longer text the value becomes text.
 """
 
-import difflib
 import importlib.machinery
 import importlib.util
 import os
@@ -25,6 +24,7 @@ from pathlib import Path
 from robo.launch.expression import ExpressionError, as_text, evaluate
 from robo.launch.manifest import Condition
 from robo.names import is_word
+from robo.suggestions import closest
 from robo.yaml_tree import Entry, Items, Position, Problem, Scalar, Tree, resolve_scalar, shown
 
 _PATTERN = re.compile(r"\$\$\{|\$\{([^}]*)\}|\$\{")
@@ -113,9 +113,9 @@ class Scope:
         if name in places:
             return str(places[name]())
         known = sorted({*self.values, *places})
-        close = difflib.get_close_matches(name, known, n=1)
-        hint = f"did you mean ${{{close[0]}}}?" if close else f"known are {', '.join(known)}"
-        raise KeyError(f"${{{name}}} is not defined; {hint}")
+        close = closest(name, known)
+        instead = f"did you mean ${{{close}}}?" if close is not None else f"known are {', '.join(known)}"
+        raise KeyError(f"${{{name}}} is not defined; {instead}")
 
     def _function(self, kind: str, rest: str) -> object:
         if kind == "env":

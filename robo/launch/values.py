@@ -4,7 +4,6 @@ Least to most: declared default < files in their order (within a file, less spec
 < values of the manifest, outer before inner < `-p` of the command line.
 """
 
-import difflib
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import msgspec
@@ -17,6 +16,7 @@ from robo.launch.manifest import ParameterSource
 from robo.launch.plan import ParameterValue
 from robo.launch.substitution import BROKEN, Scope, Word
 from robo.parameter_files import ParameterEntry, ParameterFile, flat_entries
+from robo.suggestions import hint, suggest
 from robo.yaml_tree import Position, Problem, Scalar
 
 
@@ -179,15 +179,11 @@ def _declared(node: Checked) -> Mapping[str, str] | None:
 
 
 def _unknown(node: Checked, name: str, setting: Setting, own: Mapping[str, str]) -> Problem:
-    close = difflib.get_close_matches(name, list(own), n=1)
-    hint = f"did you mean {close[0]}?" if close else f"it has {', '.join(own) or 'none'}"
-    return Problem(setting.name_at, f"{node.full_name} has no parameter {name!r}; {hint}")
+    return Problem(setting.name_at, f"{node.full_name} has no parameter {name!r}; {suggest(name, own, 'it has')}")
 
 
 def _unknown_to_all(name: str, setting: Setting, declared: Collection[str]) -> Problem:
-    close = difflib.get_close_matches(name, declared, n=1)
-    hint = f"; did you mean {close[0]}?" if close else ""
-    return Problem(setting.name_at, f"no node has a parameter {name!r}{hint}")
+    return Problem(setting.name_at, f"no node has a parameter {name!r}{hint(name, declared)}")
 
 
 def assign(
@@ -206,11 +202,8 @@ def assign(
             settings[name] = Setting(assignment.value, COMMAND_LINE, COMMAND_LINE, not named, settings.get(name))
         if not named and "." in assignment.left:
             node = assignment.left.partition(".")[0]
-            close = difflib.get_close_matches(node, [name for name, _, _ in nodes], n=1)
-            if close:
-                problems.append(
-                    Problem(COMMAND_LINE, f"-p {assignment.left}: there is no node {node}; did you mean {close[0]}?")
-                )
+            if meant := hint(node, [name for name, _, _ in nodes]):
+                problems.append(Problem(COMMAND_LINE, f"-p {assignment.left}: there is no node {node}{meant}"))
 
 
 def as_question(settings: Mapping[str, Setting]) -> dict[str, object]:

@@ -33,7 +33,7 @@ def test_every_mistake_is_shown_with_its_line(words: tuple[str, ...], tmp_path: 
     result = run_robo(*words, write(tmp_path, BROKEN))
     assert result.returncode == 1
     shown = result.stdout + result.stderr
-    assert "m.yaml:4:17: unknown key 'servce' in node 'tracker'; did you mean 'service'?" in shown
+    assert "m.yaml:4:17: unknown key 'servce' in node 'tracker'; did you mean service?" in shown
     assert "    4 |       tracker: {servce: robo_services.position_tracker}\n      |                 ^" in shown
     assert "m.yaml:5:75: position_tracker: log_rate = -1: expected float > 0.0" in shown
     assert "Traceback" not in shown

@@ -61,7 +61,7 @@ groups:
 def test_eight_mistakes_are_eight_messages() -> None:
     found = mistakes(EIGHT)
     expected = [
-        "m.yaml:6:5: unknown key 'namespce' in group 'control'; did you mean 'namespace'?",
+        "m.yaml:6:5: unknown key 'namespce' in group 'control'; did you mean namespace?",
         "m.yaml:7:13: parameter file nowhere.yaml does not exist",
         "m.yaml:11:18: /velocity_controller has no parameter 'linear_velocty'; did you mean linear_velocity?",
         "m.yaml:11:58: ${sped} is not defined; did you mean ${speed}?",
@@ -106,7 +106,7 @@ def test_people_see_the_line_and_a_mark_below() -> None:
         (node("run: x, ready: {log: '('}"), "1:47: ready: log: '(' is no pattern"),
         (node("run: x, required: 5"), "1:44: expected true, false or an expression, not 5"),
         (node("run: 'x ''y'"), "1:31: run: \"x 'y\" cannot be split into words: no closing quotation"),
-        (node("run: x, env: {A: {vale: 1}}"), "1:44: unknown key 'vale' in env A; did you mean 'value'?"),
+        (node("run: x, env: {A: {vale: 1}}"), "1:44: unknown key 'vale' in env A; did you mean value?"),
         (node("run: x, params: [3]"), "1:43: params: expected a file or a map of values, not 3"),
         (node("run: x, replicas: -1"), "1:44: replicas: expected a number from 0"),
         (node("run: x, replicas: 2, name: b"), "1:22: node /b is already in m.yaml:1:22; put ${index} into its name"),
