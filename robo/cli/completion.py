@@ -48,14 +48,11 @@ def nodes(ctx: typer.Context, incomplete: str) -> list[str]:
 
 def processes(ctx: typer.Context, incomplete: str) -> list[str]:
     """Names of processes and groups that supervisors run."""
-    from robo import names
     from robo.tools import runs
 
     def find(session: "zenoh.Session") -> set[str]:
         found = runs.processes(session, timeout=TIMEOUT)
-        own = {
-            status.node if incomplete.startswith("/") else names.within(status.robot, status.node) for status in found
-        }
+        own = {status.node if incomplete.startswith("/") else status.name.label for status in found}
         return own | {status.group for status in found if status.group}
 
     return _live(ctx, incomplete, find)

@@ -6,14 +6,11 @@ import time
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from robo import names
 from robo.cli.connection import print_json, print_table
 from robo.cli.reach import Reach
-from robo.errors import NodeNotFound
-from robo.suggestions import suggest
 from robo.supervisor.console import Console
 from robo.supervisor.log_files import Filter, LogRecord, log_base
-from robo.supervisor.status import Asked, ProcessStatus
+from robo.supervisor.status import Asked
 from robo.tools import logs, runs
 
 
@@ -69,7 +66,7 @@ def print_logs(wanted: Wanted, reach: Reach, run: str | None) -> None:
 
 def _print_from_files(wanted: Wanted, chosen: logs.Run) -> None:
     wants = wanted.filter().wants
-    labels = logs.check_nodes(chosen, wanted.nodes)
+    labels = logs.labels_meant(wanted.nodes, chosen.processes)
     console = Console(sorted(labels) or chosen.labels)
     follower = logs.Follower(chosen, labels)  # made first: what comes meanwhile is not lost
     last = 0
@@ -88,9 +85,9 @@ def _print_from_network(wanted: Wanted, reach: Reach) -> None:
     wants = wanted.filter().wants
     with connect_to_robot(reach) as session:
         robot = runs.robot_of(session, reach.robot, wanted.nodes)
-        labels = _labels(runs.processes(session, robot), wanted.nodes)
+        labels = logs.labels_meant(wanted.nodes, [status.name for status in runs.processes(session, robot)])
         stream = runs.OutputStream(session, robot)
-        asked = Asked(list(wanted.nodes), wanted.begin(), wanted.level, wanted.lines)
+        asked = Asked(sorted(labels), wanted.begin(), wanted.level, wanted.lines)
         found = runs.output(session, robot, asked)
         console = Console(sorted(labels) or sorted({record.node for record in found}))
         last = 0
@@ -100,28 +97,6 @@ def _print_from_network(wanted: Wanted, reach: Reach) -> None:
         for record in stream.coming() if wanted.follow else ():
             if (not labels or record.node in labels) and wants(record) and record.time > last:
                 show(record, console, json=wanted.json)
-
-
-def _labels(processes: Sequence[ProcessStatus], nodes: Sequence[str]) -> set[str]:
-    """What the nodes or groups that are wanted are called in the output.
-
-    Raises:
-        NodeNotFound: there is no such one.
-    """
-    found = set()
-    for name in nodes:
-        wanted = name.strip("/")
-        means = {
-            names.within(status.robot, status.node)
-            for status in processes
-            if wanted in (status.node.strip("/"), status.node.rpartition("/")[2], *status.group.split("/"))
-            or wanted == names.within(status.robot, status.node)
-        }
-        if not means:
-            there = [names.within(status.robot, status.node) for status in processes]
-            raise NodeNotFound(f"there is no node {name}; {suggest(wanted, there)}")
-        found |= means
-    return found
 
 
 def show(record: LogRecord, console: Console, *, json: bool) -> None:

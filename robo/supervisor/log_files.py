@@ -52,6 +52,8 @@ class RunInfo(msgspec.Struct, frozen=True, kw_only=True):
     pid: int
     """Of the supervisor."""
     nodes: list[str]
+    groups: list[str] = []
+    """Of each node."""
     endpoints: list[str] = []
     """Where its router listens for tools and other robots."""
 

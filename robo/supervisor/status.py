@@ -1,12 +1,33 @@
 """What a supervisor tells of its run; the replies of its control keys and its events."""
 
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import msgspec
 
 from robo import names
 
 State = Literal["starting", "ready", "degraded", "restarting", "stopping", "stopped", "failed", "completed"]
+
+
+class ProcessName(NamedTuple):
+    """What a process is called."""
+
+    robot: str
+    node: str
+    """Its full name."""
+    group: str
+    """With the groups around it: `control/arm`; empty where it is in none."""
+
+    @property
+    def label(self) -> str:
+        """Its name in the output: without the robot's namespace."""
+        return names.within(self.robot, self.node)
+
+    def is_meant(self, word: str) -> bool:
+        """Whether a word means it: its full name, its name with or without namespace, a group that it is in."""
+        wanted = word.strip("/")
+        own = (self.node.strip("/"), self.label, self.node.rpartition("/")[2])
+        return wanted in own or (wanted != "" and f"/{wanted}/" in f"/{self.group}/")
 
 
 class ProcessStatus(msgspec.Struct, frozen=True, kw_only=True):
@@ -32,6 +53,11 @@ class ProcessStatus(msgspec.Struct, frozen=True, kw_only=True):
     received: dict[str, float]
     run: str
     host: str
+
+    @property
+    def name(self) -> ProcessName:
+        """What it is called."""
+        return ProcessName(self.robot, self.node, self.group)
 
 
 class Exit(msgspec.Struct, frozen=True, kw_only=True):

@@ -42,6 +42,7 @@ from robo.supervisor.status import (
     Done,
     Event,
     Explanation,
+    ProcessName,
     ProcessStatus,
     State,
     SupervisorToken,
@@ -125,6 +126,7 @@ class Supervisor:
                 begin=time.time_ns(),
                 pid=os.getpid(),
                 nodes=[p.full_name for p in plan.processes],
+                groups=[p.group for p in plan.processes],
                 endpoints=list(router.listen),
             )
         )
@@ -544,9 +546,10 @@ class Supervisor:
         return [event for event in self._events if chosen is None or event.node in chosen]
 
     async def _past_output(self, asked: Asked) -> list[LogRecord]:
-        labels = {m.label for m in self._chosen(asked)} if asked.names else None
+        labels = {member.label for name in asked.names for member in self._meant(name).values()}
+        labels |= {SUPERVISOR} & {*asked.names}
         wanted = Filter(since=asked.since, least=asked.level)
-        found = [one for one in self._recent if (labels is None or one.node in labels) and wanted.wants(one)]
+        found = [one for one in self._recent if (not asked.names or one.node in labels) and wanted.wants(one)]
         return found if asked.lines is None else found[-asked.lines :] if asked.lines else []
 
     async def _stop_some(self, asked: Asked) -> Done:
@@ -586,12 +589,8 @@ class Supervisor:
         return list(found.values())
 
     def _meant(self, name: str) -> dict[str, Member]:
-        wanted = name.strip("/")
-        return {
-            full: m
-            for full, m in self._members.items()
-            if wanted in (full.strip("/"), m.label, m.plan.name) or f"/{m.plan.group}/".find(f"/{wanted}/") >= 0
-        }
+        robot = self._plan.robot
+        return {full: m for full, m in self._members.items() if ProcessName(robot, full, m.plan.group).is_meant(name)}
 
     def _status(self, member: Member) -> ProcessStatus:
         return member.status(self._plan.robot, self._run_id, self._plan.host or discovery.hostname())

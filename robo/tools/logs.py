@@ -6,15 +6,17 @@ import re
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import datetime
+from itertools import chain, repeat
 from pathlib import Path
 from typing import BinaryIO
 
 import msgspec
 
-from robo import names
-from robo.errors import RunError, UsageError
+from robo.errors import NodeNotFound, RunError, UsageError
+from robo.suggestions import suggest
 from robo.supervisor.log_files import SUPERVISOR, LogRecord, RunInfo, log_base
 from robo.supervisor.run_id import supervisor_lives
+from robo.supervisor.status import ProcessName
 
 _SPAN = re.compile(r"(\d+(?:\.\d+)?)\s*(s|m|h|d)")
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
@@ -29,9 +31,15 @@ class Run(msgspec.Struct, frozen=True):
     info: RunInfo
 
     @property
+    def processes(self) -> list[ProcessName]:
+        """What its processes are called."""
+        groups = chain(self.info.groups, repeat(""))
+        return [ProcessName(self.info.robot, node, group) for node, group in zip(self.info.nodes, groups, strict=False)]
+
+    @property
     def labels(self) -> list[str]:
         """What its nodes are called in the output."""
-        return [names.within(self.info.robot, node) for node in self.info.nodes]
+        return [process.label for process in self.processes]
 
 
 def list_runs(robot: str | None = None, base: Path | None = None) -> list[Run]:
@@ -68,22 +76,21 @@ def find_run(robot: str | None, name: str | None, base: Path | None = None) -> R
     raise RunError(f"no logs{whose} are kept in {base or log_base()}; `robo up` writes them")
 
 
-def check_nodes(run: Run, nodes: Sequence[str]) -> set[str]:
-    """The labels under which the output of nodes is kept; all where none is named.
+def labels_meant(words: Sequence[str], processes: Sequence[ProcessName]) -> set[str]:
+    """The labels of the output that words mean: those of nodes, of groups, or the supervisor's own.
 
     Raises:
-        RunError: the run has no such node.
+        NodeNotFound: one of them means nothing.
     """
-    known = dict(zip(run.info.nodes, run.labels, strict=True))
-    found = set()
-    for name in nodes:
-        wanted = name.strip("/")
-        means = {
-            label for full, label in known.items() if wanted in (full.strip("/"), label, label.rpartition("/")[2])
-        } | ({SUPERVISOR} if wanted == SUPERVISOR else set())
-        if not means:
-            raise RunError(f"the run has no node {name}; it has {', '.join([*known.values(), SUPERVISOR])}")
-        found |= means
+    found: set[str] = set()
+    for word in words:
+        meant = {process.label for process in processes if process.is_meant(word)}
+        if word == SUPERVISOR:
+            meant.add(SUPERVISOR)
+        if not meant:
+            there = [*(process.label for process in processes), SUPERVISOR]
+            raise NodeNotFound(f"there is no node or group {word}; {suggest(word.strip('/'), there)}")
+        found |= meant
     return found
 
 

@@ -320,6 +320,9 @@ def test_commands_from_another_terminal(endpoint: str) -> None:
     ]  # fmt: skip
     found = processes(endpoint)
     assert {status["state"] for status in found.values()} == {"ready", "stopped"}
+    said = tell(endpoint, "logs", "robo", "control", "--json").splitlines()
+    nodes = {json.loads(line)["node"] for line in said}
+    assert {"robo"} < nodes <= {"robo", "velocity_controller", "safety_monitor"}
     assert tell(endpoint, "start", "velocity_controller", "safety_monitor").count("started /r1/") == 2
     before = processes(endpoint)["/r1/position_tracker"]["pid"]
     assert tell(endpoint, "restart", "/r1/position_tracker") == "restarted /r1/position_tracker\n"
@@ -340,6 +343,12 @@ def test_commands_from_another_terminal(endpoint: str) -> None:
     assert run_robo("ps", "--connect", endpoint).returncode == 1
     kept = run_robo("logs", "--robot-name", "r1", "robo", "-n", "1").stdout
     assert "stopping, as robo down asks" in kept
+    of_group = run_robo("logs", "--robot-name", "r1", "control", "--json").stdout
+    assert {json.loads(line)["node"] for line in of_group.splitlines()} <= {"safety_monitor", "velocity_controller"}
+    assert of_group
+    nobody = run_robo("logs", "--robot-name", "r1", "position_traker")
+    assert nobody.returncode == 1
+    assert "there is no node or group position_traker; did you mean position_tracker?" in nobody.stderr
 
 
 def test_a_run_in_the_background_that_fails_says_why(endpoint: str, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from robo.supervisor.log_files import Filter, LogFiles, LogRecord, RunInfo, reco
 from robo.supervisor.output import Budget, Lines, pump
 from robo.supervisor.reload import FileWatch
 from robo.supervisor.restart import Restarts
+from robo.supervisor.status import ProcessName
 from robo.supervisor.timing import Started, critical_path
 from robo.supervisor.topic_watch import Flow
 from robo.tools import logs
@@ -115,6 +116,32 @@ def test_the_beginning_of_a_line_does_not_wait_for_ever() -> None:
         return seen
 
     assert asyncio.run(ask()) == ["Passwörd? "]
+
+
+# -- names ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [
+        ("/r1/arm/tracker", True),
+        ("r1/arm/tracker", True),
+        ("arm/tracker", True),
+        ("tracker", True),
+        ("control", True),
+        ("left", True),
+        ("control/left", True),
+        ("control/left/", True),
+        ("/r2/arm/tracker", False),
+        ("arm", False),
+        ("contr", False),
+        ("", False),
+        ("/", False),
+    ],
+)
+def test_a_word_means_a_process(word: str, *, meant: bool) -> None:
+    assert ProcessName("r1", "/r1/arm/tracker", "control/left").is_meant(word) == meant
+    assert not ProcessName("r1", "/r1/other", "").is_meant(word)
 
 
 # -- log files -----------------------------------------------------------------------------------

@@ -130,7 +130,7 @@ def logs(
     reach: Reach,
     nodes: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[NODE]...", help="Only these.", autocompletion=completion.processes),
+        typer.Argument(metavar="[NODE|GROUP]...", help="Only these.", autocompletion=completion.processes),
     ] = None,
     follow: Annotated[bool, typer.Option("-f", "--follow", help="Wait for more, until Ctrl-C.")] = False,
     lines: Annotated[int | None, typer.Option("-n", "--lines", metavar="N", help="Only the last N.", min=0)] = None,
