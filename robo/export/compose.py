@@ -7,7 +7,7 @@ beside a node's own token or a probe.
 import os
 import re
 import sys
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
@@ -47,6 +47,7 @@ _COMMON: dict[str, Any] = {
     "deploy": {"resources": {"limits": {"cpus": "1.0", "memory": "256M"}}},
 }
 _BUILD = {"context": ".", "network": "host"}
+_KEEPER = "keeper"
 _KEEPS = "/tmp/keeps"
 """There while the keeper watches."""
 _HEALTH = {"interval": "5s", "timeout": "3s", "start_period": "10s", "retries": 3}
@@ -94,8 +95,13 @@ class _Export:
         if not self._robots:
             self._robots[plan.robot] = None
         self._first = next(iter(self._robots))
-        self._routers = {robot: f"{self._prefix(robot)}router" for robot in self._robots}
-        self._services = self._service_names()
+        # Robots by their routers, processes by their full names; no two services are called alike.
+        taken = {_KEEPER}
+        self._routers = {robot: _take(f"{self._prefix(robot)}router", taken) for robot in self._robots}
+        self._services = {
+            process.full_name: _take(f"{self._prefix(_robot_of(process))}{_slug(self._inner_name(process))}", taken)
+            for process in self._processes
+        }
 
     def text(self, made_by: str, *, keeper: bool) -> str:
         services: dict[str, dict[str, Any]] = {}
@@ -104,12 +110,16 @@ class _Export:
         for process in self._processes:
             services[self._services[process.full_name]] = self._service(process)
         if keeper:
-            services["keeper"] = _keeper_service()
-        shown = self._plan.manifest if not self._plan.description else self._plan.description
-        lines = [f"# {shown}", f"# Made by: {made_by}", ""]
+            services[_KEEPER] = _keeper_service()
+        about = self._plan.description or self._plan.manifest
+        lines = [*(f"# {line}".rstrip() for line in about.splitlines()), f"# Made by: {made_by}", ""]
         lines += [_block({"x-robo": _COMMON}, anchor="&robo"), _block({"x-health": _HEALTH}, anchor="&health")]
         lines.append("services:")
         for name, service in services.items():
+            if name == _KEEPER:
+                lines.append(
+                    "  # Starts again what was killed by hand. It has the engine's socket: --no-keeper exports without."
+                )
             lines.append(f"  {name}:\n    <<: *robo\n{_indented(_dumped(service), 4)}")
         lines.append("networks:\n  robot: {}\n")
         if self._configs:
@@ -117,16 +127,6 @@ class _Export:
         return "\n".join(lines)
 
     # -- names -----------------------------------------------------------------------------------
-
-    def _service_names(self) -> dict[str, str]:
-        """A service for each process: its name, with what tells it from another robot's before it."""
-        taken = {*self._routers.values(), "keeper"}
-        found: dict[str, str] = {}
-        for process in self._processes:
-            name = _free(f"{self._prefix(_robot_of(process))}{_slug(self._inner_name(process))}", taken)
-            taken.add(name)
-            found[process.full_name] = name
-        return found
 
     def _inner_name(self, process: ProcessPlan) -> str:
         return process.full_name.strip("/").removeprefix(_robot_of(process)).strip("/") or process.name
@@ -263,7 +263,7 @@ class _Export:
         wanted = path.name if outside else relative
         name = next((name for name, known in self._configs.items() if known == source), None)
         if name is None:
-            name = _free(_slug(wanted).strip("_"), self._configs)
+            name = _take(_slug(wanted).strip("_"), set(self._configs))
             self._configs[name] = source
         if name not in files:
             target = f"{FILES}/{wanted}"
@@ -320,10 +320,11 @@ def _slug(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]", "_", text)
 
 
-def _free(name: str, taken: Container[str]) -> str:
-    """A name, or the first of name_2, name_3 … that is not taken."""
-    numbered = (f"{name}_{number}" for number in count(2))
-    return next(free for free in chain([name], numbered) if free not in taken)
+def _take(name: str, taken: set[str]) -> str:
+    """A name, or the first of name_2, name_3 … that is not taken; it is then."""
+    free = next(one for one in chain([name], (f"{name}_{number}" for number in count(2))) if one not in taken)
+    taken.add(free)
+    return free
 
 
 def _block(tree: Mapping[str, Any], *, anchor: str) -> str:

@@ -62,7 +62,7 @@ _HURRY = 0.5
 """How long processes have after a second Ctrl-C, s."""
 
 _STARTING = 2.0
-"""For how long nothing is measured unless the robot is ready before, s: measuring takes a part of a start."""
+"""For how long nobody's processor time is measured, s: that would take a tenth of what a start takes."""
 
 _TICK = 0.25
 MOST_LINKED = 30
@@ -443,7 +443,7 @@ class Supervisor:
             for member in self._members.values():
                 if now - last > 4 * _TICK:
                     member.forgive(now)
-                if self._announced or now - self._begin > _STARTING:
+                if now - self._begin > _STARTING:
                     member.measure()
                 why = member.check(now)
                 if why is not None:

@@ -149,6 +149,9 @@ def test_nothing_else_is_called_or_stored_alike(
     monkeypatch.chdir(inside)
     Path("mine.yaml").write_text(
         """
+description: |
+  A robot
+  in two lines
 groups:
   all:
     namespace: ${robot_name}
