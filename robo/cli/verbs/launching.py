@@ -222,7 +222,7 @@ def router(
     "keeper",
     "robo keeper --project my_robot",
     "robo keeper --project my_robot --socket $XDG_RUNTIME_DIR/docker.sock",
-    short_help="Start containers again that were killed by hand, as their restart policy says.",
+    short_help="Start containers again that were killed by hand.",
 )
 def keeper(
     project: Annotated[str, typer.Option("--project", metavar="NAME", help="The Compose project.")],
