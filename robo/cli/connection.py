@@ -1,13 +1,13 @@
 """What the tools share: reaching a running robot, and printing."""
 
 import os
-import socket
 import sys
 import time
 from collections.abc import Sequence
 
 import msgspec
 
+from robo import tcp
 from robo.cli.reach import Reach
 from robo.codec import jsonable
 from robo.columns import aligned
@@ -39,34 +39,23 @@ def connect_to_robot(reach: Reach) -> zenoh.Session:
 
 def somebody_listens(endpoints: Sequence[str], end: float) -> bool:
     """Whether one of some endpoints may answer: an address that refuses is tried again, and not for long."""
-    addresses = [_address(endpoint) for endpoint in endpoints]
+    if any(tcp.address_of(endpoint) is None for endpoint in endpoints):
+        return True  # not to be tried without Zenoh
     while True:
         left = end - time.monotonic()
-        for address in addresses:
-            if address is None:
-                return True  # not to be tried without Zenoh
-            try:
-                socket.create_connection(address, timeout=max(left, 0.05)).close()
-            except OSError:
-                continue
+        if next(tcp.answering(endpoints, max(left, 0.05)), None) is not None:
             return True
         if left <= 0:
             return False
         time.sleep(min(0.02, left))
 
 
-def _address(endpoint: str) -> tuple[str, int] | None:
-    """Host and port of a TCP endpoint; None for another kind."""
-    protocol, _, rest = endpoint.partition("/")
-    host, _, port = rest.partition("?")[0].partition("#")[0].rpartition(":")
-    return (host.strip("[]"), int(port)) if protocol == "tcp" and port.isdigit() and int(port) < 65536 else None
-
-
 def _nothing_there(endpoints: Sequence[str], reach: Reach, waited: float) -> str:
     from robo.tools import logs  # what runs on this machine says where it is
 
     lines = [f"nothing is running at {', '.join(endpoints)} (waited {waited:.1f} s)"]
-    lines += [f"  {endpoint}: {_what_is_wrong(endpoint)}" for endpoint in endpoints]
+    wrong = dict(tcp.tried(endpoints, 0.1))
+    lines += [f"  {endpoint}: {_what_is_wrong(wrong.get(endpoint, TimeoutError()))}" for endpoint in endpoints]
     for run in logs.live_runs():
         elsewhere = [place for place in run.info.endpoints if place not in endpoints]
         if elsewhere:
@@ -76,17 +65,16 @@ def _nothing_there(endpoints: Sequence[str], reach: Reach, waited: float) -> str
     return "\n".join(lines)
 
 
-def _what_is_wrong(endpoint: str) -> str:
-    address = _address(endpoint)
-    if address is None:
-        return "no answer"
-    try:
-        socket.create_connection(address, timeout=0.1).close()
-    except ConnectionRefusedError:
-        return "nobody listens there"
-    except OSError as error:
-        return f"cannot be reached ({error.strerror or error})"
-    return "what listens there does not speak Zenoh"
+def _what_is_wrong(error: OSError | None) -> str:
+    match error:
+        case None:
+            return "what listens there does not speak Zenoh"
+        case ConnectionRefusedError():
+            return "nobody listens there"
+        case TimeoutError():
+            return "no answer"
+        case _:
+            return f"cannot be reached ({error.strerror or error})"
 
 
 def nodes_of(session: zenoh.Session, reach: Reach) -> list[NodeToken]:

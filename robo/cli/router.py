@@ -1,13 +1,13 @@
 """`robo router`: a router by itself, for several robots or hosts to meet at."""
 
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
 
-from robo.cli.connection import note, somebody_listens
+from robo import tcp
+from robo.cli.connection import note
 from robo.cli.network import router_network
 from robo.names import nested
 from robo.router import route
@@ -24,7 +24,7 @@ def run_router(*, name: str, listen: Sequence[str], connect: Sequence[str], conf
     dials = [endpoint for endpoint in network.connect if endpoint not in network.listen]
     towards = f", linked to {', '.join(dials)}" if dials else ""
     note(f"router {name} at {', '.join(network.listen)}{towards}; Ctrl-C stops")
-    if somebody_listens(network.listen, time.monotonic()):
+    if any(tcp.answering(network.listen, 0.1)):
         note("another program has that port just now; this router takes it over when it is free")
     route(network, lambda: False, linger=0.0)
 

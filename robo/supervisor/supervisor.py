@@ -20,7 +20,7 @@ from pathlib import Path
 import msgspec
 import zenoh
 
-from robo import discovery, names
+from robo import discovery, names, tcp
 from robo.discovery import NodeToken
 from robo.errors import NetworkError
 from robo.heartbeat import WATCH_VARIABLE
@@ -32,7 +32,7 @@ from robo.supervisor.console import Console
 from robo.supervisor.control import Control
 from robo.supervisor.early import Begun, base_environment
 from robo.supervisor.log_files import SUPERVISOR, Filter, LogFiles, LogRecord, RunInfo, record
-from robo.supervisor.member import Changes, Member, listens
+from robo.supervisor.member import Changes, Member
 from robo.supervisor.process import Child, describe_exit
 from robo.supervisor.reload import FileWatch, files_of, same
 from robo.supervisor.run_environment import RunEnvironment
@@ -61,6 +61,8 @@ gives single processes more."""
 _HURRY = 0.5
 """How long processes have after a second Ctrl-C, s."""
 
+_ANSWERS_WITHIN = 0.5
+"""How long a start waits for a site that may know of another run of the robot, s."""
 _STARTING = 2.0
 """For how long nobody's processor time is measured, s: that would take a tenth of what a start takes."""
 
@@ -215,14 +217,15 @@ class Supervisor:
     async def _runs_already(self) -> bool:
         """Whether another supervisor runs this robot, where the network can be asked before this run joins it."""
         dialled = self._router_network.connect
-        if not any([await listens(e.rpartition("/")[2]) for e in dialled if e.startswith("tcp/")]):
+        answering = await asyncio.to_thread(lambda: tuple(tcp.answering(dialled, _ANSWERS_WITHIN)))
+        if not answering:
             return False
         try:
-            network = Network(mode="client", connect=dialled, timeout=0.5)
+            network = Network(mode="client", connect=answering, timeout=_ANSWERS_WITHIN)
             session = await asyncio.to_thread(open_session, network)
         except NetworkError:
             return False  # whoever listens there speaks no Zenoh
-        replies = session.liveliness().get(supervisors_key(self._plan.robot), timeout=0.5)
+        replies = session.liveliness().get(supervisors_key(self._plan.robot), timeout=_ANSWERS_WITHIN)
         found = [parse_supervisor_token(str(r.ok.key_expr)) for r in replies if r.ok is not None]
         await asyncio.to_thread(close_session, session)
         # Another host's part of the robot may run beside this one.

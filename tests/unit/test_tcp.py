@@ -1,0 +1,59 @@
+"""TCP endpoints."""
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from robo import tcp
+from tests.conftest import free_port
+
+
+@pytest.fixture
+def listening() -> Iterator[str]:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield f"tcp/127.0.0.1:{server.getsockname()[1]}"
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "address"),
+    [
+        ("tcp/127.0.0.1:7447", ("127.0.0.1", 7447)),
+        ("tcp/[::1]:7447", ("::1", 7447)),
+        ("tcp/site.example:7447?prio=1#iface=eth0", ("site.example", 7447)),
+        ("unixsock-stream//tmp/router.sock", None),
+        ("tls/site.example:7447", None),
+        ("tcp/site.example:http", None),
+        ("tcp/site.example:70000", None),
+    ],
+)
+def test_where_an_endpoint_is(endpoint: str, address: tuple[str, int] | None) -> None:
+    assert tcp.address_of(endpoint) == address
+
+
+def test_who_answers_is_told_and_what_is_wrong_with_others(listening: str) -> None:
+    refusing = f"tcp/127.0.0.1:{free_port()}"
+    found = dict(tcp.tried([refusing, listening, "unixsock-stream//tmp/router.sock"], 5.0))
+    assert found.keys() == {refusing, listening}
+    assert found[listening] is None
+    assert isinstance(found[refusing], ConnectionRefusedError)
+
+
+def test_a_name_that_nobody_looks_up_holds_nobody_up(listening: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    answered = threading.Event()
+    connect = socket.create_connection
+
+    def hang(address: tuple[str, int], timeout: float) -> socket.socket:
+        if address[0] == "site.example":
+            answered.wait(30)
+            raise OSError("no such name")
+        return connect(address, timeout)
+
+    monkeypatch.setattr(socket, "create_connection", hang)
+    begin = time.monotonic()
+    assert next(tcp.answering(["tcp/site.example:7447", listening], 20.0)) == listening
+    assert list(tcp.answering(["tcp/site.example:7447"], 0.05)) == []
+    assert time.monotonic() - begin < 10
+    answered.set()
