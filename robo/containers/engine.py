@@ -69,7 +69,7 @@ class Engine:
             try:
                 for line in answer:
                     yield _event(json.loads(line))
-            except (OSError, HTTPException) as error:
+            except (OSError, HTTPException, ValueError) as error:  # in the middle of a line, too
                 raise EngineError(f"the engine at {self._path} is gone: {error}") from None
         raise EngineError(f"the engine at {self._path} has ended")
 

@@ -129,6 +129,12 @@ def test_a_keeper_without_an_engine_ends_and_says_why(engine: PlayedEngine, tmp_
         engine.ends()
         assert keeper.wait() == 1
     assert "error: the engine at" in keeper.output
+    with robo("keeper", "--project", "mine", "--socket", str(engine.server_address)) as keeper:
+        keeper.wait_for("keeps the containers of mine")
+        engine.events.put(b'{"Type": "container", "Act')
+        engine.ends()
+        assert keeper.wait() == 1
+    assert "error: the engine at" in keeper.output
 
     absent = run_robo("keeper", "--project", "mine", "--socket", str(tmp_path / "nothing.sock"))
     assert absent.returncode == 1
