@@ -44,7 +44,9 @@ def test_settings_that_zenoh_does_not_know_are_told(
 
 def test_the_printed_configuration_is_a_routers(capsys: pytest.CaptureFixture[str]) -> None:
     print_config(name="site", listen=["tcp/0.0.0.0:7447"], connect=[], config=None)
-    tree = json.loads(capsys.readouterr().out)
+    printed = capsys.readouterr().out
+    assert printed == (ROOT / "config" / "zenohd.json5").read_text(), "the file that is given is what is printed"
+    tree = json.loads(printed)
     assert tree["mode"] == "router"
     assert tree["listen"]["endpoints"] == ["tcp/0.0.0.0:7447"]
     assert tree["metadata"] == {"name": "site"}
