@@ -1,7 +1,7 @@
 """A plan as a Compose file: a router for each robot, a container for each process, a keeper for all. Pure.
 
 What is left out, because Compose has no word for it: `required`, promises about topics, and what tells of readiness
-beside a node's own token or a probe.
+beside a node's own token, a port or a probe.
 """
 
 import os
@@ -27,6 +27,9 @@ PORT = 7447
 FILES = "/etc/robo"
 """Where the files that processes read stand in their containers."""
 
+PROJECT = "/srv"
+"""Where folders that processes run in stand in theirs."""
+
 _CONDITIONS = {"started": "service_started", "ready": "service_healthy", "completed": "service_completed_successfully"}
 _RESTARTS = {"never": "no", "on-failure": "on-failure", "always": "always"}
 
@@ -46,7 +49,6 @@ _COMMON: dict[str, Any] = {
     "logging": {"driver": "json-file", "options": {"max-size": "10m", "max-file": "3"}},
     "deploy": {"resources": {"limits": {"cpus": "1.0", "memory": "256M"}}},
 }
-_BUILD = {"context": ".", "network": "host"}
 _KEEPER = "keeper"
 _KEEPS = "/tmp/keeps"
 """There while the keeper watches."""
@@ -145,7 +147,7 @@ class _Export:
         service: dict[str, Any] = {} if profile is None else {"profiles": [profile]}
         if robot == self._first:
             # Compose builds each section by itself, and the image once is enough for all.
-            service["build"] = _BUILD
+            service["build"] = {"context": self._context(), "network": "host"}
         command = ["router", "--name", self._names.shown(robot), "--listen", f"tcp/0.0.0.0:{PORT}"]
         if robot == self._first:
             # From the host only; other hosts are let in by a router of their own choice.
@@ -168,16 +170,16 @@ class _Export:
             if prefix:
                 service["entrypoint"] = ["tini", "-g", "--", *map(shown, prefix), "robo"]
         else:
-            command = [_portable(word) for word in process.command]
+            command = [self._brought_word(word, process, files) for word in process.command]
             service["entrypoint"] = ["tini", "-g", "--"]
         service["command"] = [shown(word) for word in command]
         service["environment"] = self._environment(process)
         if files:
             service["configs"] = [{"source": name, "target": target} for name, target in files.items()]
+        if process.cwd is not None:
+            service["working_dir"] = self._working_folder(process.cwd, volumes)
         if volumes:
             service["volumes"] = [f"{source}:{target}:ro" for source, target in volumes.items()]
-        if process.cwd is not None:
-            service["working_dir"] = shown(process.cwd)
         service["depends_on"] = self._needs(process)
         service["restart"] = _RESTARTS[process.restart.policy]
         if process.stop.signal != "INT":
@@ -239,7 +241,7 @@ class _Export:
         by_name = {other.full_name: other for other in self._processes}
         for name, until in process.needs.items():
             condition = _CONDITIONS[until]
-            if condition == "service_healthy" and self._health(by_name[name]) == {"disable": True}:
+            if condition == "service_healthy" and not self._tests(by_name[name]):
                 condition = "service_started"
             needs[self._services[name]] = {"condition": condition}
             if process.restart.propagate:
@@ -247,20 +249,29 @@ class _Export:
         return needs
 
     def _health(self, process: ProcessPlan) -> dict[str, Any]:
+        # One that tells nothing is well while it runs. With its check disabled `docker compose up --wait` would fail.
+        return {"test": ["CMD", *(self._tests(process) or ["true"])], **_USUAL}
+
+    def _tests(self, process: ProcessPlan) -> list[str]:
+        """The command that tells whether a process is well; none where nothing tells it."""
+        shown = self._names.shown
         if process.ready.probe:
-            return {"test": ["CMD", *map(self._names.shown, process.ready.probe)], **_USUAL}
+            return [shown(word) for word in process.ready.probe]
         if process.service is not None and process.ready.when == "node":
-            return {"test": ["CMD", "robo", "health", self._names.shown(process.full_name)], **_USUAL}
-        return {"disable": True}
+            return ["robo", "health", shown(process.full_name)]
+        if process.ready.port is not None:
+            host, _, port = process.ready.port.rpartition(":")
+            return ["python", "-c", f"import socket; socket.create_connection(({host!r}, {port}), 1)"]
+        return []
 
     # -- files -----------------------------------------------------------------------------------
 
     def _file(self, path: Path, files: dict[str, str]) -> str:
         """Where a file stands in the container."""
-        relative = os.path.relpath(path.absolute(), self._folder.absolute())
-        outside = relative.startswith("..")
-        source = {"file": str(path.absolute()) if outside else f"./{relative}"}
-        wanted = path.name if outside else relative
+        path = Path(os.path.abspath(path))
+        within = self._within_project(path)
+        source = {"file": str(path) if within is None else self._source(path)}
+        wanted = path.name if within is None else within
         name = next((name for name, known in self._configs.items() if known == source), None)
         if name is None:
             name = _take(_slug(wanted).strip("_"), set(self._configs))
@@ -269,6 +280,40 @@ class _Export:
             target = f"{FILES}/{wanted}"
             files[name] = target if target not in files.values() else f"{FILES}/{name}/{path.name}"
         return files[name]
+
+    def _brought_word(self, word: str, process: ProcessPlan, files: dict[str, str]) -> str:
+        """A word of a command; a file of the project that it names is brought into the container."""
+        if os.path.isabs(word) or process.cwd is None:
+            path = Path(os.path.abspath(word))
+            if path.is_file() and self._within_project(path) is not None:
+                return self._file(path, files)
+        return _portable(word)
+
+    def _working_folder(self, folder: str, volumes: dict[str, str]) -> str:
+        """Where a process runs: a folder of the project is mounted, another is the container's own."""
+        path = Path(os.path.abspath(folder))
+        within = self._within_project(path)
+        if within is None or not path.is_dir():
+            return self._names.shown(folder)
+        target = os.path.normpath(f"{PROJECT}/{within}")
+        volumes[self._source(path)] = target
+        return target
+
+    def _within_project(self, path: Path) -> str | None:
+        """A path as it is called in the project: below the folder of the Compose file, or below this one."""
+        for folder in (self._folder.absolute(), Path.cwd()):
+            if path.is_relative_to(folder):
+                return str(path.relative_to(folder))
+        return None
+
+    def _context(self) -> str:
+        """Where the Dockerfile stands: here, if the Compose file is to stand further below."""
+        return self._source(Path.cwd()) if self._folder.absolute().is_relative_to(Path.cwd()) else "."
+
+    def _source(self, path: Path) -> str:
+        """A path of the project as the Compose file names it."""
+        relative = os.path.relpath(path, self._folder.absolute())
+        return relative if relative.startswith(".") else f"./{relative}"
 
     def _brought_in(self, value: object, files: dict[str, str], volumes: dict[str, str]) -> object:
         """A parameter's value, with the path of a file as it is within the container."""

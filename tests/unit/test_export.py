@@ -100,6 +100,7 @@ groups:
     nodes:
       base: {run: "./driver --port $PORT", env: {PORT: "${env:PORT:-/dev/ttyUSB0}"}, ready: {probe: [test, -e, /tmp/x]}}
       lamp: {run: [python, lamp.py], params: {pin: 3}, stop: TERM}
+      web: {run: serve, ready: {port: 8080}}
       position_tracker:
         service: robo_services.position_tracker
         needs: {base: ready, lamp: ready}
@@ -116,14 +117,17 @@ groups:
 """
     )
     services = exported(capsys, "mine.yaml")["services"]
-    assert set(services) == {"router", "base", "lamp", "position_tracker", "echo", "keeper"}
+    assert set(services) == {"router", "base", "lamp", "web", "position_tracker", "echo", "keeper"}
     base, lamp, tracker, echo = (services[name] for name in ("base", "lamp", "position_tracker", "echo"))
     assert base["command"][-1] == "$$PORT", "a dollar that is the command's own stays one"
     assert base["environment"]["PORT"] == "${PORT:-/dev/ttyUSB0}"
     assert base["healthcheck"]["test"] == ["CMD", "test", "-e", "/tmp/x"]
     assert lamp["command"] == ["python", "lamp.py"]
     assert lamp["stop_signal"] == "SIGTERM"
-    assert lamp["healthcheck"] == {"disable": True}
+    assert lamp["healthcheck"]["test"] == ["CMD", "true"], "all are healthy, so that `up --wait` works"
+    assert (
+        services["web"]["healthcheck"]["test"][-1] == "import socket; socket.create_connection(('127.0.0.1', 8080), 1)"
+    )
     assert json.loads(lamp["environment"]["ROBO_NODE"])["parameters"] == {"pin": 3}
     assert lamp["environment"]["ROBO_NAMESPACE"] == "${ROBOT_NAME:-my_robot}"
     assert tracker["depends_on"] == {
@@ -177,6 +181,48 @@ groups:
         "./params.yaml",
         *(str(tmp_path / side / "params.yaml") for side in ("left", "right")),
     ]
+
+
+def test_files_and_folders_of_the_project_come_along(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scripts").mkdir()
+    for file in ("lamp.sh", "driver", "scripts/horn.py"):
+        Path(file).write_text("")
+    Path("mine.yaml").write_text(
+        """
+groups:
+  all:
+    namespace: ${robot_name}
+    nodes:
+      lamp: {run: [sh, "${dir}/lamp.sh", --bright]}
+      driver: {run: ./driver /dev/ttyUSB0}
+      horn: {run: python horn.py, cwd: "${dir}/scripts"}
+      here: {run: python scripts/horn.py, cwd: "${dir}"}
+      other: {run: /usr/bin/env, cwd: /tmp}
+"""
+    )
+    services = exported(capsys, "mine.yaml")["services"]
+    assert services["lamp"]["command"] == ["sh", "/etc/robo/lamp.sh", "--bright"]
+    assert services["lamp"]["configs"] == [{"source": "lamp_sh", "target": "/etc/robo/lamp.sh"}]
+    assert services["driver"]["command"] == ["/etc/robo/driver", "/dev/ttyUSB0"]
+    assert services["horn"]["command"] == ["python", "horn.py"]
+    assert (services["horn"]["working_dir"], services["horn"]["volumes"]) == (
+        "/srv/scripts",
+        ["./scripts:/srv/scripts:ro"],
+    )
+    assert (services["here"]["working_dir"], services["here"]["volumes"]) == ("/srv", [".:/srv:ro"])
+    assert services["other"]["command"] == ["/usr/bin/env"]
+    assert services["other"]["working_dir"] == "/tmp"
+    assert str(tmp_path) not in str(services)
+
+    Path("deploy").mkdir()
+    export_compose(["mine.yaml"], robot=None, output=Path("deploy/docker-compose.yml"))
+    tree = yaml.safe_load(Path("deploy/docker-compose.yml").read_text())
+    assert tree["services"]["router"]["build"]["context"] == ".."
+    assert tree["configs"]["lamp_sh"] == {"file": "../lamp.sh"}
+    assert tree["services"]["horn"]["volumes"] == ["../scripts:/srv/scripts:ro"]
 
 
 def test_the_keeper_speaks_to_the_engine_alone_and_may_be_left_out(capsys: pytest.CaptureFixture[str]) -> None:
