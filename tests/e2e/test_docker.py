@@ -79,7 +79,7 @@ def project(image: str) -> Iterator[Project]:
     try:
         yield made
     finally:
-        made("down", "--timeout", "3", "--volumes", check=False)
+        made("down", "--timeout", "3", "--volumes", "--remove-orphans", check=False)
 
 
 @pytest.fixture
@@ -190,6 +190,13 @@ def test_the_log_of_a_real_robot_is_a_profile(
     position = Inbox(session, "r1_replay/current_position")
     position.wait_for(5)
     close_session(session)
+
+
+def test_a_shell_script_is_a_node_in_a_container(project: Project, tmp_path: Path) -> None:
+    file = tmp_path / "docker-compose.yml"
+    assert run_robo("export", "compose", "examples/other_languages.yaml", "-o", str(file)).returncode == 0
+    project("--file", str(file), "up", "--wait", "--detach", "lamp")
+    assert "lamp of r1 on, robot at tcp/router:7447" in project("--file", str(file), "logs", "lamp")
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in (ROOT / "launch").glob("*.yaml")))
