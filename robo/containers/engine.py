@@ -6,11 +6,10 @@ in its own.
 
 import json
 import socket
-from collections.abc import Iterator, Mapping
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from http.client import HTTPConnection, HTTPException, HTTPResponse
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 import msgspec
@@ -35,8 +34,8 @@ class Event(msgspec.Struct, frozen=True):
     """What it is called in the Compose file."""
     action: str
     """`start`, `kill`, `die`, `destroy`."""
-    signal: int | None = None
-    """Of a `kill`."""
+    signal: str | None = None
+    """The number, of a `kill`."""
 
 
 class Container(msgspec.Struct, frozen=True):
@@ -63,57 +62,75 @@ class Engine:
             "label": [f"{PROJECT}={project}"],
             "event": ["start", "kill", "die", "destroy"],
         }
-        with closing(self._connection(None)) as connection:
-            answer = self._ask(connection, "GET", f"/events?filters={quote(json.dumps(filters))}")
+        with self._asked("GET", f"/events?filters={quote(json.dumps(filters))}", timeout=None) as answer:
             yield None
-            try:
-                for line in answer:
-                    yield _event(json.loads(line))
-            except (OSError, HTTPException, ValueError) as error:  # in the middle of a line, too
-                raise EngineError(f"the engine at {self._path} is gone: {error}") from None
+            for line in answer:
+                told = msgspec.json.decode(line, type=_Told)
+                about = told.actor.attributes
+                yield Event(told.actor.id, about.get(SERVICE, ""), told.action, about.get("signal"))
         raise EngineError(f"the engine at {self._path} has ended")
 
     def container(self, container: str) -> Container | None:
         """A container as it is now, or None if it is gone."""
-        with closing(self._connection(_ANSWERS_WITHIN)) as connection:
-            answer = self._ask(connection, "GET", f"/containers/{container}/json", allowed=(404,))
+        with self._asked("GET", f"/containers/{container}/json", allowed=(404,)) as answer:
             if answer.status == 404:
                 return None
-            found: dict[str, Any] = json.loads(answer.read())
-        state = found["State"]
-        return Container(state["Running"] or state["Restarting"], found["HostConfig"]["RestartPolicy"]["Name"] or "no")
+            found = msgspec.json.decode(answer.read(), type=_Inspected)
+        return Container(found.state.running or found.state.restarting, found.host_config.restart_policy.name or "no")
 
     def start(self, container: str) -> bool:
         """Start a container; False if it runs already, is gone or is being removed."""
-        with closing(self._connection(_ANSWERS_WITHIN)) as connection:
-            return self._ask(connection, "POST", f"/containers/{container}/start", allowed=_NOTHING_TO_DO).status < 300
+        with self._asked("POST", f"/containers/{container}/start", allowed=_NOTHING_TO_DO) as answer:
+            return answer.status not in _NOTHING_TO_DO
 
-    def _connection(self, timeout: float | None) -> HTTPConnection:
-        return _UnixConnection(self._path, timeout)
+    @contextmanager
+    def _asked(
+        self, method: str, url: str, *, allowed: tuple[int, ...] = (), timeout: float | None = _ANSWERS_WITHIN
+    ) -> Iterator[HTTPResponse]:
+        with closing(_UnixConnection(self._path, timeout)) as connection:
+            try:
+                connection.request(method, url)
+                answer = connection.getresponse()
+                if answer.status >= 300 and answer.status not in allowed:
+                    said = answer.read().decode(errors="replace").strip()
+                    raise EngineError(f"the engine at {self._path} refuses {method} {url}: {answer.status} {said}")
+                yield answer
+            except (OSError, HTTPException, msgspec.DecodeError) as error:
+                reason = error.strerror if isinstance(error, OSError) and error.strerror else error
+                advice = "--socket names another, in an exported Compose file DOCKER_SOCKET"
+                raise EngineError(f"the engine at {self._path} does not answer: {reason}; {advice}") from None
 
-    def _ask(self, connection: HTTPConnection, method: str, url: str, allowed: tuple[int, ...] = ()) -> HTTPResponse:
-        try:
-            connection.request(method, url)
-            answer = connection.getresponse()
-            if answer.status < 300 or answer.status in allowed:
-                return answer
-            said = answer.read().decode(errors="replace").strip()
-        except (OSError, HTTPException) as error:
-            reason = error.strerror if isinstance(error, OSError) and error.strerror else error
-            advice = "--socket names another, in an exported Compose file DOCKER_SOCKET"
-            raise EngineError(f"no Docker engine answers at {self._path}: {reason}; {advice}") from None
-        raise EngineError(f"the engine at {self._path} refuses {method} {url}: {answer.status} {said}")
+
+class _Actor(msgspec.Struct, rename={"id": "ID", "attributes": "Attributes"}):
+    id: str
+    attributes: dict[str, str]
 
 
-def _event(told: Mapping[str, Any]) -> Event:
-    attributes = told["Actor"]["Attributes"]
-    number = attributes.get("signal")
-    return Event(
-        told["Actor"]["ID"],
-        attributes.get(SERVICE, attributes.get("name", "")),
-        told["Action"],
-        None if number is None else int(number),
-    )
+class _Told(msgspec.Struct, rename="pascal"):
+    """An event as the engine tells it."""
+
+    action: str
+    actor: _Actor
+
+
+class _State(msgspec.Struct, rename="pascal"):
+    running: bool
+    restarting: bool
+
+
+class _RestartPolicy(msgspec.Struct, rename="pascal"):
+    name: str
+
+
+class _HostConfig(msgspec.Struct, rename="pascal"):
+    restart_policy: _RestartPolicy
+
+
+class _Inspected(msgspec.Struct, rename="pascal"):
+    """A container as the engine describes it."""
+
+    state: _State
+    host_config: _HostConfig
 
 
 class _UnixConnection(HTTPConnection):

@@ -16,6 +16,7 @@ from robo.errors import EngineError
 DELAY = 1.0
 """From a kill to the start, s: who kills the whole project, or removes what he has killed, means it."""
 
+_KILL = str(int(signal.SIGKILL))
 _POLICIES = ("on-failure", "always")
 
 
@@ -23,7 +24,7 @@ class Kills:
     """Tells by the events of containers which of them were killed without having been asked to stop. Pure."""
 
     def __init__(self) -> None:
-        self._signals: dict[str, set[int | None]] = {}
+        self._signals: dict[str, set[str | None]] = {}
 
     def shows(self, event: Event) -> bool:
         """Whether with this event a container has been killed."""
@@ -31,7 +32,7 @@ class Kills:
             self._signals.setdefault(event.container, set()).add(event.signal)
             return False
         signals = self._signals.pop(event.container, set())
-        return event.action == "die" and signals == {int(signal.SIGKILL)}
+        return event.action == "die" and signals == {_KILL}
 
 
 class Keeper:

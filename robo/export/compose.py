@@ -283,11 +283,12 @@ class _Export:
 
     def _brought_word(self, word: str, process: ProcessPlan, files: dict[str, str]) -> str:
         """A word of a command; a file of the project that it names is brought into the container."""
-        if os.path.isabs(word) or process.cwd is None:
+        portable = _portable(word)
+        if portable == word and (os.path.isabs(word) or process.cwd is None):
             path = Path(os.path.abspath(word))
             if path.is_file() and self._within_project(path) is not None:
                 return self._file(path, files)
-        return _portable(word)
+        return portable
 
     def _working_folder(self, folder: str, volumes: dict[str, str]) -> str:
         """Where a process runs: a folder of the project is mounted, another is the container's own."""

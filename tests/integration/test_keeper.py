@@ -138,7 +138,7 @@ def test_a_keeper_without_an_engine_ends_and_says_why(engine: PlayedEngine, tmp_
 
     absent = run_robo("keeper", "--project", "mine", "--socket", str(tmp_path / "nothing.sock"))
     assert absent.returncode == 1
-    assert "nothing.sock: No such file or directory; --socket names another" in absent.stderr
+    assert "nothing.sock does not answer: No such file or directory; --socket names another" in absent.stderr
     a_folder = run_robo("keeper", "--project", "mine", "--socket", str(tmp_path))
     assert a_folder.returncode == 1
     assert "Traceback" not in a_folder.stderr

@@ -188,8 +188,10 @@ def test_files_and_folders_of_the_project_come_along(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scripts").mkdir()
-    for file in ("lamp.sh", "driver", "scripts/horn.py"):
+    (tmp_path / ".venv" / "bin").mkdir(parents=True)
+    for file in ("lamp.sh", "driver", "scripts/horn.py", ".venv/bin/python", ".venv/bin/robo"):
         Path(file).write_text("")
+    monkeypatch.setattr(sys, "executable", str(tmp_path / ".venv" / "bin" / "python"))
     Path("mine.yaml").write_text(
         """
 groups:
@@ -198,6 +200,8 @@ groups:
     nodes:
       lamp: {run: [sh, "${dir}/lamp.sh", --bright]}
       driver: {run: ./driver /dev/ttyUSB0}
+      echo: {run: robo topic echo odom}
+      python: {run: "python -m http.server"}
       horn: {run: python horn.py, cwd: "${dir}/scripts"}
       here: {run: python scripts/horn.py, cwd: "${dir}"}
       other: {run: /usr/bin/env, cwd: /tmp}
@@ -207,6 +211,8 @@ groups:
     assert services["lamp"]["command"] == ["sh", "/etc/robo/lamp.sh", "--bright"]
     assert services["lamp"]["configs"] == [{"source": "lamp_sh", "target": "/etc/robo/lamp.sh"}]
     assert services["driver"]["command"] == ["/etc/robo/driver", "/dev/ttyUSB0"]
+    assert services["echo"]["command"] == ["robo", "topic", "echo", "odom"]
+    assert services["python"]["command"] == ["python", "-m", "http.server"]
     assert services["horn"]["command"] == ["python", "horn.py"]
     assert (services["horn"]["working_dir"], services["horn"]["volumes"]) == (
         "/srv/scripts",
