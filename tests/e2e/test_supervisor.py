@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -310,7 +310,15 @@ def test_readiness_by_port_probe_and_data_and_its_limit(endpoint: str, tmp_path:
         assert ready == ["/r1/server", "/r1/file", "/r1/base", "/r1/last"]
 
 
-def test_commands_from_another_terminal(endpoint: str) -> None:
+@pytest.fixture
+def background(endpoint: str) -> Iterator[str]:
+    """Where robots may run in the background: none of them survives its test, however that ends."""
+    yield endpoint
+    run_robo("down", "--all", "--connect", endpoint)
+
+
+def test_commands_from_another_terminal(background: str) -> None:
+    endpoint = background
     words = ("--robot-name", "r1", "--listen", endpoint)
     started = run_robo("up", "robot.yaml", "tracking", "control", "-d", "--wait", *words)
     assert started.returncode == 0, started.stderr
