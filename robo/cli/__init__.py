@@ -9,7 +9,6 @@ _COLLECT_AFTER = 20_000
 
 def main() -> None:
     """The `robo` command."""
-    gc.set_threshold(_COLLECT_AFTER)
     if sys.argv[1:2] == ["run"]:
         # A node's process carries no command-line library: hand over before one is imported.
         from robo.cli.run import hand_over
@@ -19,6 +18,7 @@ def main() -> None:
         from robo.health import main as check_health  # it runs every few seconds
 
         sys.exit(check_health(sys.argv[2:]))
+    gc.set_threshold(_COLLECT_AFTER)
     from robo.cli.app import app
     from robo.cli.verb import keep_only
 

@@ -29,7 +29,7 @@ def connect_to_robot(reach: Reach) -> zenoh.Session:
     zenoh_config(network)  # an endpoint that is none is told first
     begin = time.monotonic()
     try:
-        if not somebody_listens(network.connect, begin + reach.refused_timeout):
+        if not _somebody_listens(network.connect, begin + reach.refused_timeout):
             raise NetworkError("nobody listens")
         left = max(begin + reach.timeout - time.monotonic(), 0.1)
         return open_session(msgspec.structs.replace(network, timeout=left))
@@ -37,7 +37,7 @@ def connect_to_robot(reach: Reach) -> zenoh.Session:
         raise NetworkError(_nothing_there(network.connect, reach, time.monotonic() - begin)) from None
 
 
-def somebody_listens(endpoints: Sequence[str], end: float) -> bool:
+def _somebody_listens(endpoints: Sequence[str], end: float) -> bool:
     """Whether one of some endpoints may answer: an address that refuses is tried again, and not for long."""
     if any(tcp.address_of(endpoint) is None for endpoint in endpoints):
         return True  # not to be tried without Zenoh
