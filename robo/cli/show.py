@@ -3,6 +3,9 @@
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
+
+import msgspec
 
 from robo.launch.arguments import ROBOT_NAME, ArgumentInfo
 from robo.launch.expression import as_text
@@ -20,6 +23,14 @@ def arguments_text(file: Path, description: str, args: Sequence[ArgumentInfo]) -
         if arg.description:
             lines.append(f"  {'':{width}}  {arg.description}")
     return "\n".join([*lines, "", f"Give them as robo up {file.name} name:=value"])
+
+
+def plan_data(plan: Plan) -> dict[str, Any]:
+    """The plan for programs, with the words that start each process."""
+    data: dict[str, Any] = msgspec.to_builtins(plan)
+    for process, described in zip(plan.processes, data["processes"], strict=True):
+        described["command"] = process.command()
+    return data
 
 
 def plan_text(plan: Plan) -> str:
@@ -46,7 +57,7 @@ def _process_lines(process: ProcessPlan) -> list[str]:
     lines = [f"\n{process.full_name}  ({'; '.join(notes)})"]
     if process.service is not None:
         lines.append(f"  service  {process.service}")
-    lines.append(f"  command  {shlex.join(process.command)}")
+    lines.append(f"  command  {shlex.join(process.command())}")
     if process.cwd:
         lines.append(f"  cwd      {process.cwd}")
     for kind, entries in (("remap", process.remap), ("env", process.env)):

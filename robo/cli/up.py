@@ -94,7 +94,7 @@ def run_up(
         print(faults.as_notes(unheard, "warning"), file=sys.stderr)
     if dry_run:
         if json:
-            print_json(found.plan)
+            print_json(show.plan_data(found.plan))
         else:
             print(show.plan_text(found.plan))
         return 0
@@ -173,11 +173,11 @@ def print_json(value: object) -> None:
 def _missing_programs(found: Resolution, search: str) -> list[Problem]:
     """Commands that are not there: better said before the rest of the robot runs."""
     return [
-        Problem(found.positions[process.full_name], f"{process.full_name}: there is no program {process.command[0]!r}")
+        Problem(found.positions[process.full_name], f"{process.full_name}: there is no program {program!r}")
         for process in found.plan.processes
-        if process.command
-        and shutil.which(
-            str(Path(process.cwd or ".") / process.command[0]) if "/" in process.command[0] else process.command[0],
+        for program in process.command()[:1]
+        if shutil.which(
+            str(Path(process.cwd or ".") / program) if "/" in program else program,
             path=process.env.get("PATH", search),
         )
         is None

@@ -166,11 +166,13 @@ class _Export:
         files: dict[str, str] = {}
         volumes: dict[str, str] = {}
         if process.service is not None:
-            command, prefix = self._node_command(process, files, volumes)
-            if prefix:
-                service["entrypoint"] = ["tini", "-g", "--", *map(shown, prefix), "robo"]
+            command = self._node_command(process, files, volumes)
+            if process.prefix:
+                # By the interpreter, as `robo up` does it: a debugger takes no script.
+                before = (self._brought_word(word, process, files) for word in process.prefix)
+                service["entrypoint"] = ["tini", "-g", "--", *map(shown, before), "python", "-m", "robo"]
         else:
-            command = [self._brought_word(word, process, files) for word in process.command]
+            command = [self._brought_word(word, process, files) for word in process.command()]
             service["entrypoint"] = ["tini", "-g", "--"]
         service["command"] = [shown(word) for word in command]
         service["environment"] = self._environment(process)
@@ -191,13 +193,9 @@ class _Export:
         service["healthcheck"] = self._health(process)
         return service
 
-    def _node_command(
-        self, process: ProcessPlan, files: dict[str, str], volumes: dict[str, str]
-    ) -> tuple[list[str], list[str]]:
-        """The words after `robo`, and those before it."""
+    def _node_command(self, process: ProcessPlan, files: dict[str, str], volumes: dict[str, str]) -> list[str]:
+        """The words after `robo`."""
         assert process.service is not None
-        words = list(process.command)
-        begin = words.index(sys.executable)
         command = ["run", process.service, "--name", process.name]
         command += ["--robot-name", process.namespace] if process.namespace else []
         from_files: dict[str, object] = {}
@@ -210,8 +208,7 @@ class _Export:
                 command += ["-p", f"{name}:={_as_word(value)}"]
         for old, new in process.remap.items():
             command += ["-r", f"{old}:={new}"]
-        # After the service stand its full name, for the list of processes, and the words of the manifest.
-        return command + words[begin + 5 :], words[:begin]
+        return [*command, *process.args]
 
     def _environment(self, process: ProcessPlan) -> dict[str, str]:
         # Clients of the router, not peers with links to each other: Zenoh dials a router again and again when a

@@ -6,7 +6,6 @@ and maps are joined.
 
 import re
 import shlex
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, TypeVar
 
@@ -93,22 +92,14 @@ class Parts:
         saying = [layer for layer in self._layers if layer.node.service is not None or layer.node.run is not None]
         return saying[-1] if saying else None
 
-    def command(self, service: str | None, full_name: str) -> tuple[str, ...]:
-        """The words of the command line."""
+    def run(self) -> tuple[str, ...]:
+        """The words of the command; none for a service."""
         layer = self._program()
-        if service is not None:
-            words = [sys.executable, "-m", "robo.node_process", service, full_name]
-        else:
-            words = self._words((layer.node.run, layer.scope) if layer and layer.node.run else None, "run")
-        return (
-            *self._words(self.last(lambda layer: layer.node.prefix), "prefix"),
-            *words,
-            *self._words(self.last(lambda layer: layer.node.args), "args"),
-        )
+        return tuple(self._words((layer.node.run, layer.scope) if layer and layer.node.run else None, "run"))
 
-    def wrapped(self) -> bool:
-        """Whether there are words before or after what is run."""
-        return any(layer.node.prefix is not None or layer.node.args is not None for layer in self._layers)
+    def words(self, key: Literal["prefix", "args"]) -> tuple[str, ...]:
+        """The words before or after what is run."""
+        return tuple(self._words(self.last(lambda layer: getattr(layer.node, key)), key))
 
     def cwd(self) -> str | None:
         """The folder to run in."""

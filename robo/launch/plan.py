@@ -4,6 +4,7 @@ The plan is plain data: the supervisor obeys it, `robo up --dry-run` shows it, `
 wiring faults in it.
 """
 
+import sys
 from typing import Literal
 
 import msgspec
@@ -88,9 +89,12 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
     """The hosts that it runs on; empty where the manifest does not say."""
     service: str | None
     """The node class; None for a command."""
-    command: tuple[str, ...]
-    wrapped: bool
-    """Whether there are words before or after those that run the service."""
+    run: tuple[str, ...]
+    """The words of a command; empty for a service."""
+    prefix: tuple[str, ...]
+    """The words before what is run: a debugger, `nice`."""
+    args: tuple[str, ...]
+    """The words after it."""
     cwd: str | None
     parameters: dict[str, ParameterValue]
     parameter_files: tuple[str, ...] = ()
@@ -125,9 +129,21 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
         return "/" + names.join(self.namespace, self.name)
 
     @property
+    def module(self) -> tuple[str, ...]:
+        """The words after `python -m` that run a service; its full name is for the list of processes."""
+        assert self.service is not None
+        return ("robo.node_process", self.service, self.full_name, *self.args)
+
+    def command(self, python: str = sys.executable) -> tuple[str, ...]:
+        """The words that start it, a service with this interpreter."""
+        if self.service is None:
+            return (*self.prefix, *self.run, *self.args)
+        return (*self.prefix, python, "-m", *self.module)
+
+    @property
     def plain(self) -> bool:
         """Whether it is a node and nothing else: no words before or after, no folder or environment of its own."""
-        return self.service is not None and not self.wrapped and not self.env and self.cwd is None
+        return self.service is not None and not (self.prefix or self.args or self.env or self.cwd is not None)
 
 
 class TopicPlan(msgspec.Struct, frozen=True, kw_only=True):

@@ -234,6 +234,7 @@ class Member:
             Its exit code.
         """
         plan = self.plan
+        command = plan.command()
         beats = plan.service is not None or plan.ready.when == "node"
         period = min(BEAT_PERIOD, plan.watchdog / 4) if plan.watchdog else BEAT_PERIOD
         self._child = Child(self._on_line, self._on_beat if beats else None, period)
@@ -247,14 +248,14 @@ class Member:
         self.spawning = True
         try:
             await self._child.start(
-                plan.command,
+                command,
                 self._run.environment(plan),
                 cwd=plan.cwd,
                 template=self._run.template if plan.plain else None,
             )
         except OSError as error:
             place = f" in {plan.cwd}" if plan.cwd else ""
-            self._killed_because = f"cannot be started{place}: {error.strerror}: {error.filename or plan.command[0]}"
+            self._killed_because = f"cannot be started{place}: {error.strerror}: {error.filename or command[0]}"
             return self._note_end(CANNOT_START)
         finally:
             self.spawning = False

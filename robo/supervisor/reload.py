@@ -40,7 +40,7 @@ def files_of(plan: Plan | ProcessPlan) -> list[str]:
     if isinstance(plan, Plan):
         sources = [plan.manifest, *(s for p in plan.processes for s in _sources(p))]
         return sorted({match[1] if (match := _POSITION.match(s)) else s for s in sources})
-    given = [value.value for value in plan.parameters.values()] + list(plan.command if plan.service is None else ())
+    given = [value.value for value in plan.parameters.values()] + list(plan.command() if plan.service is None else ())
     folder = plan.cwd or os.getcwd()
     paths = {os.path.join(folder, text) for text in given if isinstance(text, str) and text}
     if plan.service is not None:

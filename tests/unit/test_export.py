@@ -251,3 +251,22 @@ def test_words_that_make_no_sense_are_told() -> None:
         export_compose(["robot.yaml", "fleet.yaml"], robot=None, output=None)
     with pytest.raises(UsageError, match="cannot be written"):
         export_compose(["robot.yaml"], robot=None, output=Path("/nowhere/x.yml"))
+
+
+def test_the_words_before_and_after_a_node_come_along(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = json.dumps([sys.executable, "-X", "importtime"])
+    nodes = f"""
+      a: {{service: robo_services.position_tracker, prefix: {words}, args: [--log-level, debug]}}
+      b: {{run: drive --fast, prefix: nice -n 5, args: [-v]}}
+"""
+    Path("mine.yaml").write_text("groups:\n  all:\n    namespace: r1\n    nodes:" + nodes)
+    services = exported(capsys, "mine.yaml")["services"]
+    a, b = services["a"], services["b"]
+    assert a["entrypoint"] == ["tini", "-g", "--", "python", "-X", "importtime", "python", "-m", "robo"]
+    assert a["command"][:4] == ["run", "robo_services.position_tracker", "--name", "a"]
+    assert a["command"][-2:] == ["--log-level", "debug"]
+    assert b["entrypoint"] == ["tini", "-g", "--"]
+    assert b["command"] == ["nice", "-n", "5", "drive", "--fast", "-v"]

@@ -67,7 +67,7 @@ def test_simulation_yaml_is_the_robot_with_other_values() -> None:
     assert simulation.processes[0].parameters["world"].value == f"{ROOT}/config/hall.yaml"
     assert simulation.processes[-1].parameters["linear_velocity"].value == 0.4
     viewer = by_name(shipped("simulation.yaml", viewer="rates"))["/r1/rates"]
-    assert viewer.command == ("robo", "topic", "hz", "r1/*")
+    assert viewer.command() == ("robo", "topic", "hz", "r1/*")
 
 
 def test_real_robot_yaml_drives_slower_and_needs_its_safety_monitor() -> None:
@@ -205,11 +205,11 @@ groups:
 """
     )
     found = by_name(load("include: deep/inner.yaml"))
-    assert found["/a"].command == (
+    assert found["/a"].command() == (
         "prog", f"{tmp_path}/deep", f"{tmp_path}/deep/inner.yaml", str(tmp_path),
         str(ROOT / "robo" / "share" / "launch"), "/dev/ttyUSB3", "a b",
     )  # fmt: skip
-    _, first, again, other = found["/b"].command
+    _, first, again, other = found["/b"].command()
     assert first == again
     assert first.startswith("tool_")
     assert first.removeprefix("tool_") != other.removeprefix("other_")
@@ -330,7 +330,7 @@ def test_an_override_may_replace_a_service_by_a_command() -> None:
     Path("inner.yaml").write_text("groups: {g: {nodes: {a: {service: robo_services.position_tracker}}}}")
     (process,) = load("include: {file: inner.yaml, override: {a: {run: sleep 1}}}").processes
     assert process.service is None
-    assert process.command == ("sleep", "1")
+    assert process.command() == ("sleep", "1")
 
 
 def test_replicas_count_and_for_each_names() -> None:
@@ -406,7 +406,7 @@ groups:
       b: {run: prepare, restart: never, log: both, stop: TERM}
 """
     a, b = load(text).processes
-    assert a.command == ("nice", "-n", "5", "driver", "--port", "/dev/tty 1", "my_robot", "-v", "3")
+    assert a.command() == ("nice", "-n", "5", "driver", "--port", "/dev/tty 1", "my_robot", "-v", "3")
     assert a.cwd == f"{os.getcwd()}/work"
     assert a.needs == {"/b": "completed"}
     assert (a.ready.when, a.ready.log) == ("started", r"listening on \d+")
