@@ -70,17 +70,46 @@ def resolve(name: str, *, namespace: str, node: str, remappings: Mapping[str, st
 
 
 def key_of(name: str) -> str:
-    """The key expression that somebody means who types a topic's full name, with or without its `/`.
+    """The key expression that somebody means who types a topic's full name, with or without its outer slashes.
 
-    Wildcards are allowed.
+    `*` stands for one part and `**` for any number of parts. Beside letters `*` stands for any others within a
+    part: `r*/odom`, which Zenoh writes `r$*/odom`.
 
     Raises:
         InvalidName: the name is empty or no valid key expression.
     """
-    key = name.strip("/")
-    if not key or "//" in key or any(c in key for c in "#?$ ") or "~" in key:
-        raise InvalidName(f"topic {name!r}: write its full name, for example r1/odom or r1/*")
-    return key
+    chunks: list[str] = []
+    for part in name.strip("/").split("/"):
+        chunk = part.replace("$*", "*")
+        wrong = _fault_of_key_chunk(chunk)
+        if wrong:
+            raise InvalidName(f"name {name!r} {wrong}; write a full name, for example r1/odom, 'r*/odom' or 'r1/**'")
+        if chunk in _WILD:
+            if chunk == "*" and chunks[-1:] == ["**"]:
+                chunks.insert(-1, chunk)  # Zenoh knows `**/*` only as `*/**`
+            elif chunks[-1:] != ["**"]:
+                chunks.append(chunk)
+        else:
+            chunks.append(chunk.replace("*", "$*"))
+    return "/".join(chunks)
+
+
+def shown_key(key: str) -> str:
+    """A key expression as somebody would type it."""
+    return key.replace("$*", "*")
+
+
+_WILD = ("*", "**")
+
+
+def _fault_of_key_chunk(chunk: str) -> str:
+    """What is wrong with a part of a key expression, after `the name …`; empty where it is fine."""
+    if not chunk:
+        return "has an empty part"
+    if "**" in chunk and chunk not in _WILD:
+        return f"has ** within the part {chunk!r}: it stands alone between slashes"
+    bad = next((c for c in chunk if c in "#?$~ " or not c.isprintable()), None)
+    return "" if bad is None else f"holds {bad!r}"
 
 
 def _expand(name: str, namespace: str, node: str) -> str:

@@ -89,7 +89,8 @@ def _live(ctx: typer.Context, incomplete: str, find: "Callable[[zenoh.Session], 
     from robo.errors import RoboError
 
     given: dict[str, Any] = ctx.params
-    reach = Reach(tuple(given.get("connect") or ()), given.get("robot_name"), TIMEOUT)
-    with suppress(RoboError), connect_to_robot(reach) as session:
-        return sorted(name for name in find(session) if name.startswith(incomplete))
+    with suppress(RoboError):
+        reach = Reach.of(given.get("connect") or (), given.get("robot_name"), TIMEOUT)
+        with connect_to_robot(reach) as session:
+            return sorted(name for name in find(session) if name.startswith(incomplete))
     return []

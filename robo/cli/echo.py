@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from robo.cli.connection import connect_to_robot, hint, note, to_json
 from robo.cli.reach import Reach
 from robo.errors import UsageError
+from robo.names import shown_key
 from robo.suggestions import suggest
 from robo.tools import topics
 from robo.tools.fields import Field, Filter, Missing, cell, flattened, truncated
@@ -68,7 +69,7 @@ def _tell_what_is_missing(keys: Sequence[str], there: Sequence[str]) -> None:
     for key in absent:
         note(f"waiting for {key}: nobody publishes it so far; {suggest(key, there)}")
     if not absent:
-        hint(f"waiting for {', '.join(keys)} …")
+        hint(f"waiting for {', '.join(map(shown_key, keys))} …")
 
 
 class _Printer:

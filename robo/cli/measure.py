@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from robo.cli.connection import connect_to_robot, data_size, hint, note, print_json, print_line
 from robo.cli.reach import Reach
+from robo.names import shown_key
 from robo.tools import topics
 from robo.tools.meters import Bandwidth, Delay, Loss, Measure, Meter, Rate, Window
 from robo.tools.stream import Stream
@@ -28,7 +29,7 @@ def print_figures(
     with connect_to_robot(reach) as session:
         publishers = {topic.key: len(topic.publishers) for topic in topics.list_topics(session, reach.timeout)}
         stream = Stream(session, keys)
-        hint(f"waiting for {', '.join(keys)} …")
+        hint(f"waiting for {', '.join(map(shown_key, keys))} …")
         measuring = _Measuring(measure, publishers, json=json)
         end = time.monotonic() + duration if duration is not None else None
         due = time.monotonic() + window

@@ -29,11 +29,9 @@ def plot(name: str, fields: Sequence[str], reach: Reach, *, window: float, durat
     """Draw until Ctrl-C or until the time is over; once, where the output is no terminal.
 
     Raises:
-        UsageError: the topic has no such field, or no number in it.
+        UsageError: many topics are named, or the one has no such field, or no number in it.
     """
-    key = reach.key(name)
-    if "*" in key:
-        raise UsageError(f"{key} names many topics: plot one")
+    key = reach.one_key(name, "plot")
     curves = _Curves(key, [Field(path) for path in fields])
     live = sys.stdout.isatty()
     with connect_to_robot(reach) as session:

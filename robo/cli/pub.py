@@ -9,7 +9,7 @@ import zenoh
 import robo_messages
 from robo.cli.connection import amount, connect_to_robot, hint, note
 from robo.cli.reach import Reach
-from robo.errors import MessageError, UsageError
+from robo.errors import MessageError
 from robo.tools import interfaces, topics
 from robo.tools.message_input import message_of
 from robo.tools.publishing import Line, Sender, flush, line_of
@@ -27,7 +27,7 @@ def publish(
     """
     message = _message(type_name, text)
     stamped = "now" in text or "auto" in text
-    expression = _one_topic(reach.key(key))
+    expression = reach.one_key(key, "publish on")
     with connect_to_robot(reach) as session:
         if not force:
             topics.check_type(session, expression, type_name, reach.timeout)
@@ -70,7 +70,7 @@ def publish_lines(
     """
     if type_name is not None:
         _type(type_name)  # a mistake in it is told before anything is read
-    target = _one_topic(reach.key(key)) if key is not None else None
+    target = reach.one_key(key, "publish on") if key is not None else None
     with connect_to_robot(reach) as session:
         lines = _Lines(session, wait=wait, check_timeout=None if force else reach.timeout)
         mistakes = 0
@@ -105,7 +105,7 @@ class _Lines:
         if sender is None:
             if self._check_timeout is not None and line.type:
                 topics.check_type(self._session, line.key, line.type, self._check_timeout)
-            sender = self._senders[line.key] = Sender(self._session, _one_topic(line.key), line.type)
+            sender = self._senders[line.key] = Sender(self._session, line.key, line.type)
             if self._wait:
                 hint(f"waiting for a subscriber of {line.key} …")
                 sender.wait_for_subscriber()
@@ -169,9 +169,3 @@ def _type(name: str) -> type[Message]:
         return interfaces.find(name)
     except robo_messages.UnknownType as error:
         raise MessageError(error.args[0]) from None
-
-
-def _one_topic(key: str) -> str:
-    if "*" in key:
-        raise UsageError(f"{key} names many topics: publish on one")
-    return key

@@ -1,8 +1,10 @@
 """Which network, which robot, how long: what every verb that looks at running robots is told."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from robo import names
+from robo.errors import UsageError
 
 ANSWER_TIMEOUT = 2.0
 """How long to wait for what is there, s: a machine may be busy."""
@@ -16,9 +18,22 @@ class Reach(NamedTuple):
     connect: tuple[str, ...] = ()
     """Zenoh endpoints to dial; by default ROBO_CONNECT, else where robots on this machine meet."""
     robot: str | None = None
-    """Only this robot; all where none is named."""
+    """The namespace of the only robot that is meant; None for all."""
     given_timeout: float | None = None
     """How long to wait for the network and for an answer, s, if somebody said so."""
+
+    @classmethod
+    def of(cls, connect: Sequence[str], robot: str | None, timeout: float | None) -> "Reach":
+        """What the options say.
+
+        Raises:
+            InvalidName: the robot's name breaks the rules.
+            UsageError: it is empty.
+        """
+        namespace = names.normalize_namespace(robot) if robot is not None else None
+        if namespace == "":
+            raise UsageError(f"--robot-name {robot!r} names no robot; write it as in `robo up --robot-name r1`")
+        return cls(tuple(connect), namespace, timeout)
 
     @property
     def timeout(self) -> float:
@@ -33,7 +48,7 @@ class Reach(NamedTuple):
     @property
     def namespace(self) -> str:
         """The named robot's namespace; empty where all are meant."""
-        return "" if self.robot is None else names.normalize_namespace(self.robot)
+        return self.robot or ""
 
     def covers(self, key: str) -> bool:
         """Whether a full name or key belongs to the robot that is named."""
@@ -46,6 +61,20 @@ class Reach(NamedTuple):
             InvalidName: it is no name.
         """
         key = names.key_of(name)
-        if name.startswith("/") or self.covers(key):
-            return key
-        return names.join(self.namespace, key)
+        return key if name.startswith("/") or self.covers(key) else names.join(self.namespace, key)
+
+    def one_key(self, name: str, verb: str) -> str:
+        """The key of a topic that has to be a single one.
+
+        Args:
+            name: what somebody typed.
+            verb: what is to be done with it, for the message: `plot`.
+
+        Raises:
+            InvalidName: it is no name.
+            UsageError: it names many.
+        """
+        key = self.key(name)
+        if "*" in key:
+            raise UsageError(f"{names.shown_key(key)} names many topics: {verb} one")
+        return key

@@ -11,6 +11,7 @@ from robo import codec, services
 from robo.cli.connection import connect_to_robot, print_json, print_line, print_table
 from robo.cli.reach import Reach
 from robo.errors import ServiceTimeout, UsageError
+from robo.names import shown_key
 from robo.parameters import parse_value
 from robo.suggestions import suggest
 from robo.tools import interfaces, nodes
@@ -34,14 +35,16 @@ def print_services(reach: Reach, *, json: bool) -> None:
 
 def print_type(name: str, reach: Reach) -> None:
     """Print the type of a service."""
+    wanted = reach.key(name)
     with connect_to_robot(reach) as session:
-        print_line(_find(session, name, reach).type)
+        print_line(_find(session, wanted, reach).type)
 
 
 def print_info(name: str, reach: Reach, *, json: bool) -> None:
     """Print who serves a service, and what it takes and returns."""
+    wanted = reach.key(name)
     with connect_to_robot(reach) as session:
-        found = _find(session, name, reach)
+        found = _find(session, wanted, reach)
     halves = dict(zip(("request", "response"), robo_messages.halves_of(found.type), strict=True))
     if json:
         print_json({"key": found.key, "type": found.type, "servers": found.servers, **halves})
@@ -60,8 +63,9 @@ def call(name: str, request: str | None, reach: Reach, *, timeout: float, json: 
         MessageError: it is not one of the service's type.
         ServiceError: the service refuses, or nobody answers.
     """
+    wanted = reach.key(name)
     with connect_to_robot(reach) as session:
-        found = _find(session, name, reach)
+        found = _find(session, wanted, reach)
         asked, _ = robo_messages.halves_of(found.type)
         attachment = codec.pack_attachment(1, time.time_ns())
         payload = _request(asked, request)
@@ -97,9 +101,8 @@ def _shape(type_name: str) -> str:
     return f"{type_name} {{{', '.join(f'{name}: {kind}' for name, kind in fields.items())}}}"
 
 
-def _find(session: zenoh.Session, name: str, reach: Reach) -> ServiceInfo:
-    wanted = reach.key(name)
+def _find(session: zenoh.Session, wanted: str, reach: Reach) -> ServiceInfo:
     found = {one.key: one for one in nodes.list_services(session, reach.timeout)}
     if wanted in found:
         return found[wanted]
-    raise ServiceTimeout(f"nobody serves {wanted}; {suggest(wanted, found)}")
+    raise ServiceTimeout(f"nobody serves {shown_key(wanted)}; {suggest(wanted, found)}")

@@ -62,8 +62,9 @@ def print_info(name: str, reach: Reach, *, json: bool) -> None:
     Raises:
         TopicNotFound: nobody has it.
     """
+    key = reach.one_key(name, "look at")
     with connect_to_robot(reach) as session:
-        info = topics.topic_info(session, reach.key(name), reach.timeout)
+        info = topics.topic_info(session, key, reach.timeout)
     if json:
         print_json(info)
         return
@@ -87,8 +88,9 @@ def print_type(name: str, reach: Reach, *, json: bool) -> None:
     Raises:
         TopicNotFound: nobody has it.
     """
+    key = reach.one_key(name, "look at")
     with connect_to_robot(reach) as session:
-        topic = topics.find_topic(topics.list_topics(session, reach.timeout), reach.key(name))
+        topic = topics.find_topic(topics.list_topics(session, reach.timeout), key)
     if json:
         print_json({"key": topic.key, "types": topic.types})
         return

@@ -16,7 +16,7 @@ from typer.main import get_group
 
 from robo.cli import completion
 from robo.cli.reach import Reach
-from robo.errors import ManifestError, RoboError, UsageError
+from robo.errors import InvalidName, ManifestError, RoboError, UsageError
 
 F = TypeVar("F", bound=Callable[..., int | None])
 
@@ -171,12 +171,12 @@ def verb(parent: typer.Typer, name: str, *examples: str, **settings: Any) -> Cal
 
         @functools.wraps(function)
         def run(**options: Any) -> None:
-            if reaches:
-                given = {key: options.pop(key) for key in shared}
-                options["reach"] = Reach(
-                    tuple(given.get("connect") or ()), given.get("robot_name"), given.get("timeout")
-                )
+            given = {key: options.pop(key) for key in shared}
             with errors():
+                if reaches:
+                    options["reach"] = Reach.of(
+                        given.get("connect") or (), given.get("robot_name"), given.get("timeout")
+                    )
                 code = function(**options)
             raise typer.Exit(code or 0)
 
@@ -202,7 +202,7 @@ def errors() -> Iterator[None]:
         yield
     except RoboError as error:
         typer.echo(_described(error), err=True)
-        raise typer.Exit(2 if isinstance(error, UsageError) else 1) from None
+        raise typer.Exit(2 if isinstance(error, (UsageError, InvalidName)) else 1) from None
     except KeyboardInterrupt:
         raise typer.Exit(130) from None
     except BrokenPipeError:

@@ -41,7 +41,8 @@ class Sender:
             key, encoding=encoding, congestion_control=zenoh.CongestionControl.BLOCK
         )
         namespace, _, _ = key.rpartition("/")
-        token = EndpointToken(namespace, f"topic_pub_{os.getpid()}", "pub", type_name, DEFAULT_DEPTH, key)
+        name = f"topic_pub_{os.getpid()}"
+        token = EndpointToken(namespace, name, "pub", type_name if _is_key(type_name) else "", DEFAULT_DEPTH, key)
         self._token = session.liveliness().declare_token(token.key())
         self._number = 0
         self._sent: deque[tuple[int, int | None]] = deque(maxlen=_REMEMBERED)
@@ -107,6 +108,14 @@ def line_of(text: str, key: str | None, type_name: str | None) -> Line:
     return Line(key, type_name, payload_of(type_name, data), f"{codec.MSGPACK};{type_name}", None)
 
 
+def _is_key(text: str) -> bool:
+    """Whether a text is a key that a message can have."""
+    try:
+        return "*" not in text and bool(zenoh.KeyExpr(text))
+    except zenoh.ZError:
+        return False
+
+
 def _line_of_record(data: dict[str, object], key: str | None, type_name: str | None) -> Line:
     try:
         record = msgspec.convert(data, Record)
@@ -116,6 +125,8 @@ def _line_of_record(data: dict[str, object], key: str | None, type_name: str | N
         raise MessageError(f"{record.key} is a {record.type}, not a {type_name}")
     if type_name is not None and not record.type:
         record = msgspec.structs.replace(record, type=type_name)
+    if key is None and not _is_key(record.key):
+        raise MessageError(f"{record.key!r} is no key of a topic")
     payload, encoding = sample_of(record)
     origin = (record.time, record.sequence_number)
     return Line(key if key is not None else record.key, record.type, payload, encoding, origin)

@@ -108,6 +108,25 @@ def test_echo_selects_filters_and_ends(robot: str) -> None:
     assert "pose has no field 'pos'; did you mean pose?" in mistake.stderr
 
 
+def test_a_star_stands_for_letters_too(robot: str) -> None:
+    for pattern in ("r*/odom", "*1/o*m", "**/odom", "r$*/odom"):
+        found = lines(ask(robot, "topic", "echo", pattern, "--once", "--json"))
+        assert [one["key"] for one in found] == ["r1/odom"]
+    assert lines(ask(robot, "topic", "hz", "r*/odom", "--count", "1", "--json"))[0]["key"] == "r1/odom"
+
+
+def test_a_line_with_a_key_that_is_none_is_told(robot: str) -> None:
+    record = '{{"key": "{}", "type": "{}", "time": 1, "sequence_number": 1, "message": {{"data": true}}}}\n'
+    result = subprocess.run(
+        [sys.executable, "-m", "robo", "topic", "pub", "-", "--connect", robot],
+        input=record.format("a//b", "std/Bool") + record.format("q9/*", "std/Bool") + record.format("q9/x", "odd#?"),
+        capture_output=True, text=True, timeout=30, check=False,
+    )  # fmt: skip
+    assert (result.returncode, result.stderr.splitlines()) == (
+        1, ["<stdin>:1: 'a//b' is no key of a topic", "<stdin>:2: 'q9/*' is no key of a topic"]
+    )  # fmt: skip
+
+
 def test_echo_of_everything_tells_every_message(robot: str, client: zenoh.Session) -> None:
     shipped = [name for name in robo_messages.type_names() if not name.startswith("test")]
     with robo("topic", "echo", "**", "--json", "--connect", robot) as echo:

@@ -1,4 +1,7 @@
+import re
+
 import pytest
+import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -61,10 +64,44 @@ def test_a_relative_name_is_its_absolute_one(ns: str, node: str, topic: str) -> 
 
 def test_keys_that_people_type() -> None:
     assert names.key_of("/r1/odom") == "r1/odom"
-    assert names.key_of("r*/odom") == "r*/odom"
-    for bad in ("", "a//b", "~/x", "a b"):
-        with pytest.raises(InvalidName):
-            names.key_of(bad)
+    assert names.key_of("/r1/odom/") == "r1/odom"
+    assert names.key_of("r*/odom") == "r$*/odom"
+    assert names.key_of("r$*/odom") == "r$*/odom"
+    assert names.key_of("*/odom") == "*/odom"
+    assert names.key_of("**/*") == "*/**"
+    assert names.key_of("**/**/x/**") == "**/x/**"
+    assert names.shown_key("r$*/odom") == "r*/odom"
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("", "has an empty part"),
+        ("/", "has an empty part"),
+        ("a//b", "has an empty part"),
+        ("a/**b", "has ** within the part '**b'"),
+        ("a/***", "has ** within the part '***'"),
+        ("#", "holds '#'"),
+        ("a?", "holds '?'"),
+        ("$", "holds '$'"),
+        ("r$/x", "holds '$'"),
+        ("~/x", "holds '~'"),
+        ("a b", "holds ' '"),
+        ("a\x1b]0;x\x07", "holds '\\x1b'"),
+    ],
+)
+def test_what_is_no_key_is_told_in_a_sentence(name: str, said: str) -> None:
+    with pytest.raises(InvalidName, match=re.escape(said)):
+        names.key_of(name)
+
+
+@given(st.text("ab*$/#?@ ~é", max_size=12))
+def test_zenoh_takes_every_key_that_is_let_through(name: str) -> None:
+    try:
+        key = names.key_of(name)
+    except InvalidName:
+        return
+    assert str(zenoh.KeyExpr(key)) == key
 
 
 @given(namespace, chunk, st.sampled_from(["pub", "sub"]), namespace.filter(bool), st.integers(0, 10**6))
