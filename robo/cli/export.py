@@ -18,14 +18,14 @@ from robo.launch.substitution import Word
 ROBOT_VARIABLE = "ROBOT_NAME"
 
 
-def export_compose(words: Sequence[str], *, robot: str | None, output: Path | None, keeper: bool = True) -> None:
+def export_compose(words: Sequence[str], *, robot: str | None, output: Path | None, keeper: bool = False) -> None:
     """Print the Compose file of a manifest, or write it.
 
     Args:
         words: the manifest, and its arguments.
         robot: its name, if it is not to be a variable.
         output: where to write it.
-        keeper: with a container that starts others again.
+        keeper: with a profile for the container that starts killed ones again.
 
     Raises:
         ManifestError: the manifest has mistakes.
@@ -43,7 +43,7 @@ def export_compose(words: Sequence[str], *, robot: str | None, output: Path | No
         base = _resolved(file, given, robot)
         more = _profiles(file, given, robot, base)
     folder = output.parent if output is not None else Path.cwd()
-    made_by = " ".join(["robo export compose", *words, *([] if keeper else ["--no-keeper"])])
+    made_by = " ".join(["robo export compose", *words, *(["--keeper"] if keeper else [])])
     text = compose.export(base.plan, more, names, folder=folder, made_by=made_by, keeper=keeper)
     if output is None:
         sys.stdout.write(text)

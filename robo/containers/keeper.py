@@ -1,8 +1,9 @@
 """Containers that are killed by hand come back by their restart policy, as if they had crashed.
 
 An engine takes a SIGKILL that it delivers itself (`docker kill`, `docker compose kill`) for a wish that the
-container stay down, whatever its policy says. The keeper of a Compose project sees it and starts the container
-again. What was asked to stop (`stop`, `down`, `restart`, `rm`: the engine sends another signal first) stays stopped.
+container stay down, whatever its policy says. So it is, unless somebody asks for a keeper of his Compose project:
+it sees the kill and starts the container again. What was asked to stop (`stop`, `down`, `restart`, `rm`: the engine
+sends another signal first) stays stopped.
 """
 
 import signal

@@ -1,4 +1,4 @@
-"""A plan as a Compose file: a router for each robot, a container for each process, a keeper for all. Pure.
+"""A plan as a Compose file: a router for each robot, a container for each process, a keeper on request. Pure.
 
 What is left out, because Compose has no word for it: `required`, promises about topics, and what tells of readiness
 beside a node's own token, a port or a probe.
@@ -52,6 +52,9 @@ _COMMON: dict[str, Any] = {
 _KEEPER = "keeper"
 _KEEPS = "/tmp/keeps"
 """There while the keeper watches."""
+_ABOUT_THE_KEEPER = """\
+  # Only with --profile {profile}: starts again what was killed by hand. It holds the engine's socket, and whoever
+  # holds that is root on the host."""
 _HEALTH = {"interval": "5s", "timeout": "3s", "start_period": "10s", "retries": 3}
 _USUAL = {"<<": "*health"}
 """Takes in what stands at `x-health`."""
@@ -64,7 +67,7 @@ def export(
     *,
     folder: Path,
     made_by: str,
-    keeper: bool = True,
+    keeper: bool = False,
 ) -> str:
     """The text of a Compose file.
 
@@ -74,14 +77,20 @@ def export(
         names: words in the plan that stand for variables.
         folder: where the file will stand; paths in it are relative to it.
         made_by: the command that makes it, for its first line.
-        keeper: with a container that starts the others again when somebody kills them by hand.
+        keeper: with a profile for a container that starts the others again when somebody kills them by hand.
     """
-    return _Export(plan, more, names, folder).text(made_by, keeper=keeper)
+    return _Export(plan, more, names, folder, keeper=keeper).text(made_by)
 
 
 class _Export:
     def __init__(
-        self, plan: Plan, more: Mapping[str, Sequence[ProcessPlan]], names: Placeholders, folder: Path
+        self,
+        plan: Plan,
+        more: Mapping[str, Sequence[ProcessPlan]],
+        names: Placeholders,
+        folder: Path,
+        *,
+        keeper: bool,
     ) -> None:
         self._plan = plan
         self._names = names
@@ -98,30 +107,29 @@ class _Export:
             self._robots[plan.robot] = None
         self._first = next(iter(self._robots))
         # Robots by their routers, processes by their full names; no two services are called alike.
-        taken = {_KEEPER}
+        taken = {_KEEPER} if keeper else set()
+        self._keeper_profile = _take(_KEEPER, set(more)) if keeper else None
         self._routers = {robot: _take(f"{self._prefix(robot)}router", taken) for robot in self._robots}
         self._services = {
             process.full_name: _take(f"{self._prefix(_robot_of(process))}{_slug(self._inner_name(process))}", taken)
             for process in self._processes
         }
 
-    def text(self, made_by: str, *, keeper: bool) -> str:
+    def text(self, made_by: str) -> str:
         services: dict[str, dict[str, Any]] = {}
         for robot, profile in self._robots.items():
             services[self._routers[robot]] = self._router_service(robot, profile)
         for process in self._processes:
             services[self._services[process.full_name]] = self._service(process)
-        if keeper:
-            services[_KEEPER] = _keeper_service()
+        if self._keeper_profile is not None:
+            services[_KEEPER] = _keeper_service(self._keeper_profile)
         about = self._plan.description or self._plan.manifest
         lines = [*(f"# {line}".rstrip() for line in about.splitlines()), f"# Made by: {made_by}", ""]
         lines += [_block({"x-robo": _COMMON}, anchor="&robo"), _block({"x-health": _HEALTH}, anchor="&health")]
         lines.append("services:")
         for name, service in services.items():
-            if name == _KEEPER:
-                lines.append(
-                    "  # Starts again what was killed by hand. It has the engine's socket: --no-keeper exports without."
-                )
+            if name == _KEEPER and self._keeper_profile is not None:
+                lines.append(_ABOUT_THE_KEEPER.format(profile=self._keeper_profile))
             lines.append(f"  {name}:\n    <<: *robo\n{_indented(_dumped(service), 4)}")
         lines.append("networks:\n  robot: {}\n")
         if self._configs:
@@ -326,9 +334,10 @@ class _Export:
         return value
 
 
-def _keeper_service() -> dict[str, Any]:
+def _keeper_service(profile: str) -> dict[str, Any]:
     """Root within its container, because the engine's socket is root's; nothing on a network can speak to it."""
     return {
+        "profiles": [profile],
         "networks": {},
         "network_mode": "none",
         "user": "root",

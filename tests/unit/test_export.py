@@ -20,8 +20,10 @@ SHIPPED = sorted(path.name for path in (ROOT / "launch").glob("*.yaml"))
 GIVEN = {"replay.yaml": ["log:=config/room.yaml"]}
 
 
-def exported(capsys: pytest.CaptureFixture[str], *words: str, robot: str | None = None) -> dict[str, Any]:
-    export_compose(words, robot=robot, output=None)
+def exported(
+    capsys: pytest.CaptureFixture[str], *words: str, robot: str | None = None, keeper: bool = False
+) -> dict[str, Any]:
+    export_compose(words, robot=robot, output=None, keeper=keeper)
     tree: dict[str, Any] = yaml.safe_load(capsys.readouterr().out)
     return tree
 
@@ -33,7 +35,7 @@ def _in_the_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_shipped_compose_file_is_what_is_exported(capsys: pytest.CaptureFixture[str]) -> None:
-    export_compose(["launch/docker.yaml"], robot=None, output=None)
+    export_compose(["launch/docker.yaml"], robot=None, output=None, keeper=True)
     assert capsys.readouterr().out == (ROOT / "docker-compose.yml").read_text()
 
 
@@ -117,7 +119,7 @@ groups:
 """
     )
     services = exported(capsys, "mine.yaml")["services"]
-    assert set(services) == {"router", "base", "lamp", "web", "position_tracker", "echo", "keeper"}
+    assert set(services) == {"router", "base", "lamp", "web", "position_tracker", "echo"}
     base, lamp, tracker, echo = (services[name] for name in ("base", "lamp", "position_tracker", "echo"))
     assert base["command"][-1] == "$$PORT", "a dollar that is the command's own stays one"
     assert base["environment"]["PORT"] == "${PORT:-/dev/ttyUSB0}"
@@ -172,8 +174,11 @@ groups:
     )
     tree = exported(capsys, "mine.yaml")
     assert set(tree["services"]) == {
-        *("router", "router_2", "keeper", "keeper_2", "arm_router", "arm_router_2", "position_tracker")
+        *("router", "router_2", "keeper", "arm_router", "arm_router_2", "position_tracker")
     }
+    with_keeper = exported(capsys, "mine.yaml", keeper=True)["services"]
+    assert set(with_keeper) == {*tree["services"], "keeper_2"}
+    assert with_keeper["keeper"]["command"][0] == "keeper", "the name belongs to the one that robo brings"
     tracker = tree["services"]["position_tracker"]
     places = {config["target"]: tree["configs"][config["source"]]["file"] for config in tracker["configs"]}
     told = [word for word in tracker["command"] if word.endswith(".yaml")]
@@ -231,13 +236,36 @@ groups:
     assert tree["services"]["horn"]["volumes"] == ["../scripts:/srv/scripts:ro"]
 
 
-def test_the_keeper_speaks_to_the_engine_alone_and_may_be_left_out(capsys: pytest.CaptureFixture[str]) -> None:
-    keeper = exported(capsys, "robot.yaml")["services"]["keeper"]
-    assert (keeper["network_mode"], keeper["networks"], keeper["cap_drop"]) == ("none", {}, ["ALL"])
-    export_compose(["robot.yaml"], robot=None, output=None, keeper=False)
+@pytest.mark.parametrize("name", SHIPPED)
+def test_no_container_holds_the_engines_socket_unasked(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    export_compose([name, *GIVEN.get(name, ())], robot=None, output=None)
+    assert "docker.sock" not in capsys.readouterr().out
+    shipped = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
+    assert [name for name, service in shipped.items() if "docker.sock" in str(service)] == ["keeper"]
+    assert shipped["keeper"]["profiles"] == ["keeper"]
+
+
+def test_a_keeper_is_a_profile_and_speaks_to_the_engine_alone(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    export_compose(["robot.yaml"], robot=None, output=None, keeper=True)
     text = capsys.readouterr().out
-    assert "docker.sock" not in text
-    assert "robo export compose robot.yaml --no-keeper\n" in text
+    keeper = yaml.safe_load(text)["services"]["keeper"]
+    assert (keeper["network_mode"], keeper["networks"], keeper["cap_drop"]) == ("none", {}, ["ALL"])
+    assert keeper["profiles"] == ["keeper"]
+    assert "robo export compose robot.yaml --keeper\n" in text
+
+    manifest = tmp_path / "mine.yaml"
+    manifest.write_text(
+        """
+args: {keeper: {default: false}}
+groups:
+  all: {namespace: "${robot_name}", if: "${keeper}", nodes: {goal: {run: "sleep inf"}}}
+"""
+    )
+    services = exported(capsys, str(manifest), keeper=True)["services"]
+    assert services["goal"]["profiles"] == ["keeper"]
+    assert services["keeper"]["profiles"] == ["keeper_2"], "whoever wants a goal keeper gets no other"
 
 
 def test_the_robots_name_may_be_fixed(capsys: pytest.CaptureFixture[str]) -> None:

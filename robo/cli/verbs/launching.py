@@ -173,19 +173,19 @@ def export_compose(
     ] = None,
     robot_name: RobotName = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write it there.")] = None,
-    no_keeper: Annotated[
-        bool, typer.Option("--no-keeper", help="Without the container that starts killed ones again.")
+    keeper: Annotated[
+        bool, typer.Option("--keeper", help="With a profile `keeper`: a container that starts killed ones again.")
     ] = False,
 ) -> None:
     """Write a manifest as a Compose file: a router for each robot, a container for each process.
 
     The robot's name becomes ${ROBOT_NAME}, unless --robot-name says it; ${env:NAME} becomes ${NAME}. An argument
-    that is false by default, and starts more processes when it is true, becomes a profile. See `robo keeper --help`
-    for the keeper, which has the engine's socket.
+    that is false by default, and starts more processes when it is true, becomes a profile. No container holds the
+    engine's socket, unless --keeper asks for a profile with one that does: see `robo keeper --help`.
     """
     from robo.cli.export import export_compose as write
 
-    write(words or [], robot=robot_name, output=output, keeper=not no_keeper)
+    write(words or [], robot=robot_name, output=output, keeper=keeper)
 
 
 @verb(
@@ -237,8 +237,9 @@ def keeper(
     """Start containers of a Compose project again that were killed by hand, until Ctrl-C.
 
     An engine starts what crashes again by its restart policy, but not what `docker kill` or `docker compose kill`
-    ended. The keeper does, a second later, where the policy is on-failure or always; what was stopped stays stopped.
-    It needs the engine's socket, and who has that has the machine: so it listens to nobody but the engine.
+    ended: that is obeyed. Where killing nodes is to be a test of the robot, the keeper starts them, a second later,
+    if the policy is on-failure or always; what was stopped stays stopped. It needs the engine's socket, and whoever
+    holds that is root on the host: so no Compose file starts a keeper unasked, and it listens to the engine alone.
     """
     from robo.cli.keeper import run_keeper
 
