@@ -7,6 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence, Set
+from contextlib import ExitStack, nullcontext
 from types import TracebackType
 from typing import Any, ClassVar, Self, TypeVar
 
@@ -40,7 +41,10 @@ READY_PERIOD = 0.05
 """How often a node that has a `ready` of its own is asked, s."""
 
 STOP_TIMEOUT = 2.0
-"""How long `close` waits for a callback that is running, s."""
+"""How long `close` waits for callbacks that are running, all together, s."""
+
+GRACE = 0.1
+"""How long they have at least, where `main` took all the time, s."""
 
 
 class Node:
@@ -113,9 +117,16 @@ class Node:
         self._callback_errors = 0
         self._started_at = time.monotonic()
         self._running = False
+        self._event_publisher: TopicPublisher[ParameterEvent] | None = None
+        self._parameter_server: ParameterServer | None = None
+        self._readiness: TimerLoop | None = None
         self._token: zenoh.LivelinessToken | None = None
         self._main_thread: threading.Thread | None = None
         self._shutdown = threading.Event()
+        self._stop_timeout = STOP_TIMEOUT
+        self._made = ExitStack()
+        """What `close` has to undo."""
+        self._on_stop_due = False
 
     # -- for subclasses ------------------------------------------------------------------------
 
@@ -217,7 +228,7 @@ class Node:
         with self._events_lock:
             while self._events:
                 event = self._events.popleft()
-                if self._running and event.changed_parameters:
+                if self._running and self._event_publisher is not None and event.changed_parameters:
                     self._event_publisher.publish(event)
 
     def _explain(self, name: str) -> list[Said]:
@@ -304,17 +315,38 @@ class Node:
     def start(self, session: zenoh.Session | None = None) -> None:
         """Join the network, make the declared endpoints and begin to run callbacks.
 
+        All or nothing: where it raises, be it in `on_start`, the node has left the network again and
+        nothing of it runs.
+
         Args:
             session: a session to use, if none was given when the node was made.
 
         Raises:
             NetworkError: the network cannot be reached.
+            RuntimeError: it has started already.
         """
+        if self._session is not None:
+            raise RuntimeError(f"{self.full_name} has started already")
         self._given_session = session or self._given_session
-        self._session = self._given_session or open_session(Network.from_environment("router"))
-        log_publisher = self.create_publisher(Log, self._log_topic())
-        self._log_handler = log.BusHandler(log_publisher, self.full_name, self.now)
-        self.logger.logger.addHandler(self._log_handler)
+        for of_an_earlier_start in (self._publishers, self._subscriptions, self._timers, self._services, self._clients):
+            of_an_earlier_start.clear()
+        with ExitStack() as made:  # unwinds, the last thing first, unless all of it comes about
+            self._join(made)
+            made.callback(self._stop_callbacks)
+            self.on_start()
+            self._on_stop_due = True
+            self._declare_callbacks()
+            self._run_callbacks()
+            self._made = made.pop_all()
+
+    def _join(self, made: ExitStack) -> None:
+        """Make what works without a callback: the session, the log topic, publishers, clients, the status."""
+        self._session = session = self._given_session or open_session(Network.from_environment("router"))
+        made.callback(self._leave)
+        made.callback(self._withdraw)
+        log_handler = log.BusHandler(self.create_publisher(Log, self._log_topic()), self.full_name, self.now)
+        self.logger.logger.addHandler(log_handler)
+        made.callback(self.logger.logger.removeHandler, log_handler)
         self._event_publisher = self.create_publisher(
             ParameterEvent, "/" + names.join(self.namespace, "parameter_events"), KEEP_ALL
         )
@@ -325,7 +357,13 @@ class Node:
             vars(self)[called.attribute] = self.create_client(
                 called.request_type, called.response_type, called.service, called.timeout
             )
-        self.on_start()
+        queries = session.declare_queryable(
+            discovery.status_key(self.namespace, self.name), zenoh.handlers.FifoChannel(16)
+        )
+        made.callback(queries.undeclare)
+        threading.Thread(target=self._answer_status, args=(queries.handler,), name="robo-status", daemon=True).start()
+
+    def _declare_callbacks(self) -> None:
         for served in self.contract.services:
             handler = getattr(self, served.method)
             self.create_service(served.request_type, served.response_type, served.service, handler)
@@ -333,10 +371,8 @@ class Node:
             self.create_subscription(wanted.message_type, wanted.topic, getattr(self, wanted.method), wanted.depth)
         for ticking in self.contract.timers:
             self.create_timer(self._period(ticking.rate), getattr(self, ticking.method))
-        self._status_queries = self._session.declare_queryable(
-            discovery.status_key(self.namespace, self.name), zenoh.handlers.FifoChannel(16)
-        )
-        threading.Thread(target=self._answer_status, name="robo-status", daemon=True).start()
+
+    def _run_callbacks(self) -> None:
         self._running = True
         if isinstance(self.clock, SimClock):
             self._follow_clock(self.clock)
@@ -345,7 +381,7 @@ class Node:
         for timer in self._timers:
             timer.start()
         self._parameter_server = ParameterServer(
-            self._session,
+            self.session,
             self.namespace,
             self.name,
             lambda: self.parameters,
@@ -365,7 +401,7 @@ class Node:
         self._token = self.session.liveliness().declare_token(self._node_token().key())
 
     def _check_ready(self) -> None:
-        if self._token is None and self.ready():
+        if self._token is None and self._readiness is not None and self.ready():
             self._declare_ready()
             self._timers.remove(self._readiness)
             self._readiness.stop(0)
@@ -374,38 +410,56 @@ class Node:
         """Block until the node is shut down. Returns whether it was, within `timeout` seconds."""
         return self._shutdown.wait(timeout)
 
-    def close(self) -> None:
-        """Stop callbacks, let those that run finish, leave the network. Safe to call twice."""
-        if self._session is None:
-            return
+    def close(self, timeout: float = STOP_TIMEOUT) -> None:
+        """Stop callbacks, let those that run finish, leave the network. Safe to call twice.
+
+        Args:
+            timeout: how long `main` and all callbacks together may take to return, s.
+        """
+        self._stop_timeout = timeout
+        self._made.close()
+
+    def _stop_callbacks(self) -> None:
+        end = time.monotonic() + self._stop_timeout
         self.shutdown(self.exit_code)
         self._running = False
         if self._token is not None:
             self._token.undeclare()
             self._token = None
         if self._main_thread is not None and self._main_thread is not threading.current_thread():
-            self._main_thread.join(STOP_TIMEOUT)
+            self._main_thread.join(self._stop_timeout)
+            end = max(end, time.monotonic() + GRACE)
         for client in self._clients:
             client.abandon()
-        returned = [timer.stop(STOP_TIMEOUT) for timer in self._timers]
-        returned += [subscription.stop(STOP_TIMEOUT) for subscription in self._subscriptions]
-        returned += [served.stop(STOP_TIMEOUT) for served in self._services]
-        returned.append(self._parameter_server.stop(STOP_TIMEOUT))
+        loops: list[TimerLoop | TopicSubscription[Any] | ServiceServer[Any, Any] | ParameterServer] = [
+            *self._timers,
+            *self._subscriptions,
+            *self._services,
+        ]
+        if self._parameter_server is not None:
+            loops.append(self._parameter_server)
+        # One after the other against one deadline: each is told to stop, be there time left to wait for it or not.
+        returned = [loop.stop(max(0.0, end - time.monotonic())) for loop in loops]
         stuck = not all(returned)
         if stuck:
-            self.logger.error("a callback did not return within %.0f s; leaving without it", STOP_TIMEOUT)
-        with self._turn if not stuck else threading.Lock():
-            try:
-                self.on_stop()
-            except BaseException as error:
-                self._handler(self.on_stop)(error)
-        self._status_queries.undeclare()
-        self.logger.logger.removeHandler(self._log_handler)
-        for publisher in self._publishers:
-            publisher.undeclare()
-        for client in self._clients:
-            client.close()
-        if self._given_session is None:
+            self.logger.error("a callback did not return within %g s; leaving without it", self._stop_timeout)
+        if self._on_stop_due:
+            self._on_stop_due = False
+            with taking(self._turn) if not stuck else nullcontext():
+                try:
+                    self.on_stop()
+                except BaseException as error:
+                    self._handler(self.on_stop)(error)
+
+    def _withdraw(self) -> None:
+        with ExitStack() as ends:  # each of them, should one fail
+            for publisher in self._publishers:
+                ends.callback(publisher.undeclare)
+            for client in self._clients:
+                ends.callback(client.close)
+
+    def _leave(self) -> None:
+        if self._session is not None and self._given_session is None:
             close_session(self._session)
         self._session = None
 
@@ -504,8 +558,7 @@ class Node:
     def _report_malformed(self, topic: str, count: int, reason: str) -> None:
         self.logger.warning("dropped a malformed message on " + topic + " (%d so far): %s", count, reason, throttle=5.0)
 
-    def _answer_status(self) -> None:
-        handler = self._status_queries.handler
+    def _answer_status(self, handler: zenoh.handlers.Handler[zenoh.Query]) -> None:
         while True:
             try:
                 query = handler.recv()

@@ -2,6 +2,7 @@
 
 import logging
 import threading
+import time
 from collections.abc import Callable, Iterable
 
 import msgspec
@@ -66,8 +67,9 @@ class QueryLoop:
         """Take no more queries. Returns whether the handlers came back within `timeout` seconds."""
         self._queryable.undeclare()
         others = [worker for worker in self._workers if worker is not threading.current_thread()]
+        end = time.monotonic() + timeout
         for worker in others:
-            worker.join(timeout)
+            worker.join(max(0.0, end - time.monotonic()))
         return not any(worker.is_alive() for worker in others)
 
 

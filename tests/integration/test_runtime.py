@@ -19,7 +19,7 @@ from robo.codec import unpack_attachment
 from robo.discovery import ALL_TOKENS, EndpointToken, NodeToken, parse_token, wait_for_nodes
 from robo.errors import NetworkError
 from robo.session import Network, close_session, open_session
-from robo_messages import Image, String, Twist, Vector3
+from robo_messages import Image, String, Trigger, Twist, Vector3
 from robo_services.position_tracker import PositionTracker
 from tests.support import PATIENCE, Inbox, eventually
 
@@ -122,6 +122,64 @@ def test_a_callback_that_raises_is_counted_and_the_node_goes_on(session: zenoh.S
             other.put("r1/in", msgpack.packb({"data": text}))
         assert inbox.wait_for(1) == [{"data": "fine"}]
         assert node.status.callback_errors == 2
+
+
+class Half(Node):
+    """Fails in the middle of its start."""
+
+    out = Publisher(String, "out")
+
+    def on_start(self) -> None:
+        self.create_service(Trigger.Request, Trigger.Response, "~/reset", lambda _: Trigger.Response())
+        self.create_subscription(String, "in", lambda _: None)
+        self.create_timer(0.01, lambda: None)
+        raise OSError("no such device")
+
+    def on_stop(self) -> None:
+        raise AssertionError("what has not started is not stopped")
+
+
+def test_a_start_that_fails_leaves_nothing_behind(session: zenoh.Session, other: zenoh.Session) -> None:
+    node = Half(namespace="r1", session=session)
+    threads = threading.active_count()
+    with pytest.raises(OSError, match="no such device"):
+        node.start()
+    eventually(lambda: threading.active_count() <= threads, "its threads have ended")
+    assert not [r for r in session.liveliness().get(ALL_TOKENS, timeout=5) if r.ok]
+    assert not [r for r in other.get("@robo/r1/status/half", timeout=5) if r.ok]
+    assert not node.logger.logger.handlers
+    node.close()
+    with pytest.raises(OSError, match="no such device"), node:
+        pass  # nothing of the first start is in the way
+
+
+def test_a_node_starts_once(session: zenoh.Session) -> None:
+    with Echo(namespace="r1", session=session) as node, pytest.raises(RuntimeError, match="/r1/echo has started"):
+        node.start()
+
+
+def test_the_whole_stop_has_one_deadline(session: zenoh.Session, caplog: pytest.LogCaptureFixture) -> None:
+    entered, done = threading.Event(), threading.Event()
+
+    class Stuck(Node):
+        def on_start(self) -> None:
+            for _ in range(10):
+                self.create_timer(0.001, self.work)
+
+        def work(self) -> None:
+            entered.set()
+            done.wait(PATIENCE)
+
+    node = Stuck(session=session)
+    node.start()
+    try:
+        assert entered.wait(PATIENCE)
+        begin = time.monotonic()
+        node.close(timeout=0.3)
+        assert time.monotonic() - begin < 10 * 0.3 * 0.9
+    finally:
+        done.set()
+    assert "did not return within 0.3 s" in caplog.text
 
 
 def test_a_callback_may_end_the_node(session: zenoh.Session, other: zenoh.Session) -> None:
