@@ -1,6 +1,9 @@
 #!/bin/sh
 # Drive a robot with JSON from a shell: drive.sh [ROBOT] [SPEED in m/s]
 #
+# One drives at a time: `robo stop velocity_controller` before, `robo start velocity_controller` after it. A command
+# holds for half a second, then the robot stands again.
+#
 # With a router that has Zenoh's REST plugin (zenohd, the eclipse/zenoh image), ZENOH_REST=http://HOST:8000 is enough:
 # curl alone does it. Without one, python3 with eclipse-zenoh puts the same bytes.
 set -eu

@@ -1,6 +1,7 @@
 """A robot from any Zenoh client: pip install eclipse-zenoh msgpack; python plain_client.py [ROBOT [ENDPOINT]].
 
-Reads where the robot is, drives it for a second, resets its odometer, and makes it slower.
+Reads where the robot is, resets its odometer, and has its controller drive slower. To drive it without the controller,
+stop that first, then publish on cmd_vel_raw, as drive.sh does: two who publish there would fight.
 """
 
 import json
@@ -37,13 +38,6 @@ def main() -> None:
         if sample.attachment is not None:
             number, published = struct.unpack_from("<qq", sample.attachment.to_bytes())
             print("number   ", number, "published at", time.ctime(published / 1e9))
-
-        # Commands: a map of field names; what is left out is 0. The safety monitor stands between this and the base.
-        commands = session.declare_publisher(f"{robot}/cmd_vel_raw", encoding="application/msgpack;geometry/Twist")
-        for count in range(10):
-            stamp = struct.pack("<qq", count + 1, time.time_ns())  # optional: lets tools count losses
-            commands.put(msgpack.packb({"linear": {"x": 0.2}, "angular": {"z": 0.5}}), attachment=stamp)
-            time.sleep(0.1)
 
         print("reset    ", ask(session, f"{robot}/reset_distance", {}))
         print("set      ", ask(session, f"{robot}/velocity_controller/parameters/set", {"linear_velocity": 0.3}))

@@ -11,6 +11,7 @@
     │   └── ServiceTimeout    a service did not answer in time, or nobody serves it
     ├── MessageError          data that are no message of the type that was asked for
     ├── TopicNotFound         nobody publishes or subscribes a topic of this name
+    ├── TopicTaken            somebody publishes already what a tool was asked to publish
     ├── ManifestError         a launch manifest with mistakes
     ├── NodeNotFound          no node of this name runs
     ├── NodeUnreachable       a node runs and does not answer
@@ -71,6 +72,10 @@ class MessageError(RoboError, ValueError):
 
 class TopicNotFound(RoboError, LookupError):
     """Nobody publishes or subscribes a topic of this name."""
+
+
+class TopicTaken(RoboError):
+    """Somebody publishes a topic already, and two publishers would fight."""
 
 
 class ManifestError(RoboError):

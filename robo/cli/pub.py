@@ -3,6 +3,7 @@
 import sys
 import time
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import zenoh
 
@@ -15,115 +16,158 @@ from robo.tools.message_input import message_of
 from robo.tools.publishing import Line, Sender, flush, line_of
 from robo_messages import Message
 
+_PROGRESS_PERIOD = 0.2
+"""How often the number of messages is told, s."""
 
-def publish(
-    key: str, type_name: str, text: str, reach: Reach, *, rate: float, times: int | None, wait: bool, force: bool
-) -> None:
+
+class Options(NamedTuple):
+    """How messages are published."""
+
+    rate: float | None = None
+    """Messages a second; None for as they come, and for one a second where there is only one to repeat."""
+    times: int | None = None
+    """How many; None for no end."""
+    wait: bool = False
+    """Nothing before somebody subscribes."""
+    force: bool = False
+    """Also where nodes know the topic as another type."""
+    beside: bool = False
+    """Also where somebody publishes the topic already."""
+
+    def sender(self, session: zenoh.Session, key: str, type_name: str, reach: Reach) -> Sender:
+        """A sender on a topic, once all that was asked for is so.
+
+        Raises:
+            MessageError: it is not the topic's type.
+            TopicTaken: somebody publishes it already.
+        """
+        if type_name and not self.force:
+            topics.check_type(session, key, type_name, reach.timeout)
+        if not self.beside:
+            topics.check_unpublished(session, key, reach.timeout)
+        sender = Sender(session, key, type_name)
+        if self.wait:
+            hint(f"waiting for a subscriber of {key} …")
+            sender.wait_for_subscriber()
+        return sender
+
+
+def publish(key: str, type_name: str, text: str, reach: Reach, options: Options) -> None:
     """Publish a message so many times, or until Ctrl-C.
 
     Raises:
         MessageError: the type is unknown or not the topic's, or the data are no message of it; nothing is published.
+        TopicTaken: somebody publishes the topic already; nothing is published.
         RoboError: the name makes no sense, or nothing runs.
     """
     message = _message(type_name, text)
     stamped = "now" in text or "auto" in text
     expression = reach.one_key(key, "publish on")
     with connect_to_robot(reach) as session:
-        if not force:
-            topics.check_type(session, expression, type_name, reach.timeout)
-        sender = Sender(session, expression, type_name)
-        if wait:
-            hint(f"waiting for a subscriber of {expression} …")
-            sender.wait_for_subscriber()
+        sender = options.sender(session, expression, type_name, reach)
+        count = _Count(f" on {expression}")
         due = time.monotonic()
-        sent = 0
         try:
-            while times is None or sent < times:
+            while options.times is None or count.sent < options.times:
                 time.sleep(max(0.0, due - time.monotonic()))
-                due += 1.0 / rate
+                due += 1.0 / (options.rate or 1.0)
                 # Anew where it may be stamped `now`, so that it tells the time of now.
                 sender.send(robo_messages.encode(_message(type_name, text) if stamped else message))
-                sent += 1
+                count.add()
         finally:
             flush(session)
             sender.close()
-            hint(f"published {amount(sent, 'message')} on {expression}")
+            count.end()
 
 
-def publish_lines(
-    key: str | None,
-    type_name: str | None,
-    reach: Reach,
-    *,
-    rate: float | None,
-    times: int | None,
-    wait: bool,
-    force: bool,
-) -> int:
+def publish_lines(key: str | None, type_name: str | None, reach: Reach, options: Options) -> int:
     """Publish what standard input says, line by line, as it comes or at a rate.
 
     Returns:
         1 where a line could not be published; the others are.
 
     Raises:
+        TopicTaken: somebody publishes a topic already; what came before is published.
         RoboError: a name makes no sense, or nothing runs.
     """
     if type_name is not None:
         _type(type_name)  # a mistake in it is told before anything is read
     target = reach.one_key(key, "publish on") if key is not None else None
     with connect_to_robot(reach) as session:
-        lines = _Lines(session, wait=wait, check_timeout=None if force else reach.timeout)
+        lines = _Lines(session, reach, options)
         mistakes = 0
         try:
             for number, text in _input():
                 try:
-                    lines.publish(line_of(text, target, type_name), rate)
+                    lines.publish(line_of(text, target, type_name))
                 except MessageError as error:
                     mistakes += 1
                     note(f"<stdin>:{number}: {error}")
-                if times is not None and lines.sent >= times:
+                if options.times is not None and lines.count.sent >= options.times:
                     break
         finally:
             flush(session)
             lines.close()
-            hint(f"published {amount(lines.sent, 'message')}")
     return 1 if mistakes else 0
 
 
 class _Lines:
-    def __init__(self, session: zenoh.Session, *, wait: bool, check_timeout: float | None) -> None:
+    def __init__(self, session: zenoh.Session, reach: Reach, options: Options) -> None:
         self._session = session
-        self._check_timeout = check_timeout
-        self._wait = wait
+        self._reach = reach
+        self._options = options
         self._senders: dict[str, Sender] = {}
         self._due = time.monotonic()
         self._circling = False
-        self.sent = 0
+        self.count = _Count()
 
-    def publish(self, line: Line, rate: float | None) -> None:
+    def publish(self, line: Line) -> None:
         sender = self._senders.get(line.key)
         if sender is None:
-            if self._check_timeout is not None and line.type:
-                topics.check_type(self._session, line.key, line.type, self._check_timeout)
-            sender = self._senders[line.key] = Sender(self._session, line.key, line.type)
-            if self._wait:
-                hint(f"waiting for a subscriber of {line.key} …")
-                sender.wait_for_subscriber()
+            sender = self._options.sender(self._session, line.key, line.type, self._reach)
+            self._senders[line.key] = sender
         if line.origin is not None and sender.has_sent(line.origin):
             # `echo KEY --json | pub -` on one network: what goes out comes in again.
             if not self._circling:
                 self._circling = True
                 note(f"{line.key}: what comes in is what went out; such lines are left out. Name another KEY")
             return
-        if rate is not None:
+        if self._options.rate is not None:
             time.sleep(max(0.0, self._due - time.monotonic()))
-            self._due = max(self._due + 1.0 / rate, time.monotonic())
+            self._due = max(self._due + 1.0 / self._options.rate, time.monotonic())
         sender.send(line.payload, line.encoding)
-        self.sent += 1
+        self.count.add()
 
     def close(self) -> None:
         for sender in self._senders.values():
             sender.close()
+        self.count.end()
+
+
+class _Count:
+    """How many messages were published, on a line of the terminal that is written anew while it goes on."""
+
+    def __init__(self, where: str = "") -> None:
+        self.sent = 0
+        self._where = where
+        self._live = sys.stderr.isatty()
+        self._due = 0.0
+
+    def add(self) -> None:
+        """Another one was published."""
+        self.sent += 1
+        if self._live and (now := time.monotonic()) >= self._due:
+            self._due = now + _PROGRESS_PERIOD
+            self._tell("; Ctrl-C ends")
+
+    def end(self) -> None:
+        """No more will be."""
+        if self._live:
+            self._tell("\n")
+
+    def _tell(self, ending: str) -> None:
+        sys.stderr.write(f"\r\x1b[Kpublished {amount(self.sent, 'message')}{self._where}{ending}")
+        sys.stderr.flush()
 
 
 def _input() -> Iterator[tuple[int, str]]:

@@ -6,7 +6,7 @@ import msgspec
 import zenoh
 
 from robo.discovery import EndpointToken, tokens
-from robo.errors import MessageError, TopicNotFound
+from robo.errors import MessageError, TopicNotFound, TopicTaken
 from robo.suggestions import suggest
 from robo.supervisor.status import ProcessStatus
 from robo.tools import admin, runs
@@ -131,6 +131,22 @@ def check_type(session: zenoh.Session, key: str, type_name: str, timeout: float 
         verb = "publishes" if there.kind == "pub" else "subscribes"
         raise MessageError(
             f"{key} is no {type_name}: {there.full_name} {verb} {there.type_name} on it; --force to insist"
+        )
+
+
+def check_unpublished(session: zenoh.Session, key: str, timeout: float = 1.0) -> None:
+    """Refuse a topic that somebody publishes already: receivers would get both in turns.
+
+    Raises:
+        TopicTaken: names who publishes it.
+    """
+    publishers = next((topic.publishers for topic in list_topics(session, timeout) if topic.key == key), [])
+    if publishers:
+        nodes = [name for name in publishers if not name.startswith("zenoh:")]
+        how = f" (robo stop {' '.join(nodes)})" if nodes else ""
+        raise TopicTaken(
+            f"{', '.join(publishers)} publishes {key} already, and receivers would get both in turns: "
+            f"stop it first{how}, or add --beside"
         )
 
 

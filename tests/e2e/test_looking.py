@@ -169,7 +169,7 @@ def test_echo_and_pub_reproduce_a_topic_byte_for_byte(robot: str, client: zenoh.
 def test_what_is_piped_back_into_its_own_topic_does_not_circle(robot: str, client: zenoh.Session) -> None:
     inbox = Inbox(client, "q4/x")
     publisher = client.declare_publisher("q4/x", encoding="application/msgpack;std/Bool")
-    command = f"{sys.executable} -m robo topic echo q4/x --json | {sys.executable} -m robo topic pub -"
+    command = f"{sys.executable} -m robo topic echo q4/x --json | {sys.executable} -m robo topic pub - --beside"
     pipeline = subprocess.Popen(
         command,
         shell=True,
@@ -235,6 +235,43 @@ def test_pub_waits_and_repeats(robot: str, client: zenoh.Session) -> None:
     assert messages == [{"data": "hi"}] * 4
     numbers = [codec.unpack_attachment(s.attachment.to_bytes()) for s in inbox.samples if s.attachment is not None]
     assert [number[0] for number in numbers if number is not None] == [1, 2, 3, 4]
+
+
+def test_pub_does_not_fight_with_a_publisher_unasked(robot: str, client: zenoh.Session) -> None:
+    inbox = Inbox(client, "r1/cmd_vel_raw")
+    words = ("topic", "pub", "r1/cmd_vel_raw", "geometry/Twist")
+    record = '{"key": "r1/cmd_vel_raw", "type": "geometry/Twist", "time": 1, "sequence_number": 1, "message": {}}'
+    for command, text in (
+        ((*words, "{}", "-r", "10"), ""),
+        ((*words, "{}"), ""),
+        ((*words, "-"), "{}\n"),
+        (("topic", "pub", "-"), record),
+    ):
+        result = subprocess.run(
+            [sys.executable, "-m", "robo", *command, "--connect", robot],
+            input=text, capture_output=True, text=True, timeout=30, check=False,
+        )  # fmt: skip
+        assert (result.returncode, result.stdout) == (1, "")
+        assert result.stderr == (
+            "error: /r1/velocity_controller publishes r1/cmd_vel_raw already, and receivers would get both in turns: "
+            "stop it first (robo stop /r1/velocity_controller), or add --beside\n"
+        )
+    ask(robot, *words, "{linear: {z: 7}}", "--beside")
+    inbox.wait_until(lambda messages: any(m["linear"]["z"] == 7 for m in messages), "the message beside the others")
+    assert [m["linear"]["z"] for m in inbox.messages].count(7) == 1
+    foreign = client.declare_publisher("q10/x")
+    assert f"zenoh:{client.zid()} publishes q10/x already" in run_robo(
+        "topic", "pub", "q10/x", "std/Empty", "--connect", robot
+    ).stderr  # fmt: skip
+    foreign.undeclare()
+
+
+def test_pub_tells_in_a_terminal_how_far_it_is(robot: str) -> None:
+    words = ("topic", "pub", "q11/x", "std/Bool", "{data: true}", "-r", "50", "--times", "50", "--connect", robot)
+    with terminal(*words, columns=80) as screen:
+        screen.wait_for("published 1 message on q11/x; Ctrl-C ends")
+        screen.wait_for("messages on q11/x; Ctrl-C ends")
+        screen.wait_for("published 50 messages on q11/x\r\n")
 
 
 def test_a_line_that_is_wrong_is_told_with_its_number(robot: str) -> None:

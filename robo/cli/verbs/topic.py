@@ -111,7 +111,7 @@ def topic_echo(
 @verb(
     verbs,
     "pub",
-    "robo topic pub r1/cmd_vel_raw geometry/Twist '{linear: {x: 0.2}}' -r 10",
+    "robo stop velocity_controller && robo topic pub r1/cmd_vel_raw geometry/Twist '{linear: {x: 0.2}}' -r 10",
     "robo topic pub r1/chatter std/String '{data: hello}' --once --wait-for-subscriber",
     "robo topic pub r1/goal geometry/PoseStamped '{header: {stamp: now, frame_id: map}, pose: {position: {x: 1}}}'",
     "robo topic pub - < log.jsonl",
@@ -140,23 +140,25 @@ def topic_pub(
         bool, typer.Option("--wait-for-subscriber", help="Publish nothing before somebody listens.")
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Also where nodes know the topic as another type.")] = False,
+    beside: Annotated[bool, typer.Option("--beside", help="Also where somebody publishes the topic already.")] = False,
 ) -> int:
     """Publish messages: one, several at a rate, or those of JSON Lines.
 
     A Time may be written `now`, a Header `auto`. With -r it goes on until Ctrl-C or --times. Lines are messages, or
-    what `robo topic echo --json` prints.
+    what `robo topic echo --json` prints. A topic that somebody publishes already is refused, unless --beside is said:
+    its receivers would get both in turns.
 
-    Exit code: 0 published, 1 the data or a line are no message of the type, 2 words that make no sense.
+    Exit code: 0 published, 1 the data or a line are no message of the type or the topic has a publisher, 2 words that
+    make no sense.
     """
-    from robo.cli.pub import publish, publish_lines
+    from robo.cli.pub import Options, publish, publish_lines
 
     if "-" in (key, type_name, data):
         if data not in (None, "-") or once:
             raise UsageError("with - the messages come from standard input: leave DATA and --once out")
         target = None if key == "-" else key
         wanted = None if type_name == "-" else type_name
-        wait = wait_for_subscriber
-        return publish_lines(target, wanted, reach, rate=rate, times=times, wait=wait, force=force)
+        return publish_lines(target, wanted, reach, Options(rate, times, wait_for_subscriber, force, beside))
     if type_name is None:
         raise UsageError(
             f"say which type: robo topic pub {key} TYPE DATA, for example geometry/Twist '{{linear: {{x: 0.2}}}}'"
@@ -164,8 +166,7 @@ def topic_pub(
     if once and (times is not None or rate is not None):
         raise UsageError("--once goes without --times and -r")
     limit = times if times is not None else None if rate is not None else 1
-    wait = wait_for_subscriber
-    publish(key, type_name, data or "{}", reach, rate=rate or 1.0, times=limit, wait=wait, force=force)
+    publish(key, type_name, data or "{}", reach, Options(rate, limit, wait_for_subscriber, force, beside))
     return 0
 
 
