@@ -16,9 +16,10 @@ COPY robo robo
 RUN pip wheel --quiet --no-cache-dir --no-deps --wheel-dir /wheels .
 # For example --build-arg EXTRAS=test
 ARG EXTRAS=""
-RUN python -m venv /opt/robo \
- && /opt/robo/bin/pip install --quiet --no-cache-dir "$(ls /wheels/*.whl)${EXTRAS:+[$EXTRAS]}" \
- && /opt/robo/bin/pip uninstall --quiet --yes pip
+RUN python -m venv --without-pip /opt/robo \
+ && pip --python /opt/robo/bin/python install --quiet --no-cache-dir "$(ls /wheels/*.whl)${EXTRAS:+[$EXTRAS]}"
+# One name for where packages stand, whatever Python's version: exported Compose files refer to it.
+RUN ln -s "$(cd /opt/robo && echo lib/python*/site-packages)" /opt/robo/site-packages
 
 FROM python:${PYTHON_VERSION}-slim
 ARG VERSION=0.1.0
@@ -30,7 +31,9 @@ RUN useradd --uid 1000 --create-home robo
 COPY --from=build /usr/bin/tini /usr/bin/tini
 COPY --from=build /opt/robo /opt/robo
 # Containers share no /dev/shm, and a small one that is full would end Zenoh's threads.
+# `pip install` in images that are built on this one: Python's own pip, into robo's environment.
 ENV PATH=/opt/robo/bin:$PATH \
+    PIP_PYTHON=/opt/robo/bin/python \
     PYTHONUNBUFFERED=1 \
     PYTHONDONTWRITEBYTECODE=1 \
     ROBO_SHM=off \

@@ -4,9 +4,10 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from robo.cli.connection import note
 from robo.cli.up import DEFAULT_MANIFEST, is_manifest
 from robo.errors import UsageError
-from robo.export import compose
+from robo.export import compose, dockerfile
 from robo.export.placeholders import Placeholders
 from robo.launch import resolve, substitution
 from robo.launch.faults import ManifestFaults
@@ -44,7 +45,17 @@ def export_compose(words: Sequence[str], *, robot: str | None, output: Path | No
         more = _profiles(file, given, robot, base)
     folder = output.parent if output is not None else Path.cwd()
     made_by = " ".join(["robo export compose", *words, *(["--keeper"] if keeper else [])])
-    text = compose.export(base.plan, more, names, folder=folder, made_by=made_by, keeper=keeper)
+    recipe = compose.context(folder) / "Dockerfile"
+    build = recipe.is_file()
+    image = dockerfile.image_for(recipe) if build else dockerfile.IMAGE
+    text = compose.export(
+        base.plan, more, names, folder=folder, made_by=made_by, image=image, build=build, keeper=keeper
+    )
+    if not build:
+        note(
+            f"there is no {recipe}: the file builds no image, it takes {image} or what ROBO_IMAGE names. "
+            "For nodes of your own, `robo export dockerfile > Dockerfile` and export again"
+        )
     if output is None:
         sys.stdout.write(text)
         return
@@ -52,6 +63,11 @@ def export_compose(words: Sequence[str], *, robot: str | None, output: Path | No
         output.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"{output} cannot be written: {error.strerror}") from None
+
+
+def export_dockerfile() -> None:
+    """Print a Dockerfile for the package of the current folder."""
+    sys.stdout.write(dockerfile.TEXT)
 
 
 def _resolved(file: Path, given: Mapping[str, object], robot: str | None) -> Resolution:

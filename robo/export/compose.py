@@ -19,6 +19,7 @@ from robo import parameter_files
 from robo.codec import jsonable
 from robo.export.placeholders import Placeholders
 from robo.launch.expression import as_text
+from robo.launch.find import SHARE
 from robo.launch.plan import Plan, ProcessPlan
 from robo.parameters import parse_value
 from robo.runner import SPEC_VARIABLE, NodeSpec
@@ -30,11 +31,13 @@ FILES = "/etc/robo"
 PROJECT = "/srv"
 """Where folders that processes run in stand in theirs."""
 
+PACKAGES = "/opt/robo/site-packages"
+"""Where the image has the packages that are installed in it; its Dockerfile makes this link."""
+
 _CONDITIONS = {"started": "service_started", "ready": "service_healthy", "completed": "service_completed_successfully"}
 _RESTARTS = {"never": "no", "on-failure": "on-failure", "always": "always"}
 
 _COMMON: dict[str, Any] = {
-    "image": "${ROBO_IMAGE:-robo:latest}",
     "networks": ["robot"],
     # The name of a container that is down is nobody else's to know: without these an engine asks the outside for it,
     # and where there is no internet, each try to reach a router that is just starting again would hang for 10 s.
@@ -67,6 +70,8 @@ def export(
     *,
     folder: Path,
     made_by: str,
+    image: str = "robo:latest",
+    build: bool = True,
     keeper: bool = False,
 ) -> str:
     """The text of a Compose file.
@@ -77,9 +82,16 @@ def export(
         names: words in the plan that stand for variables.
         folder: where the file will stand; paths in it are relative to it.
         made_by: the command that makes it, for its first line.
+        image: what the containers are made of, where ROBO_IMAGE names nothing else.
+        build: whether a Dockerfile in `context(folder)` makes it.
         keeper: with a profile for a container that starts the others again when somebody kills them by hand.
     """
-    return _Export(plan, more, names, folder, keeper=keeper).text(made_by)
+    return _Export(plan, more, names, folder, build=build, keeper=keeper).text(image, made_by)
+
+
+def context(folder: Path) -> Path:
+    """Where the Dockerfile of a Compose file in this folder stands: here, if the folder is further below."""
+    return Path.cwd() if folder.absolute().is_relative_to(Path.cwd()) else folder
 
 
 class _Export:
@@ -90,11 +102,13 @@ class _Export:
         names: Placeholders,
         folder: Path,
         *,
+        build: bool,
         keeper: bool,
     ) -> None:
         self._plan = plan
         self._names = names
         self._folder = folder
+        self._build = build
         self._configs: dict[str, dict[str, str]] = {}
         self._profiles: dict[str, str | None] = {process.full_name: None for process in plan.processes}
         self._profiles |= {process.full_name: profile for profile, own in more.items() for process in own}
@@ -115,7 +129,7 @@ class _Export:
             for process in self._processes
         }
 
-    def text(self, made_by: str) -> str:
+    def text(self, image: str, made_by: str) -> str:
         services: dict[str, dict[str, Any]] = {}
         for robot, profile in self._robots.items():
             services[self._routers[robot]] = self._router_service(robot, profile)
@@ -125,7 +139,8 @@ class _Export:
             services[_KEEPER] = _keeper_service(self._keeper_profile)
         about = self._plan.description or self._plan.manifest
         lines = [*(f"# {line}".rstrip() for line in about.splitlines()), f"# Made by: {made_by}", ""]
-        lines += [_block({"x-robo": _COMMON}, anchor="&robo"), _block({"x-health": _HEALTH}, anchor="&health")]
+        common = {"image": f"${{ROBO_IMAGE:-{image}}}", **_COMMON}
+        lines += [_block({"x-robo": common}, anchor="&robo"), _block({"x-health": _HEALTH}, anchor="&health")]
         lines.append("services:")
         for name, service in services.items():
             if name == _KEEPER and self._keeper_profile is not None:
@@ -153,9 +168,9 @@ class _Export:
 
     def _router_service(self, robot: str, profile: str | None) -> dict[str, Any]:
         service: dict[str, Any] = {} if profile is None else {"profiles": [profile]}
-        if robot == self._first:
+        if robot == self._first and self._build:
             # Compose builds each section by itself, and the image once is enough for all.
-            service["build"] = {"context": self._context(), "network": "host"}
+            service["build"] = {"context": self._source(context(self._folder)), "network": "host"}
         command = ["router", "--name", self._names.shown(robot), "--listen", f"tcp/0.0.0.0:{PORT}"]
         if robot == self._first:
             # From the host only; other hosts are let in by a router of their own choice.
@@ -274,6 +289,9 @@ class _Export:
     def _file(self, path: Path, files: dict[str, str]) -> str:
         """Where a file stands in the container."""
         path = Path(os.path.abspath(path))
+        packaged = self._packaged(path)
+        if packaged is not None:
+            return packaged
         within = self._within_project(path)
         source = {"file": str(path) if within is None else self._source(path)}
         wanted = path.name if within is None else within
@@ -291,13 +309,16 @@ class _Export:
         portable = _portable(word)
         if portable == word and (os.path.isabs(word) or process.cwd is None):
             path = Path(os.path.abspath(word))
-            if path.is_file() and self._within_project(path) is not None:
+            if path.is_file() and (self._within_project(path) or self._packaged(path)) is not None:
                 return self._file(path, files)
         return portable
 
     def _working_folder(self, folder: str, volumes: dict[str, str]) -> str:
         """Where a process runs: a folder of the project is mounted, another is the container's own."""
         path = Path(os.path.abspath(folder))
+        packaged = self._packaged(path)
+        if packaged is not None:
+            return packaged
         within = self._within_project(path)
         if within is None or not path.is_dir():
             return self._names.shown(folder)
@@ -305,16 +326,21 @@ class _Export:
         volumes[self._source(path)] = target
         return target
 
+    def _packaged(self, path: Path) -> str | None:
+        """Where the image has a file that belongs to an installed package; None for any other file."""
+        for number, part in enumerate(path.parts):
+            if part in ("site-packages", "dist-packages"):
+                return "/".join((PACKAGES, *path.parts[number + 1 :]))
+        if path.is_relative_to(SHARE) and self._within_project(path) is None:
+            return f"{PACKAGES}/robo/share/{path.relative_to(SHARE)}"
+        return None
+
     def _within_project(self, path: Path) -> str | None:
         """A path as it is called in the project: below the folder of the Compose file, or below this one."""
         for folder in (self._folder.absolute(), Path.cwd()):
             if path.is_relative_to(folder):
                 return str(path.relative_to(folder))
         return None
-
-    def _context(self) -> str:
-        """Where the Dockerfile stands: here, if the Compose file is to stand further below."""
-        return self._source(Path.cwd()) if self._folder.absolute().is_relative_to(Path.cwd()) else "."
 
     def _source(self, path: Path) -> str:
         """A path of the project as the Compose file names it."""
@@ -356,7 +382,16 @@ def _portable(word: str) -> str:
     """A word of a command without where things are on this machine."""
     if word == sys.executable:
         return "python"
-    return "robo" if word == str(Path(sys.executable).parent / "robo") else word
+    path = Path(word)
+    installed = path == Path(sys.executable).with_name("robo") or (
+        path.parents[1:] and _is_environment(path.parents[1])
+    )
+    return path.name if installed else word
+
+
+def _is_environment(folder: Path) -> bool:
+    """Whether it is a virtual environment of Python."""
+    return (folder / "pyvenv.cfg").is_file()
 
 
 def _as_word(value: object) -> str:

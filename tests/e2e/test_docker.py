@@ -16,6 +16,7 @@ import yaml
 import zenoh
 
 from robo.containers.keeper import DELAY
+from robo.export.compose import PACKAGES
 from robo.session import Network, close_session, open_session
 from tests.conftest import free_port
 from tests.support import Inbox, eventually, run_robo
@@ -62,10 +63,11 @@ class Project:
         self.endpoint = f"tcp/127.0.0.1:{port}"
         self.profiles = ""
         """The profiles that commands concern, as COMPOSE_PROFILES names them."""
-        self._environment = {"ROBO_IMAGE": image, "ROBO_PORT": str(port), "ROBOT_NAME": "r1"}
+        self.image = image
+        self._environment = {"ROBO_PORT": str(port), "ROBOT_NAME": "r1"}
 
     def __call__(self, *words: str, check: bool = True) -> str:
-        environment = {**self._environment, "COMPOSE_PROFILES": self.profiles}
+        environment = {**self._environment, "ROBO_IMAGE": self.image, "COMPOSE_PROFILES": self.profiles}
         return docker("compose", "--project-name", self.name, *words, check=check, **environment)
 
     def container(self, service: str) -> str:
@@ -101,6 +103,8 @@ def drives(odometry: Inbox) -> bool:
 def test_the_image_is_small_and_runs_without_rights(image: str) -> None:
     sizes = [int(docker("image", "inspect", "-f", "{{.Size}}", name)) for name in ("python:3.12-slim", image)]
     assert sizes[1] - sizes[0] < 90_000_000
+    recipe = (ROOT / "Dockerfile").read_text()
+    assert f" {PACKAGES}\n" in recipe, "the link that exports refer to"
     locked = ("run", "--rm", "--read-only", "--cap-drop=ALL", "--network=none")
     assert docker(*locked, image, "--version").strip()
     assert docker(*locked, "--entrypoint", "id", image, "-u").strip() == "1000"
@@ -214,6 +218,78 @@ def test_a_shell_script_is_a_node_in_a_container(project: Project, tmp_path: Pat
     assert run_robo("export", "compose", "examples/other_languages.yaml", "-o", str(file)).returncode == 0
     project("--file", str(file), "up", "--wait", "--detach", "lamp")
     assert "lamp of r1 on, robot at tcp/router:7447" in project("--file", str(file), "logs", "lamp")
+
+
+def test_a_package_of_ones_own_runs_in_the_image_that_the_docs_describe(
+    project: Project, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "batt"
+    for name, text in PACKAGE.items():
+        file = folder / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    monkeypatch.setenv("PYTHONPATH", str(folder / "src"))
+    monkeypatch.chdir(folder)
+    recipe = run_robo("export", "dockerfile").stdout
+    (folder / "Dockerfile").write_text(recipe.replace("FROM robo\n", "FROM robo:test\n"))
+    assert run_robo("export", "compose", "mine.yaml", "-o", "docker-compose.yml").returncode == 0
+    project.image = "robo-test-batt"
+    at = ("--project-directory", str(folder), "--file", str(folder / "docker-compose.yml"))
+    try:
+        project(*at, "up", "--build", "--wait", "--detach")
+        assert "ready with msgpack" in project(*at, "logs", "battery")
+        assert "charge is here" in project(*at, "exec", "-T", "battery", "charge")
+        shown = project(*at, "exec", "-T", "battery", "robo", "interface", "show", "batt/Charge")
+        assert "level" in shown
+    finally:
+        project(*at, "down", "--timeout", "3", "--rmi", "local", check=False)
+        docker("image", "rm", "--force", project.image, check=False)
+
+
+PACKAGE = {
+    "pyproject.toml": """
+[build-system]
+requires = ["hatchling"]
+build-backend = "hatchling.build"
+[project]
+name = "batt"
+version = "1.0"
+dependencies = ["msgpack"]
+[project.scripts]
+charge = "batt.battery:charge"
+[project.entry-points."robo.messages"]
+batt = "batt.messages"
+[tool.hatch.build.targets.wheel]
+packages = ["src/batt"]
+""",
+    "src/batt/__init__.py": "",
+    "src/batt/messages.py": """
+from robo_messages import Message, message
+
+@message("batt/Charge")
+class Charge(Message):
+    level: float = 0.0
+""",
+    "src/batt/battery.py": """
+from robo import Node, Publisher
+from batt.messages import Charge
+
+class Battery(Node):
+    charge = Publisher(Charge, "charge")
+
+    def on_start(self) -> None:
+        import msgpack
+        self.logger.info("ready with %s", msgpack.__name__)
+
+def charge() -> None:
+    print("charge is here")
+""",
+    "mine.yaml": """
+groups:
+  battery: {namespace: "${robot_name}", nodes: {battery: {service: batt.battery}}}
+""",
+}
+"""A package as a user's: sources in src/, a dependency, a command, message types."""
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in (ROOT / "launch").glob("*.yaml")))

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from robo import node_options
-from robo.cli.export import export_compose
+from robo.cli.export import export_compose, export_dockerfile
 from robo.errors import UsageError
 from robo.launch import resolve
 from robo.loading import load_node_class
@@ -229,11 +229,75 @@ groups:
     assert str(tmp_path) not in str(services)
 
     Path("deploy").mkdir()
+    Path("Dockerfile").touch()
     export_compose(["mine.yaml"], robot=None, output=Path("deploy/docker-compose.yml"))
     tree = yaml.safe_load(Path("deploy/docker-compose.yml").read_text())
     assert tree["services"]["router"]["build"]["context"] == ".."
     assert tree["configs"]["lamp_sh"] == {"file": "../lamp.sh"}
     assert tree["services"]["horn"]["volumes"] == ["../scripts:/srv/scripts:ro"]
+
+
+def test_files_of_installed_packages_are_those_of_the_image(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    tree = exported(capsys, "robot.yaml")
+    assert "configs" not in tree, "the image has what ships with robo"
+    base, tracker = tree["services"]["diff_drive_sim"], tree["services"]["position_tracker"]
+    shipped = "/opt/robo/site-packages/robo/share/config"
+    assert f"world:={shipped}/room.yaml" in base["command"]
+    assert f"{shipped}/params.yaml" in tracker["command"]
+    assert "volumes" not in str(tree)
+
+    environment = tmp_path / ".venv"
+    share = environment / "lib" / "python3.11" / "site-packages" / "batt" / "share"
+    for file in (share / "params.yaml", share / "bin" / "driver", environment / "bin" / "charge"):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("position_tracker: {log_rate: 2.5}\n")
+    (environment / "pyvenv.cfg").touch()
+    Path("mine.yaml").write_text(
+        f"""
+groups:
+  all:
+    namespace: ${{robot_name}}
+    nodes:
+      position_tracker: {{service: robo_services.position_tracker, params: ["{share}/params.yaml"]}}
+      driver: {{run: ["{share}/bin/driver"], cwd: "{share}"}}
+      charge: {{run: ["{environment}/bin/charge"]}}
+"""
+    )
+    tree = exported(capsys, "mine.yaml")
+    assert "configs" not in tree
+    services = tree["services"]
+    theirs = "/opt/robo/site-packages/batt/share"
+    assert services["position_tracker"]["command"][-2:] == ["--params-file", f"{theirs}/params.yaml"]
+    assert (services["driver"]["command"], services["driver"]["working_dir"]) == ([f"{theirs}/bin/driver"], theirs)
+    assert services["charge"]["command"] == ["charge"]
+    assert ".venv" not in str(tree)
+
+
+def test_an_image_is_built_where_there_is_a_dockerfile(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project = tmp_path / "Batt Robot"
+    project.mkdir()
+    monkeypatch.chdir(project)
+    export_compose(["robot.yaml"], robot=None, output=None)
+    said = capsys.readouterr()
+    assert "build:" not in said.out
+    assert f"there is no {project}/Dockerfile: the file builds no image" in said.err
+    assert "robo export dockerfile > Dockerfile" in said.err
+
+    export_dockerfile()
+    text = capsys.readouterr().out
+    Path("Dockerfile").write_text(text)
+    export_compose(["robot.yaml"], robot=None, output=None)
+    said = capsys.readouterr()
+    assert said.err == ""
+    tree = yaml.safe_load(said.out)
+    assert tree["services"]["router"]["build"] == {"context": ".", "network": "host"}
+    assert tree["x-robo"]["image"] == "${ROBO_IMAGE:-batt-robot:latest}", "not the image that it is built on"
+    assert text in (ROOT / "docs" / "hosts.md").read_text()
 
 
 @pytest.mark.parametrize("name", SHIPPED)

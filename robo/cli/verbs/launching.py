@@ -182,10 +182,19 @@ def export_compose(
     The robot's name becomes ${ROBOT_NAME}, unless --robot-name says it; ${env:NAME} becomes ${NAME}. An argument
     that is false by default, and starts more processes when it is true, becomes a profile. No container holds the
     engine's socket, unless --keeper asks for a profile with one that does: see `robo keeper --help`.
+    The Dockerfile of the current folder makes the image; where there is none the file builds nothing.
     """
     from robo.cli.export import export_compose as write
 
     write(words or [], robot=robot_name, output=output, keeper=keeper)
+
+
+@verb(export, "dockerfile", "robo export dockerfile > Dockerfile")
+def export_dockerfile() -> None:
+    """Print a Dockerfile for nodes of your own: robo's image with the Python package of the current folder."""
+    from robo.cli.export import export_dockerfile as write
+
+    write()
 
 
 @verb(
