@@ -9,6 +9,7 @@ import zenoh
 from robo import discovery
 from robo.discovery import EndpointToken, NodeToken, hostname
 from robo.errors import NodeUnreachable
+from robo.graph import SYSTEM_TYPES
 from robo.node_status import NodeStatus
 from robo.suggestions import closest
 from robo.tools import admin, nodes, runs
@@ -220,8 +221,8 @@ def _joined(routers: Mapping[str, Router], begin: set[str]) -> set[str]:
 def _talk(session: zenoh.Session, a: NodeToken, b: NodeToken, timeout: float) -> Iterable[Reason]:
     ends: dict[str, list[EndpointToken]] = {a.full_name: [], b.full_name: []}
     for token in discovery.tokens(session, timeout):
-        if isinstance(token, EndpointToken) and token.full_name in ends:
-            ends[token.full_name].append(token)
+        if isinstance(token, EndpointToken):
+            ends.setdefault(token.full_name, []).append(token)
     talks = False
     for giver, taker, verbs in _PAIRS:
         for x, y in ((a, b), (b, a)):
@@ -236,21 +237,41 @@ def _talk(session: zenoh.Session, a: NodeToken, b: NodeToken, timeout: float) ->
                     else:
                         yield Reason(False, f"{text}, but as {given.type_name} and {taken.type_name}: nothing arrives")
     if not talks:
-        yield from _nearly(a, b, ends)
+        yield from between(a.full_name, b.full_name, ends) or nearly(a.full_name, b.full_name, ends)
 
 
 _PAIRS = (("pub", "sub", ("publishes", "subscribes")), ("srv", "cli", ("serves", "calls")))
 
 
-def _nearly(a: NodeToken, b: NodeToken, ends: Mapping[str, Sequence[EndpointToken]]) -> Iterable[Reason]:
+def between(a: str, b: str, ends: Mapping[str, Sequence[EndpointToken]]) -> list[Reason]:
+    """Nodes by which one of two reaches the other: they read what it publishes, and publish what the other reads.
+
+    Such nodes are there on purpose, as a safety monitor is: that the two share no topic is no fault.
+    """
+    found = []
+    for x, y in ((a, b), (b, a)):
+        given, wanted = _topics(ends, x, "pub"), _topics(ends, y, "sub")
+        for middle in sorted(ends.keys() - {a, b}):
+            for read in sorted(given & _topics(ends, middle, "sub")):
+                for written in sorted(wanted & _topics(ends, middle, "pub")):
+                    way = f"{x} publishes {read}, {middle} subscribes it and publishes {written}, {y} subscribes that"
+                    found.append(Reason(True, f"{way}: {middle} stands between them"))
+    return found
+
+
+def _topics(ends: Mapping[str, Sequence[EndpointToken]], node: str, kind: str) -> set[str]:
+    return {end.topic for end in ends[node] if end.kind == kind and end.type_name not in SYSTEM_TYPES}
+
+
+def nearly(a: str, b: str, ends: Mapping[str, Sequence[EndpointToken]]) -> list[Reason]:
     """Topics of one type that may have been meant to be one."""
     near = []
     for x, y in ((a, b), (b, a)):
-        inputs = [end for end in ends[y.full_name] if end.kind == "sub"]
-        for out in ends[x.full_name]:
+        inputs = [end for end in ends[y] if end.kind == "sub"]
+        for out in ends[x]:
             same = [end.topic for end in inputs if end.type_name == out.type_name] if out.kind == "pub" else []
             close = closest(out.topic, same) or next(iter(same), None)
             if close is not None:
-                text = f"{x.full_name} publishes {out.topic}, {y.full_name} subscribes {close}, both {out.type_name}"
+                text = f"{x} publishes {out.topic}, {y} subscribes {close}, both {out.type_name}"
                 near.append(Reason(False, f"{text}: remap one of them, or start both with one --robot-name"))
-    yield from near or [Reason(False, "they have no topic and no service in common, nor two of one type")]
+    return near or [Reason(False, "they have no topic and no service in common, nor two of one type")]

@@ -405,7 +405,8 @@ def test_the_network(robot: str) -> None:
     ("pair", "code", "words"),
     [
         (("diff_drive_sim", "position_tracker"), 0, ["linked directly", "r1/odom: /r1/diff_drive_sim publishes"]),
-        (("velocity_controller", "diff_drive_sim"), 1, ["publishes r1/cmd_vel_raw, /r1/diff_drive_sim sub"]),
+        (("velocity_controller", "diff_drive_sim"), 0, [": /r1/safety_monitor stands between them"]),
+        (("velocity_controller", "position_tracker"), 1, ["they have no topic and no service in common"]),
         (("diff_drive_sim", "position_traker"), 1, ["no node position_traker", "did you mean position_tracker?"]),
     ],
 )  # fmt: skip

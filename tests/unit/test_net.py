@@ -1,0 +1,48 @@
+"""What two nodes have to do with each other, from the ends that nodes have."""
+
+from robo.discovery import EndpointToken, parse_token
+from robo.tools.net import between, nearly
+
+
+def ends(*said: str) -> dict[str, list[EndpointToken]]:
+    """`controller pub cmd_vel_raw geometry/Twist`, and so on."""
+    found: dict[str, list[EndpointToken]] = {}
+    for one in said:
+        node, kind, topic, type_name = one.split()
+        token = parse_token(f"@robo/r1/{kind}/{node}/{type_name.replace('/', '%')}/1/r1%{topic}")
+        assert isinstance(token, EndpointToken)
+        found.setdefault(f"/r1/{node}", []).append(token)
+    return found
+
+
+CHAIN = ends(
+    "controller pub raw geometry/Twist",
+    "controller pub log system/Log",
+    "monitor sub raw geometry/Twist",
+    "monitor pub cmd_vel geometry/Twist",
+    "base sub cmd_vel geometry/Twist",
+    "base pub odom nav/Odometry",
+    "logger sub log system/Log",
+    "logger pub cmd_vel geometry/Twist",
+)
+
+
+def test_a_node_between_two_is_named_whichever_is_named_first() -> None:
+    for pair in (("/r1/controller", "/r1/base"), ("/r1/base", "/r1/controller")):
+        assert [(reason.fine, reason.text) for reason in between(*pair, CHAIN)] == [
+            (True, "/r1/controller publishes r1/raw, /r1/monitor subscribes it and publishes r1/cmd_vel, "
+                   "/r1/base subscribes that: /r1/monitor stands between them"),
+        ]  # fmt: skip
+
+
+def test_what_every_node_publishes_connects_nobody() -> None:
+    without = {name: found for name, found in CHAIN.items() if name != "/r1/monitor"}
+    assert between("/r1/controller", "/r1/base", without) == []
+
+
+def test_topics_of_one_type_may_have_been_meant_to_be_one() -> None:
+    reasons = nearly("/r1/controller", "/r1/base", CHAIN)
+    assert [reason.fine for reason in reasons] == [False]
+    assert "both geometry/Twist: remap one of them" in reasons[0].text
+    (nothing,) = nearly("/r1/base", "/r1/idle", {**CHAIN, "/r1/idle": []})
+    assert nothing.text.startswith("they have no topic and no service in common")
