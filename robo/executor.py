@@ -73,6 +73,10 @@ class Turn:
         """Who waits, in order; empty is false."""
         self.busy = 0.0
         """How long callbacks have run, s; who holds the turn adds to it when he gives it away."""
+        self.running = ""
+        """The callback that runs, as who holds the turn says; empty while none does."""
+        self.since = 0.0
+        """When it began, by `time.monotonic`."""
         self.release: Callable[[], None] = release
         """Pass the turn on to who has waited longest, if anybody waits."""
 
@@ -88,6 +92,12 @@ class Turn:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.release()
+
+
+def name_of(callback: Callable[..., object]) -> str:
+    """What to call a callback in messages: its function's name."""
+    function: object = getattr(callback, "func", callback)  # of a functools.partial
+    return getattr(function, "__name__", type(function).__name__)
 
 
 class _Thread(threading.local):
@@ -108,17 +118,26 @@ def enter(turn: Turn, spare: Callable[[], None] | None = None) -> None:
 
 
 @contextmanager
-def taking(turn: Turn, spare: Callable[[], None] | None = None) -> Iterator[None]:
-    """Run what stands below as a callback of the node whose turn this is; at once within one of its callbacks."""
+def taking(turn: Turn, name: str, spare: Callable[[], None] | None = None) -> Iterator[None]:
+    """Run what stands below as a callback of the node whose turn this is; at once within one of its callbacks.
+
+    Args:
+        turn: the node's.
+        name: of the callback, for whoever asks what runs.
+        spare: makes sure that another thread does this one's work while it waits.
+    """
     if _thread.turn is turn:
         yield
         return
     before = _thread.turn, _thread.spare
     with turn:
         enter(turn, spare)
+        turn.running, turn.since = name, monotonic()
         try:
             yield
         finally:
+            turn.busy += monotonic() - turn.since
+            turn.running = ""
             _thread.turn, _thread.spare = before
 
 
@@ -135,11 +154,14 @@ def paused() -> Iterator[None]:
         return
     if _thread.spare is not None:
         _thread.spare()
+    running, since = turn.running, turn.since
+    turn.running = ""
     turn.release()
     try:
         yield
     finally:
         turn.acquire()
+        turn.running, turn.since = running, since
 
 
 class SubscriptionLoop(Generic[M]):
@@ -164,6 +186,7 @@ class SubscriptionLoop(Generic[M]):
         self._callback = callback
         self._on_error = on_error
         self._on_malformed = on_malformed
+        self._name = name_of(callback)
         self._backlog: deque[zenoh.Sample] = deque()
         self.received = 0
         """Messages given to the callback."""
@@ -195,6 +218,7 @@ class SubscriptionLoop(Generic[M]):
         decode, callback = self._decoder.fast, self._callback
         turn, backlog, keep_all = self._turn, self._backlog, self._depth == KEEP_ALL
         take_turn, wait_turn, pass_turn, others = turn.try_acquire, turn.wait, turn.release, turn.waiting
+        name = self._name
         enter(turn)
         holding = False
         try:
@@ -203,7 +227,8 @@ class SubscriptionLoop(Generic[M]):
                 if not take_turn(False):
                     wait_turn()
                 holding = True
-                since = begun = monotonic()
+                turn.running = name
+                since = begun = turn.since = monotonic()
                 handled = 0
                 while True:
                     handled += 1
@@ -215,19 +240,23 @@ class SubscriptionLoop(Generic[M]):
                     if others:
                         now = monotonic()
                         turn.busy += now - begun
+                        turn.running = ""
                         pass_turn()
                         wait_turn()
+                        turn.running = name
                         begun = monotonic()
                     more = backlog.popleft() if backlog else try_recv()
                     if more is None:
                         break
                     sample = more
-                    if not keep_all and (passed := monotonic() - since) > STALE:
+                    turn.since = now = monotonic()
+                    if not keep_all and (passed := now - since) > STALE:
                         backlog.appendleft(sample)
                         self._cut_back(passed / handled)
                         sample = backlog.popleft()
                         since, handled = since + passed, 0
                 turn.busy += monotonic() - begun
+                turn.running = ""
                 pass_turn()
                 holding = False
         except zenoh.ZError:  # undeclared, and nothing is left in the channel
@@ -286,6 +315,7 @@ class TimerLoop:
         clock: Clock | None = None,
     ) -> None:
         """`period` is asked before each tick, so that a changed parameter counts at once; s, by `clock`."""
+        self._name = name
         self._clock = clock or Clock()
         self._period = period
         self._turn = turn
@@ -316,7 +346,8 @@ class TimerLoop:
         return not self._thread.is_alive()
 
     def _run(self) -> None:
-        enter(self._turn)
+        turn = self._turn
+        enter(turn)
         clock, now = self._clock, self._clock.monotonic
         due = now()
         while True:
@@ -333,12 +364,13 @@ class TimerLoop:
                 self._woken.clear()
                 last = min(last, now())  # simulated time may step back
                 due = max(last + self._period(), now())
-            with self._turn:
+            with turn:
                 if self._stopped:
                     return
-                begun = monotonic()
+                turn.running, turn.since = self._name, monotonic()
                 try:
                     self._callback()
                 except BaseException as error:
                     self._on_error(error)
-                self._turn.busy += monotonic() - begun
+                turn.busy += monotonic() - turn.since
+                turn.running = ""

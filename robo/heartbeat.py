@@ -1,14 +1,16 @@
 """A supervised node's sign of life: once a second it tells its supervisor what it has done so far.
 
 A beat is sent under the node's turn: a callback that does not return holds it back, and so does a
-process that is stopped. It travels on a socket that the supervisor hands down, so that it says nothing
-about the network and needs none.
+process that is stopped. In its place goes a message beside the turn, which names that callback. Both
+travel on a socket that the supervisor hands down, so that they say nothing about the network and need
+none.
 """
 
 import os
 import socket
 import sys
-from collections.abc import Callable
+import threading
+import time
 
 import msgspec
 
@@ -27,6 +29,8 @@ class Beat(msgspec.Struct, frozen=True):
     """What a beat says."""
 
     status: NodeStatus
+    late: bool = False
+    """Whether a callback holds the beat back: no sign of life, but its status says which one."""
     files: list[str] = []
     """The source files of the process, Python's own and installed ones left out; in the first beat only."""
 
@@ -38,25 +42,42 @@ def begin(node: Node) -> None:
     if given is None:
         return
     descriptor, _, period = given.partition(":")
-    beat = _Heart(node, int(descriptor), _own_files() if watched else [])
-    beat()
-    node.create_timer(float(period), beat, Clock())
+    heart = _Heart(node, int(descriptor), float(period), _own_files() if watched else [])
+    heart.beat()
+    node.create_timer(float(period), heart.beat, Clock())
+    threading.Thread(target=heart.watch, name="robo-heart", daemon=True).start()
 
 
 class _Heart:
-    def __init__(self, node: Node, descriptor: int, files: list[str]) -> None:
+    def __init__(self, node: Node, descriptor: int, period: float, files: list[str]) -> None:
         os.set_inheritable(descriptor, False)
         self._socket = socket.socket(fileno=descriptor)
         self._socket.setblocking(False)
         self._node = node
+        self._period = period
         self._files = files
-        self._send: Callable[[bytes], int] = self._socket.send
+        self._last = time.monotonic()
 
-    def __call__(self) -> None:
-        """Send one beat."""
-        beat, self._files = Beat(self._node.status, self._files), []
+    def beat(self) -> None:
+        """Send one beat; called under the node's turn."""
+        self._last = time.monotonic()
+        # What runs is this: nothing worth telling.
+        status = msgspec.structs.replace(self._node.status, running="", running_for=0.0)
+        files, self._files = self._files, []
+        self._send(Beat(status, files=files))
+
+    def watch(self) -> None:
+        """While a callback holds the beat back, say so; runs in a thread beside the node's turn."""
+        wait = self._period
+        while not self._node.wait(wait):
+            overdue = time.monotonic() - self._last - 1.2 * self._period
+            if overdue > 0:
+                self._send(Beat(self._node.status, late=True))
+            wait = self._period if overdue > 0 else -overdue + 0.01
+
+    def _send(self, beat: Beat) -> None:
         try:
-            self._send(msgspec.msgpack.encode(beat))
+            self._socket.send(msgspec.msgpack.encode(beat))
         except BlockingIOError:
             pass  # the supervisor is behind; the next beat says it all again
         except OSError:

@@ -20,7 +20,7 @@ from robo.contract import Contract, contract_of
 from robo.discovery import NodeToken
 from robo.endpoints import TopicPublisher, TopicSubscription, endpoint_token
 from robo.errors import ParameterError
-from robo.executor import TimerLoop, Turn, taking
+from robo.executor import TimerLoop, Turn, name_of, taking
 from robo.node_status import NodeStatus
 from robo.parameter_server import ParameterServer, Said
 from robo.parameters import Parameters as AnyParameters
@@ -193,7 +193,7 @@ class Node:
         Raises:
             ParameterError: a name is unknown, a value does not fit, is read-only, or was refused.
         """
-        with taking(self._turn):
+        with taking(self._turn, "set_parameters"):
             self._commit({**(changes or {}), **values})
         self._publish_events()
 
@@ -282,9 +282,8 @@ class Node:
             callback: what to call.
             clock: whose seconds; by default the node's, which may be simulated.
         """
-        name = getattr(callback, "__name__", "timer")
         ask = period if callable(period) else lambda: period
-        timer = TimerLoop(name, ask, self._turn, callback, self._handler(callback), clock or self.clock)
+        timer = TimerLoop(name_of(callback), ask, self._turn, callback, self._handler(callback), clock or self.clock)
         self._timers.append(timer)
         if self._running:
             timer.start()
@@ -445,7 +444,7 @@ class Node:
             self.logger.error("a callback did not return within %g s; leaving without it", self._stop_timeout)
         if self._on_stop_due:
             self._on_stop_due = False
-            with taking(self._turn) if not stuck else nullcontext():
+            with taking(self._turn, "on_stop") if not stuck else nullcontext():
                 try:
                     self.on_stop()
                 except BaseException as error:
@@ -478,6 +477,9 @@ class Node:
     def status(self) -> NodeStatus:
         """Counters of this node, as a query on its status key would get them."""
         subscriptions = list(self._subscriptions)
+        turn, now = self._turn, time.monotonic()
+        running = turn.running  # it may end while this looks, and then the time is that of the next one
+        running_for = max(0.0, now - turn.since) if running else 0.0
         return NodeStatus(
             node=self.full_name,
             published={p.topic: p.published for p in list(self._publishers)},
@@ -486,8 +488,10 @@ class Node:
             dropped={s.topic: s.dropped for s in subscriptions},
             callback_errors=self._callback_errors,
             served={s.key: s.served for s in list(self._services)},
-            uptime=time.monotonic() - self._started_at,
-            busy=self._turn.busy,
+            uptime=now - self._started_at,
+            busy=turn.busy + running_for,
+            running=running,
+            running_for=running_for,
         )
 
     def flush(self, timeout: float = 5.0) -> None:
@@ -534,7 +538,7 @@ class Node:
 
     def _handler(self, callback: Callable[..., object]) -> Callable[[BaseException], None]:
         """What to do with an exception of a callback: it ends neither its thread nor, unless asked, the node."""
-        name = getattr(callback, "__name__", "a callback")
+        name = name_of(callback)
 
         def handle(error: BaseException) -> None:
             if isinstance(error, SystemExit):

@@ -23,7 +23,11 @@ class NodeStatus(msgspec.Struct, frozen=True):
     uptime: float = 0.0
     """How long the node has been running, s."""
     busy: float = 0.0
-    """How long its callbacks have run, waiting for services included, s."""
+    """How long its callbacks have run, the one that runs and waiting for services included, s."""
+    running: str = ""
+    """The callback that runs just now; empty where none does."""
+    running_for: float = 0.0
+    """How long it has been running, s. One that does not return holds up all others of the node."""
     zid: str = ""
     """The id of its Zenoh session; only in the reply to a query."""
     links: list[str] = []

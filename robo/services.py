@@ -18,7 +18,7 @@ from robo import codec, queries
 from robo.codec import Malformed, TopicDecoder
 from robo.discovery import EndpointToken
 from robo.errors import ServiceError, ServiceTimeout
-from robo.executor import Turn, paused, taking
+from robo.executor import Turn, name_of, paused, taking
 from robo.qos import DEFAULT_TIMEOUT
 from robo.queries import Fault, QueryLoop
 from robo_messages import Message
@@ -79,12 +79,8 @@ class ServiceServer(Generic[Q, A]):
             queries.reply_error(query, "Malformed", str(reason))
             return
         try:
-            with taking(self._turn, self._loop.spare):
-                begun = time.monotonic()
-                try:
-                    answer = self._handler(request)
-                finally:
-                    self._turn.busy += time.monotonic() - begun
+            with taking(self._turn, name_of(self._handler), self._loop.spare):
+                answer = self._handler(request)
             if not isinstance(answer, self._response):
                 raise TypeError(f"the handler returned {type(answer).__name__}, not {self._response.__name__}")
             queries.reply(query, self.key, answer, self._encoding)

@@ -116,6 +116,8 @@ class Member:
         self._pattern = re.compile(plan.ready.log) if plan.ready.log is not None else None
         self._beat: Beat | None = None
         self._beat_at = 0.0
+        self._late: Beat | None = None
+        """What it says while a callback holds its beat back."""
         self._rates: tuple[dict[str, float], dict[str, float]] = {}, {}
         self._input_seen: dict[str, tuple[int, float]] = {}
         self._usage: psutil.Process | None = None
@@ -240,7 +242,7 @@ class Member:
         self._child = Child(self._on_line, self._on_beat if beats else None, period)
         self._token_seen.clear()
         self._line_seen.clear()
-        self._beat, self._input_seen, self._usage = None, {}, None
+        self._beat, self._late, self._input_seen, self._usage = None, None, {}, None
         self._rates = {}, {}
         self._killed_because = ""
         self.started_at = time.monotonic()
@@ -390,7 +392,8 @@ class Member:
         plan = self.plan
         silent = now - self._beat_at
         if plan.watchdog and self._beat is not None and silent > plan.watchdog:
-            return f"hangs: no sign of life for {silent:.1f} s"
+            held = f"; {self._late.status.running} does not return" if self._late and self._late.status.running else ""
+            return f"hangs: no sign of life for {silent:.1f} s{held}"
         problem = self._broken_promise(now)
         healthy = now - self.ready_at >= plan.restart.reset_after
         if self.restarts.storm and not healthy:
@@ -533,6 +536,8 @@ class Member:
             inputs=inputs,
             callback_errors=seen.callback_errors if seen is not None else 0,
             next_start=max(0.0, self.next_start - now) if self.next_start is not None else None,
+            running=self._late.status.running if self._late is not None and self.running else "",
+            running_for=self._late.status.running_for if self._late is not None and self.running else 0.0,
         )
 
     def measure(self) -> None:
@@ -584,6 +589,9 @@ class Member:
         except msgspec.DecodeError:
             return  # a command that writes something else there has no heart
         now = time.monotonic()
+        self._late = beat if beat.late else None
+        if beat.late:
+            return
         old, span = self._beat, now - self._beat_at
         if old is not None and span > 0:
             self._rates = (

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Annotated
 
 import msgpack
+import msgspec
 import pytest
 import zenoh
 from msgspec import Meta
 
 import robo
-from robo import KEEP_ALL, Node, Publisher, subscribe, timer
+from robo import KEEP_ALL, Node, NodeStatus, Publisher, service, subscribe, timer
 from robo.codec import unpack_attachment
 from robo.discovery import ALL_TOKENS, EndpointToken, NodeToken, parse_token, wait_for_nodes
 from robo.errors import NetworkError
@@ -180,6 +181,38 @@ def test_the_whole_stop_has_one_deadline(session: zenoh.Session, caplog: pytest.
     finally:
         done.set()
     assert "did not return within 0.3 s" in caplog.text
+
+
+def test_a_node_says_which_callback_holds_it_up(session: zenoh.Session, other: zenoh.Session) -> None:
+    done, back = threading.Event(), threading.Event()
+
+    class Blocked(Node):
+        @subscribe("in")
+        def on_text(self, _: String) -> None:
+            done.wait(PATIENCE)
+
+        @service("~/nothing")
+        def nothing(self, _: Trigger.Request) -> Trigger.Response:
+            return Trigger.Response()
+
+    def asked() -> NodeStatus:
+        (reply,) = other.get("@robo/r1/status/blocked", timeout=10)
+        assert reply.ok is not None
+        return msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=NodeStatus)
+
+    with Blocked(namespace="r1", session=session) as node:
+        node.create_timer(0.01, back.set)
+        assert not wait_for_nodes(other, ["/r1/blocked"], 10)
+        assert asked().running in ("", "set")
+        other.put("r1/in", msgpack.packb({"data": "x"}))
+        eventually(lambda: asked().running == "on_text", "it names the callback")
+        first, second = asked(), asked()
+        assert 0 < first.running_for < second.running_for
+        assert first.busy < second.busy  # a load counts what runs
+        done.set()
+        back.clear()
+        assert back.wait(PATIENCE)
+        eventually(lambda: asked().running in ("", "set"), "the callback has returned")
 
 
 def test_a_callback_may_end_the_node(session: zenoh.Session, other: zenoh.Session) -> None:
