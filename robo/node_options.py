@@ -34,7 +34,10 @@ def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
     values: dict[str, object] = dict(launched.parameters)
     sources = {parameter: list(said) for parameter, said in launched.sources.items()}
     for path in options.params_file:
-        for entry in parameter_files.load(path).entries:
+        file = parameter_files.load(path)
+        for warning in file.warnings:
+            print(f"WARN {warning}", file=sys.stderr)
+        for entry in file.entries:
             if entry.matches(namespace or "", name or contract.name):
                 values |= entry.values
                 for parameter, value in entry.values.items():

@@ -147,8 +147,8 @@ def _changed(current: P, changes: Mapping[str, object], owner: str, *, read_only
         if name not in leaves:
             mistakes.append(f"{owner} has no parameter {name!r}; {suggest(name, leaves, 'it has')}")
             continue
-        if NON_FINITE in _extras(hint) and value in ("inf", "-inf", "nan"):
-            value = float(str(value))  # as JSON has to write them
+        if NON_FINITE in _extras(hint):
+            value = _from_json(value)
         shown = repr(value) if len(repr(value)) <= 60 else f"{repr(value)[:57]}…"
         try:
             new: object = msgspec.convert(value, hint)
@@ -171,6 +171,13 @@ def _changed(current: P, changes: Mapping[str, object], owner: str, *, read_only
     except (ValueError, TypeError) as error:  # raised by a __post_init__
         raise ParameterError(f"{owner}: {error}") from None
     return whole
+
+
+def _from_json(value: object) -> object:
+    """A number, or a list of them, with NaN and infinities as JSON has to write them: as text."""
+    if isinstance(value, list):
+        return [_from_json(item) for item in value]
+    return float(value) if isinstance(value, str) and value in ("inf", "-inf", "nan") else value
 
 
 def _flattened(

@@ -18,7 +18,9 @@ _SPECIAL = {
     "": None, "~": None, "null": None, "Null": None, "NULL": None,
     "true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False,
     ".nan": math.nan, ".NaN": math.nan, ".NAN": math.nan,
-    ".inf": math.inf, ".Inf": math.inf, ".INF": math.inf, "+.inf": math.inf, "-.inf": -math.inf,
+    ".inf": math.inf, ".Inf": math.inf, ".INF": math.inf,
+    "+.inf": math.inf, "+.Inf": math.inf, "+.INF": math.inf,
+    "-.inf": -math.inf, "-.Inf": -math.inf, "-.INF": -math.inf,
 }  # fmt: skip
 
 _TAGS = (None, "!", "tag:yaml.org,2002:str", "tag:yaml.org,2002:seq", "tag:yaml.org,2002:map")
@@ -94,7 +96,7 @@ class Entry(NamedTuple):
 
 
 class Map(msgspec.Struct, frozen=True):
-    """A map with text keys, in the file's order, each key once."""
+    """A map with text keys, in the file's order, each key once unless `parse` was told to keep all."""
 
     entries: tuple[Entry, ...]
     position: Position
@@ -103,7 +105,7 @@ class Map(msgspec.Struct, frozen=True):
         return iter(self.entries)
 
     def get(self, key: str) -> "Tree | None":
-        """The value of a key."""
+        """The value of a key; the first one, where it stands twice."""
         return next((entry.value for entry in self.entries if entry.key == key), None)
 
 
@@ -161,11 +163,32 @@ def shown(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}…"
 
 
-def parse(text: str, file: object, problems: list[Problem], *, placeholders: bool = False) -> Tree | None:
+def repeated(tree: Tree) -> Iterator[Problem]:
+    """The keys that stand twice in one map, anywhere in a tree."""
+    if isinstance(tree, Items):
+        for item in tree.items:
+            yield from repeated(item)
+    elif isinstance(tree, Map):
+        first: dict[str, Position] = {}
+        for entry in tree:
+            if entry.key in first:
+                yield _twice(entry.key, entry.position, first[entry.key])
+            first.setdefault(entry.key, entry.position)
+            yield from repeated(entry.value)
+
+
+def _twice(key: str, position: Position, first: Position) -> Problem:
+    return Problem(position, f"{shown(key)} stands twice; it is already in line {first.line}")
+
+
+def parse(
+    text: str, file: object, problems: list[Problem], *, placeholders: bool = False, keep_repeated: bool = False
+) -> Tree | None:
     """Read one YAML document. Mistakes are added to `problems`.
 
     With `placeholders`, `${name}` is one word everywhere. In YAML itself it is none within `[…]` and
-    `{…}`, where a brace ends the word.
+    `{…}`, where a brace ends the word. With `keep_repeated`, a key that stands twice in a map is there
+    twice; else it is a mistake.
 
     Returns:
         The tree; None where the text is no YAML at all. An empty document is an empty map.
@@ -179,7 +202,7 @@ def parse(text: str, file: object, problems: list[Problem], *, placeholders: boo
             Problem(Position(name, 1, 1), f"longer than {MAX_LENGTH:,} characters; is this the right file?")
         )
         return None
-    builder = _Builder(name, problems)
+    builder = _Builder(name, problems, keep_repeated=keep_repeated)
     try:
         # Events, not PyYAML's own tree: that one descends without a limit and crashes on deep files.
         for event in yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
@@ -213,14 +236,17 @@ class _Open:
         self.is_map = is_map
         self.count = 1
         self.items: list[Tree] = []
-        self.entries: dict[str, Entry] = {}
+        self.entries: list[Entry] = []
+        self.first: dict[str, Position] = {}
+        """Where each key stands first."""
         self.key: tuple[str | None, Position] | None = None
         """In a map, the key whose value comes next; None for its name where it is no word."""
 
 
 class _Builder:
-    def __init__(self, file: str, problems: list[Problem]) -> None:
+    def __init__(self, file: str, problems: list[Problem], *, keep_repeated: bool) -> None:
         self.root: Tree | None = None
+        self._keep_repeated = keep_repeated
         self._file = file
         self._problems = problems
         self._stack: list[_Open] = []
@@ -252,9 +278,7 @@ class _Builder:
         elif isinstance(event, (yaml.SequenceEndEvent, yaml.MappingEndEvent)):
             done = self._stack.pop()
             whole: Tree = (
-                Map(tuple(done.entries.values()), done.position)
-                if done.is_map
-                else Items(tuple(done.items), done.position)
+                Map(tuple(done.entries), done.position) if done.is_map else Items(tuple(done.items), done.position)
             )
             self._finish(whole, done.count, done.anchor)
         elif isinstance(event, yaml.AliasEvent):
@@ -286,11 +310,11 @@ class _Builder:
             (name, where), parent.key = parent.key, None
             if name is None:
                 return
-            if name in parent.entries:
-                first = parent.entries[name].position.line
-                self._problems.append(Problem(where, f"{name!r} stands twice; it is already in line {first}"))
+            if name in parent.first and not self._keep_repeated:
+                self._problems.append(_twice(name, where, parent.first[name]))
                 return
-            parent.entries[name] = Entry(name, where, tree)
+            parent.first.setdefault(name, where)
+            parent.entries.append(Entry(name, where, tree))
 
     def _key(self, tree: Tree) -> tuple[str | None, Position]:
         if not isinstance(tree, Scalar):

@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import zenoh
 
-from robo.cli.connection import clock_time, connect_to_robot, hint, nodes_of, print_json, print_line
+from robo.cli.connection import clock_time, connect_to_robot, hint, nodes_of, note, print_json, print_line
 from robo.cli.reach import Reach
 from robo.discovery import NodeToken
 from robo.errors import NodeUnreachable, UsageError
@@ -105,7 +105,9 @@ def load(node: str, file: str, reach: Reach) -> None:
     """Set what a parameter file says of a node: all of it, or nothing."""
     with connect_to_robot(reach) as session:
         token = _find(session, node, reach)
-        values = parameters.from_file(file, token)
+        values, warnings = parameters.from_file(file, token)
+        for warning in warnings:
+            note(f"warning: {warning}")
         before = parameters.get(session, token)
         parameters.set_all(session, token, values)
         after = parameters.get(session, token)

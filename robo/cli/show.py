@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from robo.codec import jsonable
 from robo.launch.arguments import ROBOT_NAME, ArgumentInfo
 from robo.launch.expression import as_text
 from robo.launch.plan import Plan, ProcessPlan, ReadyPlan
@@ -25,12 +26,12 @@ def arguments_text(file: Path, description: str, args: Sequence[ArgumentInfo]) -
     return "\n".join([*lines, "", f"Give them as robo up {file.name} name:=value"])
 
 
-def plan_data(plan: Plan) -> dict[str, Any]:
+def plan_data(plan: Plan) -> object:
     """The plan for programs, with the words that start each process."""
     data: dict[str, Any] = msgspec.to_builtins(plan)
     for process, described in zip(plan.processes, data["processes"], strict=True):
         described["command"] = process.command()
-    return data
+    return jsonable(data)
 
 
 def plan_text(plan: Plan) -> str:

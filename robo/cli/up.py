@@ -89,9 +89,9 @@ def run_up(
             print_json({"faults": faults.as_data(problems)})
             return 1
         raise ManifestFaults(problems)
-    unheard = [*found.loose, *(problem for problem, _ in unmatched(found))]
-    if unheard:
-        print(faults.as_notes(unheard, "warning"), file=sys.stderr)
+    warnings = [*found.loose, *found.warnings, *(problem for problem, _ in unmatched(found))]
+    if warnings:
+        print(faults.as_notes(warnings, "warning"), file=sys.stderr)
     if dry_run:
         if json:
             print_json(show.plan_data(found.plan))

@@ -54,7 +54,7 @@ def ends_of(resolution: Resolution) -> list[End]:
 def check(resolution: Resolution) -> Findings:
     """Everything that is wrong with a manifest, and what else is worth knowing."""
     faults = [*resolution.problems, *resolution.loose]
-    notes: list[Problem] = []
+    notes: list[Problem] = [*resolution.warnings]
     ends = ends_of(resolution)
     by_key: dict[str, list[End]] = {}
     for end in ends:

@@ -42,6 +42,8 @@ class Resolution(msgspec.Struct, frozen=True, kw_only=True):
     """Mistakes; a plan with any is not to be started."""
     loose: tuple[Problem, ...]
     """What is said and reaches nobody."""
+    warnings: tuple[Problem, ...]
+    """Where parameter files contradict themselves."""
     contracts: dict[str, contracts.NodeContract]
     """By full name, what a node's class promises, where that is known."""
     positions: dict[str, Position]
@@ -488,6 +490,7 @@ class _Walk:
             ),
             problems=in_order(self.problems),
             loose=in_order(loose),
+            warnings=in_order(self._files.warnings()),
             contracts={
                 d.plan.full_name: answer.contract
                 for d, answer in pairs

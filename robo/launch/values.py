@@ -79,6 +79,10 @@ class Files:
                 self._matched.add((path, entry.position))
                 yield entry, not entry.names_one_node
 
+    def warnings(self) -> list[Problem]:
+        """Where files contradict themselves."""
+        return [warning for file in self._files.values() if file is not None for warning in file.warnings]
+
     def unmatched(self) -> list[ParameterEntry]:
         """The entries that mean no node at all."""
         return [

@@ -11,6 +11,7 @@ from robo.errors import NodeUnreachable, ParameterError
 from robo.names import nested
 from robo.parameter_server import Result, Said, parameters_key
 from robo.queries import Fault, first_answer
+from robo.yaml_tree import Problem
 
 TIMEOUT = 0.5
 """How long a node may take to answer, s."""
@@ -73,17 +74,18 @@ def typed(described: Iterable[Described], name: str, text: str) -> object:
     return text if types.get(name) == "str" else parse_value(text)
 
 
-def from_file(path: str, node: NodeToken) -> dict[str, object]:
-    """What a parameter file says of a node.
+def from_file(path: str, node: NodeToken) -> tuple[dict[str, object], tuple[Problem, ...]]:
+    """What a parameter file says of a node, and where the file contradicts itself.
 
     Raises:
         ParameterFileError: it is missing or has mistakes.
         ParameterError: it says nothing of this node.
     """
-    values = parameter_files.load(path).values_for(node.namespace, node.node)
+    file = parameter_files.load(path)
+    values = file.values_for(node.namespace, node.node)
     if not values:
         raise ParameterError(f"{path} says nothing of {node.full_name}")
-    return values
+    return values, file.warnings
 
 
 def to_yaml(dumped: Mapping[str, Mapping[str, object]]) -> str:

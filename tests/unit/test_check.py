@@ -117,6 +117,13 @@ def test_parameters_that_reach_nobody() -> None:
     assert "p.yaml:3:1: base matches no node of this launch" in map(str, found.notes)
 
 
+def test_a_parameter_file_that_contradicts_itself_is_noted() -> None:
+    Path("p.yaml").write_text("/**: {log_rate: 1.0}\n/**: {log_rate: 2.0}\n")
+    found = findings(group(SOURCE, TRACKER.replace("tracker}", "tracker, params: p.yaml}")))
+    assert "p.yaml:2:7: /**: log_rate is 2.0 here and 1.0 in line 1; the last one holds" in map(str, found.notes)
+    assert found.faults == ()
+
+
 def test_promises_about_topics() -> None:
     promise = (
         "\n    topics: {odom: {type: geometry/Twist}, scan: {rate: 5}, map: {type: nav/OccupancyGird, external: true}}"

@@ -14,6 +14,7 @@ import robo
 from robo import parameter_files
 from robo.errors import ContractError, ParameterError, ParameterFileError
 from robo.parameters import build, change, describe, flat, parse_assignment, parse_value
+from robo.yaml_tree import Problem
 
 
 class Tuning(robo.Parameters):
@@ -78,9 +79,13 @@ def test_choices_and_what_is_allowed_on_purpose() -> None:
         side: Literal["left", "right"] = "left"
         limit: Annotated[float, robo.NON_FINITE] = math.inf
 
+    class Several(robo.Parameters):
+        limits: Annotated[list[float], robo.NON_FINITE] = msgspec.field(default_factory=list)
+
     chosen = build(Chosen, {"mode": "fast", "side": "right", "limit": -math.inf}, "x")
     assert (chosen.mode, chosen.side, chosen.limit) == (Mode.FAST, "right", -math.inf)
     assert build(Chosen, {"limit": "-inf"}, "x").limit == -math.inf
+    assert build(Several, {"limits": [1, "inf", "-inf"]}, "x").limits == [1.0, math.inf, -math.inf]
     assert flat(chosen) == {"mode": "fast", "side": "right", "limit": -math.inf, "use_sim_time": False}
     assert [info.type for info in describe(Chosen)][:2] == ["slow or fast", "left or right"]
     with pytest.raises(ParameterError) as error:
@@ -221,6 +226,111 @@ def test_mistakes_in_a_file_are_all_named_with_their_place(tmp_path: Path) -> No
         parameter_files.load(path)
     lines = str(error.value).splitlines()
     assert sorted(line.removeprefix(str(path)).split(": ")[0] for line in lines) == [":1:1", ":3:20", ":4:11"]
+
+
+def read_file(text: str) -> tuple[parameter_files.ParameterFile, list[str], list[str]]:
+    problems: list[Problem] = []
+    file = parameter_files.read(text, "f.yaml", problems)
+    return file, list(map(str, problems)), list(map(str, file.warnings))
+
+
+def test_the_spellings_of_infinity_and_nan_are_those_of_ros() -> None:
+    words = "[.inf, .Inf, .INF, +.inf, +.Inf, +.INF, -.inf, -.Inf, -.INF, .nan, .NaN, .NAN]"
+    file, problems, _ = read_file(f"test_node:\n  ros__parameters:\n    numbers: {words}\n")
+    assert not problems
+    numbers = file.values_for("", "test_node")["numbers"]
+    assert isinstance(numbers, list)
+    assert numbers[:9] == [math.inf] * 6 + [-math.inf] * 3
+    assert all(isinstance(number, float) and math.isnan(number) for number in numbers[9:])
+    file, _, _ = read_file("n: {ros__parameters: {words: [.nananan, .nAN, .Nan, .infinf, .INf, .infinity]}}")
+    assert file.values_for("", "n")["words"] == [".nananan", ".nAN", ".Nan", ".infinf", ".INf", ".infinity"]
+
+
+PARTLY = ["/foo**", "/**foo", "/f**oo", "/foo*", "/*foo", "/f*oo", "/**/node**", "/**/*node", "/**/n*ode", "foo*/node"]
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "expected"),
+    [
+        ("node1: {ros__parameters: {a: 1}}\nros__parameters: {id: 10}", "2:1", "where no node is named"),
+        ("lidar_ns//lidar_w: {ros__parameters: {id: 10}}", "1:1", "one / separates two names"),
+        ("a:\n  b//c: {ros__parameters: {id: 10}}", "2:3", "has an empty name"),
+        ("/foo:\n  /*:\n    ros__parameters: {id: 10}", "2:3", "within a namespace a name has no / before it"),
+        ("/ns/: {ros__parameters: {id: 10}}", "1:1", "names a namespace and no node; write /ns/NAME"),
+        ("/: {ros__parameters: {id: 10}}", "1:1", "names a namespace and no node"),
+        ("'': {ros__parameters: {id: 10}}", "1:1", "without a name"),
+        ("ns/robot-1: {speed: 1}", "1:1", "'robot-1' is not a valid name"),
+        *((f"{key}: {{ros__parameters: {{id: 10}}}}", "1:1", "not for part of a name") for key in PARTLY),
+        ("n:\n  ros__parameters:\n    a:\n    b: 1", "3:5", "a has no value"),
+        ("n: {a: ~}", "1:5", "a has no value"),
+        ("n: {a: {b: null}}", "1:9", "a.b has no value"),
+        ("n: {a: [1, null]}", "1:12", "a has no value"),
+        ("lidar_ns:\nlidar_1: {ros__parameters: {id: 10}}", "1:1", "lidar_ns: expected a map of parameters"),
+        ("n: {ros__parameters: {a: 1}, b: 2}", "1:30", "b stands beside ros__parameters"),
+        ("n: {a: {b: 1}, a.b: 2}", "1:16", "parameter 'a.b' stands twice; it is already in line 1"),
+        ("n: {a: [{b: 1, b: 2}]}", "1:16", "'b' stands twice"),
+    ],
+)
+def test_what_ros_refuses_is_a_mistake_with_its_place(text: str, place: str, expected: str) -> None:
+    _, problems, _ = read_file(text)
+    (problem,) = problems
+    assert problem.startswith(f"f.yaml:{place}: ")
+    assert expected in problem
+
+
+WILDCARDS = """\
+/**: {ros__parameters: {id: 1, rate: 1.0}}
+/*: {ros__parameters: {id: 2}}
+/**/one: {ros__parameters: {id: 3}}
+/**: {two: {ros__parameters: {id: 4}}}
+/foo1/**: {ros__parameters: {id: 5}}
+/foo2/*: {ros__parameters: {id: 6}}
+/foo3: {"*": {ros__parameters: {id: 7}}}
+/foo4/**/bar: {bar1/bar2/**: {ros__parameters: {id: 8}}}
+/: {three: {ros__parameters: {id: 9}}}
+/**: {ros__parameters: {id: 1, more: true}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        ("a/b/any", 1), ("any", 2), ("a/one", 3), ("two", 4), ("a/two", 4), ("foo1/a/b", 5), ("foo2/a", 6),
+        ("foo2/a/b", 1), ("foo3/a", 7), ("foo4/x/y/bar/bar1/bar2/a", 8), ("three", 9), ("a/three", 1),
+    ],
+)  # fmt: skip
+def test_wildcards_and_a_pattern_that_stands_twice_are_read_as_in_ros(name: str, number: int) -> None:
+    file, problems, warnings = read_file(WILDCARDS)
+    assert (problems, warnings) == ([], [])
+    namespace, _, node = name.rpartition("/")
+    values = file.values_for(namespace, node)
+    assert (values["id"], values["more"], values["rate"]) == (number, True, 1.0)
+
+
+def test_a_pattern_that_contradicts_itself_is_told_and_the_last_one_holds() -> None:
+    text = "ns/n: {id: 1, x: .nan, y: 1}\n/ns/n: {id: 2}\nns:\n  n: {ros__parameters: {id: 3, x: .NaN, y: 1.0}}\n"
+    file, problems, warnings = read_file(text)
+    assert not problems
+    assert file.values_for("ns", "n")["id"] == 3
+    assert warnings == [
+        "f.yaml:2:9: /ns/n: id is 2 here and 1 in line 1; the last one holds",
+        "f.yaml:4:25: ns/n: id is 3 here and 2 in line 2; the last one holds",
+    ]
+    # A node anywhere and the node of the root are not the same.
+    assert read_file("n: {id: 1}\n/n: {id: 2}\n")[1:] == ([], [])
+
+
+def test_nodes_beside_values_aliases_and_the_plain_form_are_read_too() -> None:
+    text = """\
+ns:
+  ros__parameters: {id: 1}
+  n: {ros__parameters: &same {id: 2}}
+  m: {ros__parameters: *same}
+k: {id: 3}
+"""
+    file, problems, _ = read_file(text)
+    assert not problems
+    assert [file.values_for(*node)["id"] for node in (("", "ns"), ("ns", "n"), ("ns", "m"), ("x", "k"))] == [1, 2, 2, 3]
 
 
 def test_a_missing_file_is_an_error(tmp_path: Path) -> None:
