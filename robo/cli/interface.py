@@ -3,9 +3,8 @@
 import msgspec
 
 import robo_messages
-from robo.cli.connection import paint, print_json, print_line, print_table
+from robo.cli.connection import note, paint, print_json, print_line, print_table
 from robo.errors import MessageError
-from robo.suggestions import closest
 from robo.tools import interfaces
 from robo.tools.interfaces import FieldInfo
 from robo.tools.ros_text import ros_text
@@ -18,9 +17,11 @@ def print_list(*, json: bool) -> None:
     if json:
         for one in found:
             print_json(one)
-        return
-    rows = [(one.name, one.kind, one.description or f"in {one.source}") for one in found]
-    print_table([("TYPE", "KIND", "DESCRIPTION"), *rows])
+    else:
+        rows = [(one.name, one.kind, one.description or f"in {one.source}") for one in found]
+        print_table([("TYPE", "KIND", "DESCRIPTION"), *rows])
+    for problem in interfaces.broken():
+        note(f"left out: {problem}")
 
 
 def print_type(name: str, *, json: bool, json_schema: bool, ros: bool) -> None:
@@ -33,9 +34,7 @@ def print_type(name: str, *, json: bool, json_schema: bool, ros: bool) -> None:
     try:
         types = [interfaces.find(half) for half in interfaces.halves(name)]
     except robo_messages.UnknownType as error:
-        close = closest(name.removesuffix("_Request"), [one.name for one in interfaces.listed()])
-        text = f"no type is named {name!r}; did you mean {close}?" if close else error.args[0]
-        raise MessageError(text) from None
+        raise MessageError(error.args[0]) from None
     if ros:
         print_line(ros_text(name))
     elif json_schema:

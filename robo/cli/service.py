@@ -85,20 +85,18 @@ def _request(type_name: str, text: str | None) -> bytes:
     value = parse_value(text) if text else {}
     if not isinstance(value, dict):
         raise UsageError(f"a request is a map, for example '{{data: true}}', not {text}")
-    try:
-        type_ = interfaces.find(type_name)
-    except robo_messages.UnknownType:
+    type_ = interfaces.find_here(type_name)
+    if type_ is None:
         return msgspec.msgpack.encode(value)  # its server checks it
     return msgspec.msgpack.encode(message_of(type_, value))
 
 
 def _shape(type_name: str) -> str:
     """A message type in a line: its fields with their types."""
-    try:
-        fields = field_types(interfaces.find(type_name))
-    except robo_messages.UnknownType:
+    type_ = interfaces.find_here(type_name)
+    if type_ is None:
         return type_name
-    return f"{type_name} {{{', '.join(f'{name}: {kind}' for name, kind in fields.items())}}}"
+    return f"{type_name} {{{', '.join(f'{name}: {kind}' for name, kind in field_types(type_).items())}}}"
 
 
 def _find(session: zenoh.Session, wanted: str, reach: Reach) -> ServiceInfo:

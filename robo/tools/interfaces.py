@@ -9,6 +9,7 @@ import ast
 import contextlib
 import functools
 import importlib
+import importlib.util
 import inspect
 import os
 import re
@@ -25,7 +26,7 @@ from msgspec import inspect as shapes
 
 import robo_messages
 from robo.errors import ContractError
-from robo.suggestions import suggest
+from robo.suggestions import closest
 from robo.tools.message_input import field_types
 from robo_messages import Message, UnknownType
 
@@ -65,7 +66,7 @@ class Listed(msgspec.Struct, frozen=True):
     name: str
     kind: Literal["message", "service"]
     description: str
-    """Its first line; empty for a type of the current folder that was not imported for it."""
+    """Its first sentence; empty for a type of the current folder that was not imported for it."""
     source: str
     """Its module, or the file that says it."""
 
@@ -74,6 +75,11 @@ def known() -> list[str]:
     """The names of all types, messages first halves of services included, without importing files for it."""
     _import_declared()
     return sorted({*robo_messages.type_names(), *_in_folder(os.getcwd())})
+
+
+def broken() -> list[str]:
+    """What cannot be imported of the modules that are announced: a sentence for each. The others work."""
+    return list(_import_declared().values())
 
 
 def listed() -> list[Listed]:
@@ -85,7 +91,7 @@ def listed() -> list[Listed]:
         if name in robo_messages.type_names():
             type_ = robo_messages.find_type(name)
             owner = _owner(type_) if kind == "service" else type_
-            about, source = _first_line(owner), type_.__module__
+            about, source = _first_sentence(owner), type_.__module__
         else:
             about, source = "", str(_in_folder(os.getcwd())[name])
         found.setdefault(service, Listed(service, kind, about, source))
@@ -97,22 +103,46 @@ def find(name: str) -> type[Message]:
 
     Raises:
         UnknownType: there is none; names what comes close.
-        ContractError: the file that says it cannot be imported.
+        ContractError: the file or the module that should say it cannot be imported.
     """
     try:
         return robo_messages.find_type(name)
     except UnknownType:
         pass
-    _import_declared()
+    failed = _import_declared()
     if name not in robo_messages.type_names():
         file = _in_folder(os.getcwd()).get(name)
         if file is not None:
             _import_file(file)
         elif (group := name.partition("/")[0]) and "/" in name:
+            for module, why in failed.items():
+                if module.partition(".")[0] in (group, f"{group}_messages"):
+                    raise ContractError(why)
             _import_group(group)
     if name in robo_messages.type_names():
         return robo_messages.find_type(name)
-    raise UnknownType(f"no message type is named {name!r}; {suggest(name, known())}")
+    raise UnknownType("\n".join([f"no message type is named {name!r}; {_suggest(name)}", *failed.values()]))
+
+
+@functools.lru_cache(1000)
+def find_here(name: str) -> type[Message] | None:
+    """The message class of a name; None where it is not known on this machine, or cannot be imported."""
+    try:
+        return find(name) if name else None
+    except (UnknownType, ContractError):
+        return None
+
+
+def _suggest(name: str) -> str:
+    """What may have been meant: a type whose last part it is, or one that is written alike."""
+    there = dict.fromkeys(one.name for one in listed())
+    by_last = {one.rpartition("/")[2].lower(): one for one in there}
+    last = name.rpartition("/")[2].lower()
+    meant = by_last.get(last) or closest(name, there)
+    if meant is None and "/" not in name:
+        near = closest(last, by_last)
+        meant = by_last[near] if near is not None else None
+    return f"did you mean {meant}?" if meant is not None else "robo interface list shows what there is"
 
 
 def halves(name: str) -> list[str]:
@@ -169,8 +199,10 @@ def _default(field: Any) -> object:
     return None
 
 
-def _first_line(owner: type[Any]) -> str:
-    return (owner.__doc__ or "").strip().partition("\n")[0]
+def _first_sentence(owner: type[Any]) -> str:
+    paragraph = " ".join(inspect.cleandoc(owner.__doc__ or "").partition("\n\n")[0].split())
+    end = re.search(r"\.(?=\s|$)", paragraph)
+    return paragraph[: end.end()] if end is not None else paragraph
 
 
 def _owner(type_: type[Message]) -> type[Any]:
@@ -200,33 +232,45 @@ def _field_docs(type_: type[Message]) -> dict[str, str]:
 
 
 @functools.cache
-def _import_declared() -> None:
-    modules = [point.module for point in entry_points(group=ENTRY_POINTS)]
-    modules += [name.strip() for name in os.environ.get(MODULES_VARIABLE, "").split(",") if name.strip()]
-    for module in modules:
-        _import(module, f"{MODULES_VARIABLE} or the entry point group {ENTRY_POINTS} names {module!r}")
+def _import_declared() -> dict[str, str]:
+    """Import the modules that are announced; those that cannot be, each with a sentence that says why."""
+    announced = {
+        point.module: f"the entry point group {ENTRY_POINTS}{f' of {point.dist.name}' if point.dist else ''}"
+        for point in entry_points(group=ENTRY_POINTS)
+    }
+    for name in os.environ.get(MODULES_VARIABLE, "").split(","):
+        if name.strip():
+            announced.setdefault(name.strip(), MODULES_VARIABLE)
+    failed: dict[str, str] = {}
+    for module, by in announced.items():
+        try:
+            _import(module, f"module {module}, which {by} names,")
+        except ContractError as error:
+            failed[module] = str(error)
+    return failed
 
 
 @functools.cache
 def _import_group(group: str) -> None:
     """`my_robot/Gripper` may be in `my_robot`, `my_robot.messages` or `my_robot_messages`."""
-    with _importable(os.getcwd()), contextlib.redirect_stdout(sys.stderr):
-        for module in (f"{group}.messages", f"{group}_messages", group):
-            with contextlib.suppress(ImportError, ValueError):
-                importlib.import_module(module)
+    with _importable(os.getcwd()):
+        for module in (group, f"{group}.messages", f"{group}_messages"):
+            with contextlib.suppress(ModuleNotFoundError, ValueError):  # there is none, or its parent is no package
+                if importlib.util.find_spec(module) is not None:
+                    _import(module, f"module {module}, where {group}/… may be,")
 
 
 def _import_file(file: Path) -> None:
     module = ".".join(file.with_suffix("").parts).removesuffix(".__init__")
-    _import(module, f"{file} says it and")
+    _import(module, f"{file}, which says it,")
 
 
-def _import(module: str, why: str) -> None:
+def _import(module: str, what: str) -> None:
     with _importable(os.getcwd()), contextlib.redirect_stdout(sys.stderr):
         try:
             importlib.import_module(module)
-        except Exception as error:  # a user's module may raise anything while it is imported
-            raise ContractError(f"{why} cannot be imported: {type(error).__name__}: {error}") from None
+        except (Exception, SystemExit) as error:  # a user's module may raise anything while it is imported
+            raise ContractError(f"{what} cannot be imported: {type(error).__name__}: {error}") from None
 
 
 @contextlib.contextmanager
@@ -244,9 +288,24 @@ def _in_folder(folder: str) -> dict[str, Path]:
         if number >= _MOST_FILES:
             break
         with contextlib.suppress(OSError):
-            for match in _REGISTERS.finditer(file.read_bytes()):
-                found.setdefault(match[1].decode(), file.relative_to(folder))
+            source = file.read_bytes()
+            for name in _registered(source) if _REGISTERS.search(source) else ():
+                found.setdefault(name, file.relative_to(folder))
     return found
+
+
+def _registered(source: bytes) -> Iterator[str]:
+    """The types that a file's classes are decorated with; in a file that is no Python, what looks like it."""
+    try:
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError, RecursionError):
+        yield from (match[1].decode() for match in _REGISTERS.finditer(source))
+        return
+    for node in ast.walk(tree):
+        for decorator in node.decorator_list if isinstance(node, ast.ClassDef) else ():
+            match = _REGISTERS.match(b"@" + ast.unparse(decorator).encode())
+            if match is not None:
+                yield match[1].decode()
 
 
 def _python_files(folder: Path, depth: int) -> Iterator[Path]:

@@ -6,14 +6,12 @@ from typing import Any
 
 import msgspec
 
-import robo_messages
 from robo import codec
 from robo.codec import Malformed, jsonable
 from robo.errors import MessageError
 from robo.tools import interfaces
 from robo.tools.message_input import restored
 from robo.tools.stream import Arrival
-from robo_messages import Message
 
 
 class Record(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -104,7 +102,7 @@ def payload_of(type_name: str, message: object) -> bytes:
     Raises:
         MessageError: the message does not fit its type.
     """
-    type_ = _known(type_name)
+    type_ = interfaces.find_here(type_name)
     return msgspec.msgpack.encode(restored(type_, message) if type_ is not None else message)
 
 
@@ -135,10 +133,3 @@ def _tells(payload: bytes, message: object) -> bool:
         return jsonable(codec.decode_any(payload)) == message
     except Malformed:
         return False
-
-
-def _known(type_name: str) -> type[Message] | None:
-    try:
-        return interfaces.find(type_name) if type_name else None
-    except robo_messages.UnknownType:
-        return None

@@ -69,8 +69,60 @@ def test_a_file_that_cannot_be_imported_is_told(tmp_path: Path) -> None:
         "print(len(interfaces.listed()) > 30)"
     )
     told = in_folder(tmp_path, code)
-    assert told.startswith("ContractError broken.py says it and cannot be imported: RuntimeError: no hardware")
+    assert told.startswith("ContractError broken.py, which says it, cannot be imported: RuntimeError: no hardware")
     assert told.endswith("True"), "the list does without it"
+
+
+def test_a_package_that_cannot_be_imported_does_not_hide_the_others(tmp_path: Path) -> None:
+    (tmp_path / "batt").mkdir()
+    (tmp_path / "batt" / "messages.py").write_text("raise SystemExit('no battery')")
+    (tmp_path / "good_types.py").write_text(GRIPPER)
+    info = tmp_path / "batt-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: batt\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[robo.messages]\nbatt = batt.messages\n")
+    here = tmp_path / "here"
+    here.mkdir()
+
+    def told(*words: str) -> tuple[int, str, str]:
+        result = subprocess.run(
+            [sys.executable, "-m", "robo", "interface", *words], cwd=here, capture_output=True, text=True, check=False,
+            env={"PATH": "", "PYTHONPATH": str(tmp_path), "ROBO_MESSAGES": "absent, good_types"},
+        )  # fmt: skip
+        return result.returncode, result.stdout, result.stderr
+
+    batt = "module batt.messages, which the entry point group robo.messages of batt names, cannot be imported: "
+    absent = (
+        "module absent, which ROBO_MESSAGES names, cannot be imported: ModuleNotFoundError: No module named 'absent'"
+    )
+    code, out, err = told("list")
+    assert (code, err) == (0, f"left out: {batt}SystemExit: no battery\nleft out: {absent}\n")
+    assert "nav/Odometry" in out
+    assert "my_robot/Gripper" in out
+    assert told("show", "nav/Odometry")[::2] == (0, "")
+    assert told("show", "my_robot/Gripper")[::2] == (0, "")
+    assert told("show", "batt/Battery") == (1, "", f"error: {batt}SystemExit: no battery\n")
+    code, _, err = told("show", "nav/Odometri")
+    assert (code, err.splitlines()[0]) == (
+        1, "error: no message type is named 'nav/Odometri'; did you mean nav/Odometry?"
+    )  # fmt: skip
+    assert len(err.splitlines()) == 3, "the type may be in what is broken"
+
+
+def test_messages_of_a_type_that_cannot_be_imported_here_are_data_all_the_same(tmp_path: Path) -> None:
+    (tmp_path / "torn").mkdir()
+    (tmp_path / "torn" / "__init__.py").write_text("raise TypeError('torn')")
+    assert in_folder(tmp_path, "print(interfaces.find_here('torn/Type'), interfaces.find_here(''))") == "None None"
+    code = "try: interfaces.find('torn/Type')\nexcept Exception as error: print(type(error).__name__, error)"
+    told = "ContractError module torn, where torn/… may be, cannot be imported: TypeError: torn"
+    assert in_folder(tmp_path, code, PYTHONUTF8="1") == told
+
+
+def test_what_only_looks_like_a_type_is_none(tmp_path: Path) -> None:
+    (tmp_path / "talks.py").write_text(f'"""As in `@message("group/Type")`."""\n# @message("group/Other")\n{GRIPPER}')
+    (tmp_path / "torn.py").write_text('@message("torn/Type")\nclass (')
+    code = "print([name for name in interfaces.known() if name.split('/')[0] in ('group', 'torn', 'my_robot')])"
+    assert in_folder(tmp_path, code) == "['my_robot/Gripper', 'torn/Type']"
 
 
 def test_what_is_no_code_of_the_user_is_passed_over(tmp_path: Path) -> None:
@@ -81,9 +133,26 @@ def test_what_is_no_code_of_the_user_is_passed_over(tmp_path: Path) -> None:
     assert in_folder(tmp_path, "print('my_robot/Gripper' in interfaces.known())") == "False"
 
 
-def test_an_unknown_type_is_told() -> None:
-    with pytest.raises(UnknownType, match="did you mean nav/Odometry"):
-        interfaces.find("nav/Odometri")
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("nav/Odometri", "nav/Odometry"),
+        ("Twist", "geometry/Twist"),
+        ("twist", "geometry/Twist"),
+        ("Odometri", "nav/Odometry"),
+        ("geometry_msgs/msg/Twist", "geometry/Twist"),
+        ("std_srvs/srv/Trigger", "std/Trigger"),
+    ],
+)
+def test_an_unknown_type_is_told(name: str, meant: str) -> None:
+    with pytest.raises(UnknownType, match=rf"did you mean {meant}\?"):
+        interfaces.find(name)
+
+
+def test_a_list_shows_whole_sentences() -> None:
+    abouts = {one.name: one.description for one in interfaces.listed()}
+    assert [about for about in abouts.values() if about and not about.endswith(".")] == []
+    assert abouts["sensor/Imu"] == "Orientation, angular velocity and acceleration."
 
 
 def test_a_type_is_described_with_units_and_constants() -> None:
