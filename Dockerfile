@@ -12,6 +12,7 @@ COPY messages messages
 COPY services services
 COPY launch launch
 COPY config config
+COPY logs logs
 COPY robo robo
 RUN pip wheel --quiet --no-cache-dir --no-deps --wheel-dir /wheels .
 # For example --build-arg EXTRAS=test

@@ -4,10 +4,15 @@ import socket
 from collections.abc import Iterator
 from pathlib import Path
 
+import hypothesis
 import pytest
 import zenoh
 
 from robo.session import Network, close_session, open_session
+
+# How long an example takes says more of the machine than of the code.
+hypothesis.settings.register_profile("robo", deadline=None)
+hypothesis.settings.load_profile("robo")
 
 INTEL_LOG = Path(__file__).parents[2] / "shared" / "data" / "intel.log.gz"
 

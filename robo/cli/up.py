@@ -1,5 +1,6 @@
 """`robo up`: from words to a plan to a run."""
 
+import os
 import shutil
 import sys
 from collections.abc import Sequence
@@ -83,7 +84,7 @@ def run_up(
     found = read()
     problems = found.problems
     if not dry_run:
-        problems = (*problems, *_missing_programs(found, search_path()))
+        problems = (*problems, *_missing_programs(found, search_path()), *_missing_files(found))
     if problems:
         if json:
             print_json({"faults": faults.as_data(problems)})
@@ -182,6 +183,25 @@ def _missing_programs(found: Resolution, search: str) -> list[Problem]:
         )
         is None
     ]
+
+
+def _missing_files(found: Resolution) -> list[Problem]:
+    """Paths that arguments name, processes are told of, and nothing is at."""
+    told = [
+        text
+        for process in found.plan.processes
+        for text in (
+            *process.command(),
+            *process.env.values(),
+            *(said.value for said in process.parameters.values() if isinstance(said.value, str)),
+        )
+    ]
+    missing = {
+        argument.path: Problem(argument.position, f"argument {argument.name}: there is no file {argument.path}")
+        for argument in reversed(found.paths)  # of one that is handed on, the place where it comes from
+        if not os.path.exists(argument.path) and any(argument.path in text for text in told)
+    }
+    return list(missing.values())
 
 
 def _arguments_of(file: Path) -> tuple[str, list[arguments.ArgumentInfo]]:

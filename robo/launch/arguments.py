@@ -76,6 +76,28 @@ def evaluate(manifest: Manifest, given: Given, scope: Scope, *, stand_ins: bool 
     return values
 
 
+class PathArgument(msgspec.Struct, frozen=True):
+    """A path that has to be there when something that is told of it starts."""
+
+    name: str
+    path: str
+    """Absolute."""
+    position: Position
+    """Where it is given, or its default."""
+
+
+def paths(manifest: Manifest, given: Given, values: Mapping[str, object]) -> list[PathArgument]:
+    """The paths among the values of a manifest's arguments, but for those that are yet to be made."""
+    found = []
+    for arg in manifest.args:
+        path = values[arg.name]
+        if arg.type == "path" and arg.exists and isinstance(path, str) and os.path.isabs(path):
+            default = arg.default
+            place = given.place(arg.name) if default is None or arg.name in given.values else default.position
+            found.append(PathArgument(arg.name, path, place))
+    return found
+
+
 class ArgumentInfo(msgspec.Struct, frozen=True):
     """What can be said of an argument without starting anything."""
 

@@ -85,6 +85,7 @@ ARG: Final = {
     "default": Key("The value where none is given; without it one has to be.", SCALAR),
     "required": Key("True where there is no default, which says it as well.", {"type": "boolean"}),
     "type": Key("By default the type of the default value.", {"enum": list(ARG_TYPES)}),
+    "exists": Key("False for a path that the robot itself makes: others have to be there.", {"type": "boolean"}),
     "choices": Key("The only values allowed.", {"type": "array", "items": SCALAR, "minItems": 1}),
     "description": Key("What it means, shown by --show-args.", TEXT),
 }

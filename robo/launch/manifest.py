@@ -28,6 +28,8 @@ class Arg(msgspec.Struct, frozen=True, kw_only=True):
     type: ArgType
     default: Scalar | None
     """None where it has to be given."""
+    exists: bool
+    """For a path: whether it has to be there at the start."""
     choices: tuple[Scalar, ...]
     description: str
     position: Position

@@ -166,6 +166,9 @@ class _Reader:
             said = "has a default" if default is not None else "has no default, so it has to be given"
             self.complain(required.position, f"{what} {said}: required: {kind(required).lower()} contradicts that")
         given = self.one_of(parts, "type", language.ARG_TYPES)
+        exists = self.scalar(parts, "exists")
+        if exists is not None and not isinstance(exists.value, bool):
+            self.complain(exists.position, f"{what}: exists is true or false, not {exists.value!r}")
         choices = self.scalars(parts, "choices")
         if given is not None and given.value in get_args(ArgType):
             type_ = msgspec.convert(given.value, ArgType)
@@ -177,6 +180,7 @@ class _Reader:
             name=entry.key,
             type=type_,
             default=default,
+            exists=exists is None or exists.value is not False,
             choices=choices,
             description=self.text(parts, "description"),
             position=entry.position,

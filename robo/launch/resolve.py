@@ -52,6 +52,8 @@ class Resolution(msgspec.Struct, frozen=True, kw_only=True):
     """By full name and left side, where a remapping is written."""
     unmatched: tuple[ParameterEntry, ...]
     """Entries of parameter files that mean no node."""
+    paths: tuple[args.PathArgument, ...]
+    """What paths the arguments of the manifest and of its includes name."""
     stood_in: tuple[str, ...]
     """Arguments that have to be given and were not."""
 
@@ -106,7 +108,9 @@ def resolve(
     found: dict[str, object] = {args.ROBOT_NAME: given.get(args.ROBOT_NAME, args.DEFAULT_ROBOT)}
     if manifest is not None:
         scope = walk.scope(manifest)
-        found = args.evaluate(manifest, args.Given(given, Path.cwd(), args.COMMAND_LINE), scope, stand_ins=stand_ins)
+        said = args.Given(given, Path.cwd(), args.COMMAND_LINE)
+        found = args.evaluate(manifest, said, scope, stand_ins=stand_ins)
+        walk.paths += args.paths(manifest, said, found)
         try:
             walk.manifest(manifest, scope.inner(found), _Context())
         except _TooMuch as error:
@@ -160,6 +164,7 @@ class _Draft(msgspec.Struct, frozen=True):
 class _Walk:
     def __init__(self) -> None:
         self.problems: list[Problem] = []
+        self.paths: list[args.PathArgument] = []
         self._manifests: dict[Path, Manifest | None] = {}
         self._anonymous: dict[str, str] = {}
         self._files = Files(self.problems)
@@ -266,7 +271,9 @@ class _Walk:
         if manifest is None:
             return
         own = self.scope(manifest)
-        found = args.evaluate(manifest, self._given(include, scope), own)
+        given = self._given(include, scope)
+        found = args.evaluate(manifest, given, own)
+        self.paths += args.paths(manifest, given, found)
         override = _Override(
             {str(scope.text(name)): name.position for name in include.without},
             {node.key: node for node in include.override},
@@ -499,6 +506,7 @@ class _Walk:
             positions={d.plan.full_name: d.position for d in drafts},
             remaps={d.plan.full_name: d.remap_at for d in drafts},
             unmatched=tuple(self._files.unmatched()),
+            paths=tuple(self.paths),
             stood_in=tuple(absent),
         )
 

@@ -73,7 +73,7 @@ def test_arguments_are_listed() -> None:
     assert re.search(r"^  viewer +choice, default none, one of none, position, rates$", text, re.MULTILINE)
     listed = json.loads(run_robo("up", "replay.yaml", "--show-args", "--json").stdout)
     log = next(arg for arg in listed if arg["name"] == "log")
-    assert (log["type"], log["required"]) == ("path", True)
+    assert (log["type"], log["required"], log["default"]) == ("path", False, "../logs/room.log.gz")
 
 
 def test_check_draws_and_tells_faults_from_bad_words(tmp_path: Path) -> None:
@@ -194,12 +194,29 @@ def _is_up(launch: Any, old: int) -> bool:
         return False
 
 
-def test_a_program_that_is_not_there_is_said_before_anything_runs(endpoint: str, tmp_path: Path) -> None:
+def test_a_program_or_file_that_is_not_there_is_said_before_anything_runs(endpoint: str, tmp_path: Path) -> None:
     file = write(tmp_path, "groups: {g: {nodes: {a: {run: no-such-program-here}}}}\n")
     result = run_robo("up", file, "--listen", endpoint)
     assert result.returncode == 1
     assert "m.yaml:1:22: /a: there is no program 'no-such-program-here'" in result.stderr
     assert run_robo("up", file, "--dry-run").returncode == 0
+    file = write(
+        tmp_path,
+        """
+args:
+  log: {type: path, default: run.log}
+  unused: {type: path, default: nothing}
+  bag: {type: path, exists: false, default: new.bag}
+groups: {g: {nodes: {a: {run: ["true", "--in=${log}", "${bag}"]}}}}
+""",
+    )
+    result = run_robo("up", file, "--listen", endpoint)
+    assert result.returncode == 1
+    assert f"m.yaml:3:30: argument log: there is no file {tmp_path}/run.log" in result.stderr
+    assert result.stderr.count("there is no file") == 1
+    outer = write(tmp_path, "include: {file: replay.yaml, args: {log: away.log}}\n")
+    result = run_robo("up", outer, "--listen", endpoint)
+    assert f"m.yaml:1:37: argument log: there is no file {tmp_path}/away.log" in result.stderr
     file = write(tmp_path, "groups: {g: {nodes: {a: {run: 'true', cwd: nowhere, required: true}}}}\n")
     result = run_robo("up", file, "--listen", endpoint)
     assert result.returncode == 1

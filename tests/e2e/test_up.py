@@ -68,6 +68,12 @@ def test_a_real_log_is_tracked_to_the_millimetre(endpoint: str, intel_log: Path)
         assert "skipped 841 odometry records of time 0" in replay.output
 
 
+def test_the_log_that_ships_is_played_without_any_argument(endpoint: str) -> None:
+    result = run_robo("up", "replay.yaml", "rate:=0", "delay:=0", "--listen", endpoint)
+    assert result.returncode == 0, result.stdout
+    assert "played 320 odometry and 160 laser records" in result.stdout
+
+
 def test_a_damaged_log_is_played_as_far_as_it_goes(endpoint: str, tmp_path: Path) -> None:
     log = tmp_path / "my.log"
     good = [f"ODOM {i} 0 0 0.5 0 0 {100 + i * 0.1} host {i}" for i in range(100)]

@@ -11,6 +11,7 @@ from robo_services import carmen
 from robo_services.carmen import LogError, Malformed, Motion, Record, Rewritten, Scan
 from robo_services.carmen_player import line_ranges
 from robo_services.utils import yaw_from_quaternion
+from tests import room_log
 
 ODOM = "ODOM 1.5 -2 0.5 0.3 0.1 0 976052857.350191 host 10.5"
 FLASER = "FLASER 3 1.0 2.5 81.83 9 9 9 8 8 8 12.25 host 12.25"
@@ -109,6 +110,20 @@ def test_a_gzip_file_that_is_cut_short_plays_up_to_the_cut(tmp_path: Path) -> No
 def test_a_log_that_is_not_there() -> None:
     with pytest.raises(LogError, match=r"nope\.log cannot be opened: No such file"):
         list(carmen.read("nope.log"))
+
+
+def test_the_log_that_ships_is_what_its_script_makes() -> None:
+    assert room_log.LOG.stat().st_size < 100_000
+    shipped = list(carmen.read(room_log.LOG))
+    made = list(carmen.records(line.encode() for line in room_log.lines()))
+    assert len(shipped) == len(made) == 15 * room_log.SECONDS
+    for ours, theirs in zip(shipped, made, strict=True):
+        if isinstance(ours, Motion) and isinstance(theirs, Motion):
+            assert (ours.x, ours.y, ours.theta) == pytest.approx((theirs.x, theirs.y, theirs.theta), abs=1e-3)
+        else:
+            assert isinstance(ours, Scan)
+            assert isinstance(theirs, Scan)
+            assert ours.ranges == pytest.approx(theirs.ranges, abs=0.02)
 
 
 def test_the_log_of_a_real_robot(intel_log: Path) -> None:

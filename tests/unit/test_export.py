@@ -17,7 +17,7 @@ from robo.loading import load_node_class
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted(path.name for path in (ROOT / "launch").glob("*.yaml"))
-GIVEN = {"replay.yaml": ["log:=config/room.yaml"]}
+GIVEN = {"replay.yaml": ["log:=logs/room.log.gz"]}
 
 
 def exported(

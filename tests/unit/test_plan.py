@@ -80,9 +80,15 @@ def test_real_robot_yaml_drives_slower_and_needs_its_safety_monitor() -> None:
     assert (topics["r1/scan"].min_rate, topics["r1/scan"].max_age) == (5.0, 0.5)
 
 
-def test_replay_yaml_needs_a_log_and_takes_a_path_from_the_current_folder(tmp_path: Path) -> None:
-    with pytest.raises(ManifestError, match=r"replay\.yaml needs log"):
-        shipped("replay.yaml")
+def test_an_argument_without_a_default_has_to_be_given() -> None:
+    with pytest.raises(ManifestError, match=r"m\.yaml needs speed \(of the base\); give it as speed:=VALUE"):
+        load("args: {speed: {type: float, description: of the base}}")
+
+
+def test_replay_yaml_has_a_log_and_takes_a_path_from_the_current_folder(tmp_path: Path) -> None:
+    own = shipped("replay.yaml").processes[-1].parameters["log"].value
+    assert isinstance(own, str)
+    assert Path(own).is_file()
     player = shipped("replay.yaml", log=Word("logs/run.log"), rate=Word("0")).processes[-1]
     assert player.parameters["log"].value == str(tmp_path / "logs" / "run.log")
     assert player.parameters["rate"].value == 0.0
