@@ -3,14 +3,17 @@
 A token is a key that vanishes with its session, however that ends. Its last five chunks are fixed, so
 that it can be read whatever the namespace's length; `/` within a chunk is written `%`:
 
-    @robo/<namespace>/node/<node>/<class>/<pid>/<host>
+    @robo/<namespace>/node/<node>/<class>/<pid>/<host>%<run>
     @robo/<namespace>/pub/<node>/<type>/<depth>/<topic key>
     @robo/<namespace>/sub/<node>/<type>/<depth>/<topic key>
     @robo/<namespace>/srv/<node>/<type>/0/<service key>
     @robo/<namespace>/cli/<node>/<type>/0/<service key>
 
 `@` keeps tokens out of `**`. A node declares its node token last: who sees that token knows
-everything else about the node, so it says "ready" as well.
+everything else about the node, so it says "ready" as well. `<run>` is the id of the run that the node
+is part of, by which a supervisor knows its own; a node that is run alone has none.
+
+Anybody may declare any key: what does not spell a token to the letter is none.
 """
 
 import os
@@ -29,6 +32,9 @@ ALL_TOKENS = f"{PREFIX}/**"
 EndpointKind = Literal["pub", "sub", "srv", "cli"]
 ENDPOINT_KINDS: tuple[EndpointKind, ...] = get_args(EndpointKind)
 
+_MOST_DIGITS = 9
+"""Of a number in a key: no process id is longer, and no depth of a topic makes sense beyond."""
+
 
 class NodeToken(msgspec.Struct, frozen=True):
     """A node that is ready."""
@@ -38,6 +44,8 @@ class NodeToken(msgspec.Struct, frozen=True):
     class_name: str
     pid: int
     host: str
+    run: str = ""
+    """The id of its run; empty for a node that is run alone."""
 
     @property
     def full_name(self) -> str:
@@ -46,7 +54,7 @@ class NodeToken(msgspec.Struct, frozen=True):
 
     def key(self) -> str:
         """The token's key expression."""
-        parts = (self.class_name, str(self.pid), self.host)
+        parts = (self.class_name, str(self.pid), names.join(self.host, self.run))
         return names.join(PREFIX, self.namespace, "node", self.node, *map(_mangle, parts))
 
 
@@ -75,19 +83,27 @@ class EndpointToken(msgspec.Struct, frozen=True):
 def parse_token(key: str) -> NodeToken | EndpointToken | None:
     """The token that a key spells; None for a key that is no token of robo's."""
     chunks = key.split("/")
-    if len(chunks) < 6 or chunks[0] != PREFIX:
+    if len(chunks) < 6 or chunks[0] != PREFIX or not all(map(names.is_word, (*chunks[1:-5], chunks[-4]))):
         return None
     namespace = "/".join(chunks[1:-5])
     kind, node = chunks[-5], chunks[-4]
     a, b, c = map(_unmangle, chunks[-3:])
-    if not b.isdigit():
+    number = parse_number(b)
+    if number is None or not (a + c).isprintable():
         return None
+    found: NodeToken | EndpointToken | None = None
     if kind == "node":
-        return NodeToken(namespace, node, a, int(b), c)
+        host, _, run = c.partition("/")
+        found = NodeToken(namespace, node, a, number, host, run)
     for end in ENDPOINT_KINDS:
         if kind == end:
-            return EndpointToken(namespace, node, end, a, int(b), c)
-    return None
+            found = EndpointToken(namespace, node, end, a, number, c)
+    return found if found is not None and found.key() == key else None
+
+
+def parse_number(text: str) -> int | None:
+    """A number as robo writes it into a key; None for anything else, `³` and a number without end included."""
+    return int(text) if len(text) <= _MOST_DIGITS and text.isascii() and text.isdigit() else None
 
 
 def tokens(session: zenoh.Session, timeout: float) -> list[NodeToken | EndpointToken]:
@@ -123,20 +139,23 @@ def wait_for_nodes(session: zenoh.Session, full_names: Iterable[str], timeout: f
         full_names: for example `/r1/position_tracker`.
         timeout: in s.
     """
-    missing = set(full_names)
-    if not missing:
-        return missing
-    seen = threading.Event()
+    wanted = frozenset(full_names)
+    if not wanted:
+        return set()
+    changed = threading.Condition()
+    seen: set[str] = set()
 
     def notice(sample: zenoh.Sample) -> None:
         token = parse_token(str(sample.key_expr))
-        if sample.kind == zenoh.SampleKind.PUT and isinstance(token, NodeToken):
-            missing.discard(token.full_name)
-            if not missing:
-                seen.set()
+        if sample.kind == zenoh.SampleKind.PUT and isinstance(token, NodeToken) and token.full_name in wanted:
+            with changed:
+                seen.add(token.full_name)
+                changed.notify()
 
     subscriber = session.liveliness().declare_subscriber(ALL_TOKENS, notice, history=True)
-    seen.wait(timeout)
+    with changed:
+        changed.wait_for(lambda: seen == wanted, timeout)
+        missing = wanted - seen
     subscriber.undeclare()
     return set(missing)
 

@@ -145,6 +145,12 @@ def nested(values: Mapping[str, object], separator: str) -> dict[str, object]:
     return tree
 
 
+def split(full_name: str) -> tuple[str, str]:
+    """The namespace and the name of a node: `/r1/arm/driver` to `r1/arm` and `driver`."""
+    namespace, _, name = full_name.strip("/").rpartition("/")
+    return namespace, name
+
+
 def within(namespace: str, full_name: str) -> str:
     """A full name as it is called within a namespace: without it, where it is in there."""
     return full_name.strip("/").removeprefix(f"{namespace.strip('/')}/")

@@ -26,6 +26,7 @@ from robo.parameter_server import ParameterServer, Said
 from robo.parameters import Parameters as AnyParameters
 from robo.parameters import build, change, flat
 from robo.qos import DEFAULT_DEPTH, DEFAULT_TIMEOUT, KEEP_ALL
+from robo.run_id import RUN_VARIABLE
 from robo.services import ServiceClient, ServiceServer, service_token
 from robo.session import Network, close_session, open_session
 from robo_messages import Clock as ClockMessage
@@ -528,7 +529,8 @@ class Node:
     def _node_token(self) -> NodeToken:
         cls = type(self)
         class_name = f"{cls.__module__}:{cls.__qualname__}"
-        return NodeToken(self.namespace, self.name, class_name, os.getpid(), discovery.hostname())
+        run = os.environ.get(RUN_VARIABLE, "")
+        return NodeToken(self.namespace, self.name, class_name, os.getpid(), discovery.hostname(), run)
 
     def _period(self, rate: float | str) -> Callable[[], float]:
         if isinstance(rate, str):

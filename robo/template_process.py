@@ -14,6 +14,7 @@ import signal
 import socket
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 
 from robo import lean
 
@@ -63,7 +64,8 @@ def serve(server: socket.socket) -> Callable[[], None] | None:
             return None
         pid = os.fork()
         if pid:
-            os.setpgid(pid, pid)
+            with suppress(OSError):  # it has done so itself, and become another program or ended
+                os.setpgid(pid, pid)
             for descriptor in descriptors:
                 os.close(descriptor)
             server.send(encode((pid, None)))

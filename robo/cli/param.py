@@ -141,7 +141,7 @@ def watch(node: str | None, reach: Reach, *, json: bool) -> None:
         for arrival in stream.until(None):
             try:
                 event = msgspec.msgpack.decode(arrival.sample.payload.to_bytes(), type=ParameterEvent)
-            except (msgspec.DecodeError, UnicodeDecodeError):
+            except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
                 continue  # somebody else's topic
             if wanted is not None and event.node != wanted:
                 continue

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from robo.supervisor.run_id import RUN_VARIABLE, new_run_id
+from robo.run_id import RUN_VARIABLE, new_run_id
 from robo.template_process import PADDING
 
 

@@ -111,6 +111,8 @@ class Member:
         self._ended: asyncio.Task[int] | None = None
         self._again = False
         self._killed_because = ""
+        self._ended_pids: deque[int] = deque(maxlen=20)
+        """Of the last children that have ended: their tokens may still be on the way."""
         self._token_seen = asyncio.Event()
         self._line_seen = asyncio.Event()
         self._pattern = re.compile(plan.ready.log) if plan.ready.log is not None else None
@@ -161,18 +163,21 @@ class Member:
     def owns(self, pid: int) -> bool:
         """Whether a process is the child, or was started by it: a debugger or a script in between."""
         own = self._child.pid if self._child is not None else None
-        if own is None or pid == own:
+        if own is None or pid == own or self.leads(pid):
             return own is not None
-        try:
-            if os.getpgid(pid) == own:
-                return True
-        except ProcessLookupError:
-            return False
         import psutil
 
         try:
             return any(p.pid == own for p in psutil.Process(pid).parents())
         except psutil.Error:
+            return False
+
+    def leads(self, pid: int) -> bool:
+        """Whether a process of this machine is the child, or in its process group."""
+        own = self.pid
+        try:
+            return own is not None and os.getpgid(pid) == own
+        except OSError:
             return False
 
     @property
@@ -272,6 +277,8 @@ class Member:
 
     def _note_end(self, code: int) -> int:
         self.ready = False
+        if self._child is not None and self._child.pid is not None:
+            self._ended_pids.append(self._child.pid)
         self.exits.append(
             Exit(
                 time=time.time_ns(),
@@ -375,9 +382,10 @@ class Member:
                 with suppress(ProcessLookupError):
                     os.killpg(probe.pid, signal.SIGKILL)
 
-    def notice_token(self) -> None:
-        """The node's liveliness token shows."""
-        self._token_seen.set()
+    def notice_token(self, pid: int) -> None:
+        """The node's liveliness token shows, if it is not that of a child that has ended."""
+        if pid not in self._ended_pids:
+            self._token_seen.set()
 
     # -- health ----------------------------------------------------------------------------------
 
@@ -586,7 +594,7 @@ class Member:
     def _on_beat(self, data: bytes) -> None:
         try:
             beat = msgspec.msgpack.decode(data, type=Beat)
-        except msgspec.DecodeError:
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             return  # a command that writes something else there has no heart
         now = time.monotonic()
         self._late = beat if beat.late else None

@@ -5,6 +5,7 @@ from typing import Literal, NamedTuple
 import msgspec
 
 from robo import names
+from robo.discovery import parse_number
 
 State = Literal["starting", "ready", "degraded", "restarting", "stopping", "stopped", "failed", "completed"]
 
@@ -165,11 +166,14 @@ def supervisors_key(robot: str) -> str:
     return names.join("@robo", robot, "run", "*", "*")
 
 
-def parse_supervisor_token(key: str) -> SupervisorToken:
-    """The token that a key of `supervisors_key` spells."""
-    _, *robot, _, pid, where = key.split("/")
-    part, machine, zid = (*where.split("%"), "", "")[:3]
-    return SupervisorToken("/".join(robot), int(pid), machine, part, zid)
+def parse_supervisor_token(key: str) -> SupervisorToken | None:
+    """The token that a key of `supervisors_key` spells; None for a key that spells none."""
+    chunks, parts = key.split("/"), key.rpartition("/")[2].split("%")
+    if len(chunks) < 5 or len(parts) != 3 or not all(map(names.is_word, chunks[1:-3])) or not key.isprintable():
+        return None
+    pid = parse_number(chunks[-2])
+    token = SupervisorToken("/".join(chunks[1:-3]), pid or 0, parts[1], parts[0], parts[2])
+    return token if token.key() == key else None
 
 
 def log_key(robot: str) -> str:

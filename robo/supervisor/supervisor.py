@@ -26,6 +26,7 @@ from robo.errors import NetworkError
 from robo.heartbeat import WATCH_VARIABLE
 from robo.launch.plan import Plan, ProcessPlan, StopPlan, TopicPlan
 from robo.router import LINGER, NETWORK_VARIABLE
+from robo.run_id import RUN_VARIABLE, new_run_id
 from robo.session import Network, close_session, open_session
 from robo.supervisor import orphans, process
 from robo.supervisor.console import Console
@@ -36,7 +37,6 @@ from robo.supervisor.member import Changes, Member
 from robo.supervisor.process import Child, describe_exit
 from robo.supervisor.reload import FileWatch, files_of, same
 from robo.supervisor.run_environment import RunEnvironment
-from robo.supervisor.run_id import RUN_VARIABLE, new_run_id
 from robo.supervisor.status import (
     Asked,
     Done,
@@ -67,6 +67,8 @@ _STARTING = 2.0
 """For how long nobody's processor time is measured, s: that would take a tenth of what a start takes."""
 
 _TICK = 0.25
+_LONGEST_SHOWN = 120
+"""How much is shown of a key that a stranger has made."""
 MOST_LINKED = 30
 """More nodes than these do not link to each other; the router passes their messages on."""
 _MOST_EVENTS = 1000
@@ -135,8 +137,10 @@ class Supervisor:
         self._logs_work = True
         self.changes = Changes()
         self._members = {p.full_name: Member(p, label_of(plan, p), self) for p in plan.processes}
-        self._elsewhere: set[str] = set()
-        """Nodes that others run, as long as they are ready."""
+        self._elsewhere: dict[str, set[NodeToken]] = {}
+        """The tokens of nodes that others run, by full name, as long as they are ready."""
+        self._unreadable = 0
+        """Tokens that spell nothing."""
         self._recent: deque[LogRecord] = deque(maxlen=_MOST_LINES)
         self._lives: dict[str, asyncio.Task[None]] = {}
         self._chores: set[asyncio.Task[None]] = set()
@@ -226,7 +230,8 @@ class Supervisor:
         except NetworkError:
             return False  # whoever listens there speaks no Zenoh
         replies = session.liveliness().get(supervisors_key(self._plan.robot), timeout=_ANSWERS_WITHIN)
-        found = [parse_supervisor_token(str(r.ok.key_expr)) for r in replies if r.ok is not None]
+        told = (parse_supervisor_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None)
+        found = [token for token in told if token is not None]
         await asyncio.to_thread(close_session, session)
         # Another host's part of the robot may run beside this one.
         same = [token for token in found if not (token.part and self._plan.host and token.part != self._plan.host)]
@@ -270,10 +275,13 @@ class Supervisor:
             return None
 
         def notice(sample: zenoh.Sample) -> None:
-            token = discovery.parse_token(str(sample.key_expr))
+            key = str(sample.key_expr)
+            token = discovery.parse_token(key)
             if isinstance(token, NodeToken):
                 work = self._on_token if sample.kind == zenoh.SampleKind.PUT else self._on_token_gone
                 loop.call_soon_threadsafe(work, token)
+            elif token is None and parse_supervisor_token(key) is None and sample.kind == zenoh.SampleKind.PUT:
+                loop.call_soon_threadsafe(self._on_unreadable, key)
 
         session.liveliness().declare_subscriber(discovery.ALL_TOKENS, notice, history=True)
         self._topics = TopicWatch(session, self._promises())
@@ -310,19 +318,34 @@ class Supervisor:
     def _on_token(self, token: NodeToken) -> None:
         member = self._members.get(token.full_name)
         if member is None:
-            self._elsewhere.add(token.full_name)
+            self._elsewhere.setdefault(token.full_name, set()).add(token)
             self.changes.notify()
-            return
-        if token.host == discovery.hostname() and member.owns(token.pid):
-            member.notice_token()
+        elif self._is_of(member, token):
+            member.notice_token(token.pid)
         elif self._announced:
             self._warn(f"another {token.full_name} has come up (process {token.pid} on {token.host})")
         else:  # the newcomer gives way
             self._warn(f"{token.full_name} runs already (process {token.pid}); stop it or choose another --robot-name")
             self._finish(1)
 
+    def _is_of(self, member: Member, token: NodeToken) -> bool:
+        """Whether a token is that of a member's process, which may not even be known to have started."""
+        here = token.host == discovery.hostname()
+        if token.run == self._run_id:
+            return not (
+                here and any(other is not member and other.leads(token.pid) for other in self._members.values())
+            )
+        # What empties its environment, as sudo does, has lost the run's id.
+        return not token.run and here and member.owns(token.pid)
+
     def _on_token_gone(self, token: NodeToken) -> None:
-        self._elsewhere.discard(token.full_name)
+        self._elsewhere.get(token.full_name, set()).discard(token)
+
+    def _on_unreadable(self, key: str) -> None:
+        self._unreadable += 1
+        if self._unreadable == 1:
+            shown = ascii(key if len(key) <= _LONGEST_SHOWN else f"{key[:_LONGEST_SHOWN]}…")
+            self._warn(f"ignoring a liveliness token that means nothing here, and others like it: {shown}")
 
     # -- what members ask --------------------------------------------------------------------------
 
@@ -335,7 +358,7 @@ class Supervisor:
         found = []
         for name, until in plan.needs.items():
             need = self._members.get(name)
-            if need is None and name not in self._elsewhere:
+            if need is None and not self._elsewhere.get(name):
                 found.append(f"{names.within(self._plan.robot, name)} {until}, on another host")
             if need is not None and not need.reached(until):
                 hopeless = "" if need.may_reach(until) else f", which is {need.state}"

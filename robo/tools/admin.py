@@ -1,10 +1,14 @@
 """What Zenoh routers know, by their own account: who is connected to them, and what is declared."""
 
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Literal, TypeVar
 
 import msgspec
 import zenoh
+
+from robo.tools.replies import UNREADABLE
+
+T = TypeVar("T")
 
 Kind = Literal["publisher", "subscriber"]
 
@@ -14,9 +18,9 @@ _KINDS: tuple[Kind, ...] = ("publisher", "subscriber")
 class Link(msgspec.Struct, frozen=True):
     """A connection between two processes, as one of them sees it."""
 
-    src: str
+    src: str = ""
     """The near end's locator."""
-    dst: str
+    dst: str = ""
 
 
 class RouterSession(msgspec.Struct, frozen=True):
@@ -50,13 +54,13 @@ def declared(session: zenoh.Session, timeout: float) -> Iterator[tuple[Kind, str
         for reply in session.get(f"@/*/router/{kind}/**", timeout=timeout):
             if reply.ok is None:
                 continue
-            key = str(reply.ok.key_expr).split("/", 4)[4]
-            if "*" in key or key.startswith("@"):
+            key = "/".join(str(reply.ok.key_expr).split("/")[4:])
+            if not key or "*" in key or key.startswith("@"):
                 continue
-            data = _read(reply.ok)
-            for zid in {*data.get("peers", ()), *data.get("clients", ())}:
+            told = _read(reply.ok, _Declared)
+            for zid in {*told.peers, *told.clients}:
                 if zid != own:
-                    yield kind, key, str(zid)
+                    yield kind, key, zid
 
 
 def routers(session: zenoh.Session, timeout: float) -> list[Router]:
@@ -65,31 +69,38 @@ def routers(session: zenoh.Session, timeout: float) -> list[Router]:
     for reply in session.get("@/*/router", timeout=timeout):
         if reply.ok is None:
             continue
-        data = _read(reply.ok)
-        metadata = data.get("metadata")
-        sessions = [
-            RouterSession(
-                str(one.get("peer", "")),
-                str(one.get("whatami", "")),
-                [Link(str(link.get("src", "")), str(link.get("dst", ""))) for link in one.get("links", ())],
-            )
-            for one in data.get("sessions", ())
-        ]
-        found.append(
-            Router(
-                str(data.get("zid", "")),
-                str(metadata.get("name", "")) if isinstance(metadata, dict) else "",
-                str(data.get("version", "")).partition("-")[0].removeprefix("v"),
-                [str(locator) for locator in data.get("locators", ())],
-                sessions,
-            )
-        )
+        told = _read(reply.ok, _Router)
+        sessions = [RouterSession(one.peer, one.whatami, one.links) for one in told.sessions]
+        name = told.metadata.get("name") if isinstance(told.metadata, dict) else None
+        version = told.version.partition("-")[0].removeprefix("v")
+        found.append(Router(told.zid, str(name or ""), version, told.locators, sessions))
     return sorted(found, key=lambda router: (router.name, router.zid))
 
 
-def _read(sample: zenoh.Sample) -> dict[str, Any]:
+class _Declared(msgspec.Struct):
+    """What a router says of a publisher or a subscriber: the ids of the processes that have declared it."""
+
+    peers: list[str] = []
+    clients: list[str] = []
+
+
+class _Session(msgspec.Struct):
+    peer: str = ""
+    whatami: str = ""
+    links: list[Link] = []
+
+
+class _Router(msgspec.Struct):
+    zid: str = ""
+    version: str = ""
+    locators: list[str] = []
+    sessions: list[_Session] = []
+    metadata: object = None
+
+
+def _read(sample: zenoh.Sample, kind: type[T]) -> T:
+    """What a router says; nothing at all where it is something else that answers."""
     try:
-        data = msgspec.json.decode(sample.payload.to_bytes())
-    except (msgspec.DecodeError, UnicodeDecodeError):
-        return {}
-    return data if isinstance(data, dict) else {}
+        return msgspec.json.decode(sample.payload.to_bytes(), type=kind)
+    except UNREADABLE:
+        return kind()

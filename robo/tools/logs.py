@@ -13,9 +13,9 @@ from typing import BinaryIO
 import msgspec
 
 from robo.errors import NodeNotFound, RunError, UsageError
+from robo.run_id import supervisor_lives
 from robo.suggestions import suggest
 from robo.supervisor.log_files import SUPERVISOR, LogRecord, RunInfo, log_base
-from robo.supervisor.run_id import supervisor_lives
 from robo.supervisor.status import ProcessName
 
 _SPAN = re.compile(r"(\d+(?:\.\d+)?)\s*(s|m|h|d)")

@@ -6,12 +6,14 @@ from collections.abc import Iterable
 import msgspec
 import zenoh
 
+from robo import names
 from robo.discovery import EndpointToken, NodeToken, status_key, tokens
 from robo.errors import NodeNotFound, NodeUnreachable, RoboError
 from robo.node_status import NodeStatus
 from robo.suggestions import suggest
 from robo.supervisor.status import ProcessStatus
 from robo.tools import runs
+from robo.tools.replies import read, samples
 
 LOAD_WINDOW = 0.5
 """Over how long load and rates are measured, s."""
@@ -143,9 +145,10 @@ def node_status(session: zenoh.Session, node: NodeToken, timeout: float) -> Node
     Raises:
         NodeUnreachable: it does not answer.
     """
-    for reply in session.get(status_key(node.namespace, node.node), timeout=timeout):
-        if reply.ok is not None:
-            return msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=NodeStatus)
+    for sample in samples(session.get(status_key(node.namespace, node.node), timeout=timeout)):
+        status = read(sample, NodeStatus)
+        if status is not None:
+            return status
     raise NodeUnreachable(f"{node.full_name} did not answer within {timeout:g} s")
 
 
@@ -153,9 +156,9 @@ def all_status(session: zenoh.Session, timeout: float) -> dict[str, NodeStatus]:
     """The counters of every node that answers in time, by full name."""
     found = {}
     key = status_key("**", "*")
-    for reply in session.get(key, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE):
-        if reply.ok is not None:
-            status = msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=NodeStatus)
+    for sample in samples(session.get(key, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE)):
+        status = read(sample, NodeStatus)
+        if status is not None and str(sample.key_expr) == status_key(*names.split(status.node)):
             found[status.node] = status
     return found
 

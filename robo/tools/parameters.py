@@ -1,6 +1,7 @@
 """Parameters of running nodes, over the network."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import TypeVar
 
 import msgspec
 import zenoh
@@ -11,7 +12,10 @@ from robo.errors import NodeUnreachable, ParameterError
 from robo.names import nested
 from robo.parameter_server import Result, Said, parameters_key
 from robo.queries import Fault, first_answer
+from robo.tools.replies import UNREADABLE
 from robo.yaml_tree import Problem
+
+T = TypeVar("T")
 
 TIMEOUT = 0.5
 """How long a node may take to answer, s."""
@@ -37,17 +41,17 @@ def get(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ()) -> d
         NodeUnreachable: the node does not answer.
         ParameterError: it has no such parameter.
     """
-    return msgspec.convert(_ask(session, node, "get", _named(names)), dict[str, object])
+    return _ask(session, node, "get", _named(names), dict[str, object])
 
 
 def describe(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ()) -> list[Described]:
     """All that is known of parameters. Raises as `get`."""
-    return list(msgspec.convert(_ask(session, node, "describe", _named(names)), dict[str, Described]).values())
+    return list(_ask(session, node, "describe", _named(names), dict[str, Described]).values())
 
 
 def explain(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ()) -> dict[str, list[Said]]:
     """Everything that was said of parameters, from the weakest to what holds. Raises as `get`."""
-    return msgspec.convert(_ask(session, node, "explain", _named(names)), dict[str, list[Said]])
+    return _ask(session, node, "explain", _named(names), dict[str, list[Said]])
 
 
 def set_all(session: zenoh.Session, node: NodeToken, changes: Mapping[str, object]) -> None:
@@ -57,7 +61,7 @@ def set_all(session: zenoh.Session, node: NodeToken, changes: Mapping[str, objec
         NodeUnreachable: the node does not answer.
         ParameterError: it refuses; says why.
     """
-    result = msgspec.convert(_ask(session, node, "set", dict(changes)), Result)
+    result = _ask(session, node, "set", dict(changes), Result)
     if not result.successful:
         raise ParameterError(result.reason)
 
@@ -101,12 +105,15 @@ def _named(names: Sequence[str]) -> dict[str, object] | None:
     return {"names": list(names)} if names else None
 
 
-def _ask(session: zenoh.Session, node: NodeToken, verb: str, request: object) -> object:
+def _ask(session: zenoh.Session, node: NodeToken, verb: str, request: object, kind: type[T]) -> T:
     key = parameters_key(node.namespace, node.node, verb)
     payload = msgspec.msgpack.encode(request) if request is not None else None
     answer = first_answer(session.get(key, payload=payload, timeout=TIMEOUT))
     if isinstance(answer, Fault):
         raise ParameterError(answer.message)
     if answer is not None:
-        return msgspec.msgpack.decode(answer.payload.to_bytes())
+        try:
+            return msgspec.msgpack.decode(answer.payload.to_bytes(), type=kind)
+        except UNREADABLE as error:
+            raise ParameterError(f"the answer of {node.full_name} cannot be read: {error}") from None
     raise NodeUnreachable(f"{node.full_name} did not answer within {TIMEOUT:g} s; is a callback of it stuck?")

@@ -25,6 +25,7 @@ from robo.supervisor.status import (
     parse_supervisor_token,
     supervisors_key,
 )
+from robo.tools.replies import read, samples
 
 T = TypeVar("T")
 
@@ -44,10 +45,10 @@ def processes(session: zenoh.Session, robot: str | None = None, timeout: float =
     found: list[ProcessStatus] = []
     answered = False
     key = control_key(robot if robot is not None else "**", "ps")
-    for reply in _get(session, key, Asked(), timeout):
-        if reply.ok is not None:
-            answered = True
-            found += _decoded(reply.ok.payload.to_bytes(), list[ProcessStatus])
+    for sample in samples(_get(session, key, Asked(), timeout)):
+        told = read(sample, list[ProcessStatus])
+        answered = answered or told is not None
+        found += told or []
     if not answered and robot is not None:
         there = sorted({status.robot for status in processes(session, timeout=timeout)})
         raise RunError(f"no supervisor runs a robot {robot}; there is {', '.join(there) or 'none'}")
@@ -138,7 +139,9 @@ class OutputStream:
     def coming(self) -> Iterator[LogRecord]:
         """Lines as they are printed, without end."""
         while True:
-            yield _decoded(self._subscriber.handler.recv().payload.to_bytes(), LogRecord)
+            record = read(self._subscriber.handler.recv(), LogRecord)
+            if record is not None:
+                yield record
 
 
 def supervisors_of(session: zenoh.Session, robot: str) -> list[SupervisorToken]:
@@ -156,7 +159,8 @@ def supervisors_of(session: zenoh.Session, robot: str) -> list[SupervisorToken]:
 def supervisors(session: zenoh.Session, robot: str = "**", timeout: float = TIMEOUT) -> list[SupervisorToken]:
     """The supervisors of one robot, or of all."""
     replies = session.liveliness().get(supervisors_key(robot), timeout=timeout)
-    return [parse_supervisor_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]
+    found = [parse_supervisor_token(str(sample.key_expr)) for sample in samples(replies)]
+    return [token for token in found if token is not None]
 
 
 def wait_for_end(supervisor: SupervisorToken, timeout: float) -> None:
@@ -195,15 +199,16 @@ class EventStream:
         """What has happened so far, in order."""
         found: list[Event] = []
         key = control_key(self._robot, "events")
-        for reply in _get(self._session, key, Asked(), TIMEOUT):
-            if reply.ok is not None:
-                found += _decoded(reply.ok.payload.to_bytes(), list[Event])
+        for sample in samples(_get(self._session, key, Asked(), TIMEOUT)):
+            found += read(sample, list[Event]) or []
         return sorted(found, key=lambda event: event.time)
 
     def coming(self) -> Iterator[Event]:
         """Events as they happen, without end."""
         while True:
-            yield _decoded(self._subscriber.handler.recv().payload.to_bytes(), Event)
+            event = read(self._subscriber.handler.recv(), Event)
+            if event is not None:
+                yield event
 
 
 def _ask(session: zenoh.Session, robot: str, verb: str, asked: Asked, kind: type[T], timeout: float) -> list[T]:
@@ -212,7 +217,8 @@ def _ask(session: zenoh.Session, robot: str, verb: str, asked: Asked, kind: type
     faults: list[Fault] = []
     for reply in _get(session, control_key(robot, verb), asked, timeout):
         if reply.ok is not None:
-            answers.append(_decoded(reply.ok.payload.to_bytes(), kind))
+            told = read(reply.ok, kind)
+            answers += [told] if told is not None else []
         elif (fault := read_fault(reply)) is not None:
             faults.append(fault)
     for fault in faults:
@@ -233,10 +239,3 @@ def _get(session: zenoh.Session, key: str, asked: Asked, timeout: float) -> Iter
         consolidation=zenoh.ConsolidationMode.NONE,
     )
     yield from replies
-
-
-def _decoded(data: bytes, kind: type[T]) -> T:
-    try:
-        return msgspec.msgpack.decode(data, type=kind)
-    except msgspec.DecodeError as error:
-        raise RunError(f"a supervisor's answer cannot be read (another version of robo?): {error}") from None
