@@ -6,12 +6,10 @@ import sys
 import time
 from collections.abc import Sequence
 
-from robo.cli.connection import connect_to_robot, hint, note, to_json
+from robo.cli.connection import connect_to_robot, note, to_json
 from robo.cli.reach import Reach
+from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
 from robo.errors import UsageError
-from robo.names import shown_key
-from robo.suggestions import suggest
-from robo.tools import topics
 from robo.tools.fields import Field, Filter, Missing, cell, flattened, truncated
 from robo.tools.records import Received, read
 from robo.tools.stream import Stream
@@ -36,8 +34,11 @@ class Options:
 
 def print_messages(
     names: Sequence[str], reach: Reach, options: Options, *, count: int | None, duration: float | None
-) -> None:
+) -> int:
     """Print messages until there were enough, the time is over, or Ctrl-C.
+
+    Returns:
+        1 where the time was over before as many were printed as were asked for, or any.
 
     Raises:
         RoboError: a name, a field or the condition makes no sense for what comes.
@@ -46,11 +47,12 @@ def print_messages(
     with connect_to_robot(reach) as session:
         stream = Stream(session, keys)
         end = time.monotonic() + duration if duration is not None else None
-        _tell_what_is_missing(keys, [topic.key for topic in topics.list_topics(session, reach.timeout)])
+        tell_who_is_waited_for(session, keys, reach)
         printer = _Printer(options, one_topic=len(keys) == 1 and "*" not in keys[0])
-        shown = 0
+        shown = came = 0
         try:
             for arrival in stream.until(end):
+                came += 1
                 if printer.show(read(arrival)):
                     shown += 1
                     if count is not None and shown >= count:
@@ -62,14 +64,8 @@ def print_messages(
             if stream.left_out:
                 note(f"{stream.left_out} messages were left out: they came faster than they could be printed")
         sys.stdout.flush()
-
-
-def _tell_what_is_missing(keys: Sequence[str], there: Sequence[str]) -> None:
-    absent = [key for key in keys if "*" not in key and key not in there]
-    for key in absent:
-        note(f"waiting for {key}: nobody publishes it so far; {suggest(key, there)}")
-    if not absent:
-        hint(f"waiting for {', '.join(map(shown_key, keys))} …")
+    filtered = f"; {came} came that were not to be printed" if came > shown else ""
+    return complain_of_few(keys, shown, count, duration, more=filtered)
 
 
 class _Printer:

@@ -3,10 +3,9 @@
 import time
 from collections.abc import Sequence
 
-from robo.cli.connection import connect_to_robot, data_size, hint, note, print_json, print_line
+from robo.cli.connection import connect_to_robot, data_size, note, print_json, print_line
 from robo.cli.reach import Reach
-from robo.names import shown_key
-from robo.tools import topics
+from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
 from robo.tools.meters import Bandwidth, Delay, Loss, Measure, Meter, Rate, Window
 from robo.tools.stream import Stream
 
@@ -23,13 +22,17 @@ def print_figures(
     duration: float | None,
     window: float,
     json: bool,
-) -> None:
-    """Print figures until there were enough windows, the time is over, or Ctrl-C."""
+) -> int:
+    """Print figures until there were enough windows, the time is over, or Ctrl-C.
+
+    Returns:
+        1 where the time was over before as many windows were printed as were asked for, or any.
+    """
     keys = [reach.key(name) for name in names]
     with connect_to_robot(reach) as session:
-        publishers = {topic.key: len(topic.publishers) for topic in topics.list_topics(session, reach.timeout)}
         stream = Stream(session, keys)
-        hint(f"waiting for {', '.join(map(shown_key, keys))} …")
+        found = tell_who_is_waited_for(session, keys, reach)
+        publishers = {topic.key: len(topic.publishers) for topic in found}
         measuring = _Measuring(measure, publishers, json=json)
         end = time.monotonic() + duration if duration is not None else None
         due = time.monotonic() + window
@@ -48,6 +51,7 @@ def print_figures(
             if over and not stream.waiting:
                 break
         stream.close()
+    return complain_of_few(keys, shown, count, duration, what="message" if count is None else "window with messages")
 
 
 class _Measuring:

@@ -10,8 +10,9 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from robo.cli.connection import connect_to_robot, hint
+from robo.cli.connection import connect_to_robot
 from robo.cli.reach import Reach
+from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
 from robo.errors import UsageError
 from robo.tools.chart import Chart, Point
 from robo.tools.fields import Field, Missing, flattened
@@ -25,8 +26,11 @@ _MOST_SERIES = len(_COLOURS)
 _MOST_POINTS = 20_000
 
 
-def plot(name: str, fields: Sequence[str], reach: Reach, *, window: float, duration: float | None) -> None:
+def plot(name: str, fields: Sequence[str], reach: Reach, *, window: float, duration: float | None) -> int:
     """Draw until Ctrl-C or until the time is over; once, where the output is no terminal.
+
+    Returns:
+        1 where nothing came.
 
     Raises:
         UsageError: many topics are named, or the one has no such field, or no number in it.
@@ -36,15 +40,16 @@ def plot(name: str, fields: Sequence[str], reach: Reach, *, window: float, durat
     live = sys.stdout.isatty()
     with connect_to_robot(reach) as session:
         stream = Stream(session, [key])
-        hint(f"waiting for {key} …")
+        tell_who_is_waited_for(session, [key], reach)
         end = time.monotonic() + (duration if duration is not None else math.inf if live else window)
         console = Console()
         if not live:
             window = duration or window
             for arrival in stream.until(end):
                 curves.add(read(arrival))
-            console.print(curves.picture(window, 80, 20))
-            return
+            if curves.any:
+                console.print(curves.picture(window, 80, 20))
+            return complain_of_few([key], int(curves.any), None, window)
         with Live(console=console, auto_refresh=False, transient=False) as display:
             due = 0.0
             while time.monotonic() < end:
@@ -56,6 +61,7 @@ def plot(name: str, fields: Sequence[str], reach: Reach, *, window: float, durat
                     due = now + _PERIOD
                     height = max(console.height - 4, 5)
                     display.update(curves.picture(window, console.width, min(height, 24)), refresh=True)
+    return complain_of_few([key], int(curves.any), None, duration)
 
 
 class _Curves:

@@ -127,6 +127,26 @@ def test_a_line_with_a_key_that_is_none_is_told(robot: str) -> None:
     )  # fmt: skip
 
 
+def test_what_did_not_come_in_time_is_told_by_the_exit_code(robot: str) -> None:
+    for words, said in (
+        (("echo", "r1/odom", "--once", "--filter", "twist.twist.linear.x > 99"), "no message on r1/odom within 1 s; "),
+        (("echo", "r1/odom", "--count", "9999"), "only "),
+        (("echo", "q12/*"), "no message on q12/* within 1 s"),
+        (("hz", "q12/x"), "no message on q12/x within 1 s"),
+        (("loss", "r1/odom", "--count", "99"), "only "),
+        (("plot", "q12/x"), "no message on q12/x within 1 s"),
+    ):
+        result = run_robo("topic", *words, "--duration", "1", "--connect", robot)
+        assert (result.returncode, result.stderr.splitlines()[-1][: len(said)]) == (1, said)
+    assert ask(robot, "topic", "echo", "r1/odom", "--once", "--duration", "20", "--field", "twist.twist.linear.y")
+
+
+def test_a_topic_that_nobody_publishes_is_told_at_once(robot: str) -> None:
+    for verb in ("echo", "hz", "bw", "delay", "loss", "plot"):
+        with robo("topic", verb, "r1/odm", "--connect", robot) as waiting:
+            waiting.wait_for("waiting for r1/odm: nobody publishes it so far; did you mean r1/odom?")
+
+
 def test_echo_of_everything_tells_every_message(robot: str, client: zenoh.Session) -> None:
     shipped = [name for name in robo_messages.type_names() if not name.startswith("test")]
     with robo("topic", "echo", "**", "--json", "--connect", robot) as echo:

@@ -1,5 +1,6 @@
 """`robo topic`: looking at topics, measuring them, publishing on them."""
 
+import inspect
 from typing import Annotated, Literal
 
 import typer
@@ -93,11 +94,14 @@ def topic_echo(
     csv: Annotated[bool, typer.Option("--csv", help="Print a table, a line for each message.")] = False,
     yaml: Annotated[bool, typer.Option("--yaml", help="Print YAML documents that hold every byte.")] = False,
     truncate: Annotated[bool, typer.Option("--truncate", help="Cut long lists, texts and bytes short.")] = False,
-) -> None:
+) -> int:
     """Print messages as they come.
 
     In JSON and CSV, NaN and infinities are "nan", "inf" and "-inf", bytes are base64. `robo topic pub KEY TYPE -`
     publishes such lines again, byte for byte.
+
+    Exit code: 0 fine, 1 the --duration was over before --count messages, or any, were printed, 2 words that make no
+    sense.
     """
     from robo.cli.echo import Options, print_messages
 
@@ -105,7 +109,7 @@ def topic_echo(
         raise UsageError("choose one of --json, --csv and --yaml")
     form = "json" if json else "csv" if csv else "yaml" if yaml else "text"
     options = Options(form=form, fields=field or (), condition=filter_, truncate=truncate)
-    print_messages(keys, reach, options, count=1 if once else count, duration=duration)
+    return print_messages(keys, reach, options, count=1 if once else count, duration=duration)
 
 
 @verb(
@@ -170,6 +174,9 @@ def topic_pub(
     return 0
 
 
+_FEW = "Exit code 1 where the --duration was over before --count windows, or any, had messages."
+
+
 def _measuring(measure: Literal["hz", "bw", "delay", "loss"], about: str, *examples: str) -> None:
     """Make a verb of a measure: they all take the same words."""
 
@@ -180,12 +187,12 @@ def _measuring(measure: Literal["hz", "bw", "delay", "loss"], about: str, *examp
         duration: Duration = None,
         window: Window = 1.0,
         json: JsonLines = False,
-    ) -> None:
+    ) -> int:
         from robo.cli.measure import print_figures
 
-        print_figures(measure, keys, reach, count=count, duration=duration, window=window, json=json)
+        return print_figures(measure, keys, reach, count=count, duration=duration, window=window, json=json)
 
-    figures.__doc__ = about
+    figures.__doc__ = f"{inspect.cleandoc(about)}\n\n{_FEW}"
     verb(verbs, measure, *examples)(figures)
 
 
@@ -242,12 +249,12 @@ def topic_plot(
     field: Fields = None,
     window: Annotated[float, typer.Option("--window", metavar="S", help="How far back it shows.", min=0.5)] = 10.0,
     duration: Duration = None,
-) -> None:
+) -> int:
     """Plot numbers of a topic over time in the terminal.
 
     Without --field, all of its numbers that are not in lists. Where the output is no terminal, one picture of what
-    came within the window, or within --duration.
+    came within the window, or within --duration. Exit code 1 where nothing came.
     """
     from robo.cli.plot import plot
 
-    plot(key, field or [], reach, window=window, duration=duration)
+    return plot(key, field or [], reach, window=window, duration=duration)
