@@ -18,6 +18,10 @@ from robo_messages import Message
 M = TypeVar("M", bound=Message)
 
 
+LONGEST_PUT = 0.2
+"""How long a publisher waits, when it is undeclared, for other threads that publish, s."""
+
+
 class Endpoint:
     """One end of a topic and the token that announces it."""
 
@@ -39,7 +43,8 @@ class TopicPublisher(Endpoint, Generic[M]):
     """Publishes messages of one type on one topic."""
 
     publish: Callable[[M], None]
-    """Send one message; it gets the next sequence number and the time of now.
+    """Send one message; it gets the next sequence number and the time of now. Once the node has stopped
+    it sends nothing: a thread of one's own need not know the moment.
 
     Raises:
         TypeError: it is no message of the topic's type, or a field holds something that cannot be sent.
@@ -52,7 +57,7 @@ class TopicPublisher(Endpoint, Generic[M]):
         )
         super().__init__(session, token)
         self._numbers = itertools.count(1)
-        self.publish = _fast_publish(self.zenoh_publisher, message_type, token.topic, self._numbers)
+        self.publish, self._silence = _fast_publish(self.zenoh_publisher, message_type, token.topic, self._numbers)
 
     @property
     def published(self) -> int:
@@ -68,15 +73,34 @@ class TopicPublisher(Endpoint, Generic[M]):
 
     def undeclare(self) -> None:
         """Stop publishing."""
+        self._silence()
         super().undeclare()
-        self.zenoh_publisher.undeclare()
+        _undeclare_when_free(self.zenoh_publisher)
+
+
+def _undeclare_when_free(publisher: zenoh.Publisher) -> None:
+    """Zenoh refuses, with a RuntimeError, while another thread is just in a `put`."""
+    end = time.monotonic() + LONGEST_PUT
+    while True:
+        try:
+            publisher.undeclare()
+        except RuntimeError:
+            if time.monotonic() > end:
+                return  # the put waits for a receiver; both end with the session
+            time.sleep(0.0005)
+        else:
+            return
 
 
 def _fast_publish(
     publisher: zenoh.Publisher, message_type: type[M], topic: str, numbers: Iterator[int]
-) -> Callable[[M], None]:
-    """`publish` as a closure: attribute look-ups would cost a tenth of the whole call."""
-    put, encode = publisher.put, msgspec.msgpack.Encoder().encode
+) -> tuple[Callable[[M], None], Callable[[], None]]:
+    """`publish`, and what makes it send nothing any more.
+
+    As closures: attribute look-ups would cost a tenth of the whole call.
+    """
+    put: Callable[..., None] = publisher.put
+    encode = msgspec.msgpack.Encoder().encode
     # pack_attachment(1, now), pack_attachment(2, now), …: one call that runs in C from end to end, so
     # it is quick and any thread may publish.
     stamp = map(codec.pack_attachment, numbers, iter(time.time_ns, None)).__next__
@@ -84,9 +108,21 @@ def _fast_publish(
     def publish(message: M) -> None:
         if message.__class__ is not message_type and not isinstance(message, message_type):
             raise TypeError(f"{topic} takes {robo_messages.type_name(message_type)}, not {type(message).__name__}")
-        put(encode(message), attachment=stamp())
+        try:
+            put(encode(message), attachment=stamp())
+        except zenoh.ZError:
+            if put is not _nowhere:  # undeclared between the look-up of `put` and its call
+                raise
 
-    return publish
+    def silence() -> None:
+        nonlocal put
+        put = _nowhere
+
+    return publish, silence
+
+
+def _nowhere(_payload: bytes, *, attachment: bytes) -> None:
+    """Take the place of `put` once the publisher has been undeclared."""
 
 
 class TopicSubscription(Endpoint, Generic[M]):

@@ -189,5 +189,10 @@ def setup(level: str | None = None, *, colour: bool | None = None) -> None:
     handler = logging.StreamHandler(sys.stderr)
     if colour is None:
         colour = sys.stderr.isatty() and "NO_COLOR" not in os.environ
-    handler.setFormatter(ConsoleFormatter(supervised="ROBO_SUPERVISED" in os.environ, colour=colour))
+    handler.setFormatter(ConsoleFormatter(supervised=is_supervised(), colour=colour))
     logger.addHandler(handler)
+
+
+def is_supervised() -> bool:
+    """Whether a supervisor reads what this process prints, and adds time and node to it."""
+    return "ROBO_SUPERVISED" in os.environ

@@ -48,6 +48,11 @@ GRACE = 0.1
 """How long they have at least, where `main` took all the time, s."""
 
 
+def exit_code_of(stop: SystemExit) -> int:
+    """The exit code that a SystemExit asks for, as Python reads it."""
+    return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
+
+
 class Node:
     """Base of every node. A subclass declares what it publishes, subscribes and how it is tuned:
 
@@ -178,6 +183,12 @@ class Node:
         self.exit_code = exit_code
         self._shutdown.set()
         self.clock.wake()
+
+    def obey(self, wish: SystemExit) -> None:
+        """End the node as `sys.exit(3)` or `sys.exit("why")` says."""
+        if exit_code_of(wish) and not isinstance(wish.code, int):
+            self.logger.fatal("%s", wish.code)
+        self.shutdown(exit_code_of(wish))
 
     # -- parameters ----------------------------------------------------------------------------
 
@@ -360,8 +371,10 @@ class Node:
         queries = session.declare_queryable(
             discovery.status_key(self.namespace, self.name), zenoh.handlers.FifoChannel(16)
         )
+        status = threading.Thread(target=self._answer_status, args=(queries.handler,), name="robo-status", daemon=True)
+        status.start()
+        made.callback(status.join, GRACE)
         made.callback(queries.undeclare)
-        threading.Thread(target=self._answer_status, args=(queries.handler,), name="robo-status", daemon=True).start()
 
     def _declare_callbacks(self) -> None:
         for served in self.contract.services:
@@ -544,7 +557,7 @@ class Node:
 
         def handle(error: BaseException) -> None:
             if isinstance(error, SystemExit):
-                self.shutdown(error.code if isinstance(error.code, int) else int(error.code is not None))
+                self.obey(error)
                 return
             self._callback_errors += 1
             self.logger.error(f"{name} raised", throttle=1.0, exception=error)

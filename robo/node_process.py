@@ -21,7 +21,7 @@ def main() -> None:
 
     from robo.errors import RoboError
     from robo.loading import load_node_class
-    from robo.runner import SPEC_VARIABLE, NodeSpec, run, run_spec
+    from robo.runner import SPEC_VARIABLE, NodeSpec, report, run, run_spec
 
     service, *arguments = sys.argv[1:]
     given = os.environ.get(SPEC_VARIABLE)
@@ -33,8 +33,7 @@ def main() -> None:
         del os.environ[SPEC_VARIABLE]  # not for what the node starts
         code = run_spec(node_class, spec)
     except RoboError as error:
-        print(f"ERROR {error}", file=sys.stderr)
-        code = 1
+        code = report(error)
     sys.exit(code)
 
 

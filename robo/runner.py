@@ -1,9 +1,11 @@
 """Running one node as a process: by hand with options, or under a supervisor with a finished spec."""
 
-import logging
+import atexit
 import os
 import signal
 import sys
+import threading
+import traceback
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NoReturn
 
@@ -12,7 +14,7 @@ import msgspec
 from robo import heartbeat, log
 from robo.discovery import wait_for_nodes
 from robo.errors import RoboError
-from robo.node import Node
+from robo.node import Node, exit_code_of
 from robo.parameter_server import Said
 from robo.session import Mode, Network, close_session, open_session
 
@@ -50,12 +52,26 @@ def run(node_class: type[Node], arguments: Sequence[str] | None = None) -> NoRet
     from robo import node_options
 
     try:
-        spec = node_options.parse(node_class, sys.argv[1:] if arguments is None else arguments)
-        code = run_spec(node_class, spec)
+        code = run_spec(node_class, node_options.parse(node_class, sys.argv[1:] if arguments is None else arguments))
     except RoboError as error:
-        print(f"error: {error}", file=sys.stderr)
-        code = 1
+        code = report(error)
     sys.exit(code)
+
+
+def report(error: BaseException) -> int:
+    """Tell what ended a process: a message for what robo raises on purpose, else a traceback.
+
+    Returns:
+        The exit code.
+    """
+    if isinstance(error, SystemExit):
+        return exit_code_of(error)
+    if isinstance(error, RoboError):
+        # Under a supervisor the first word of a line is its level.
+        print(f"ERROR {error}" if log.is_supervised() else f"error: {error}", file=sys.stderr)
+    else:
+        traceback.print_exception(error)
+    return 1
 
 
 def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
@@ -66,6 +82,7 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
 
     Raises:
         RoboError: it cannot be built, or cannot join the network.
+        Exception: what `on_start` raised.
     """
     log.setup()
     node = node_class(
@@ -83,6 +100,7 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
         signal.signal(number, stop)
     network = Network.from_environment(spec.mode or "router", spec.connect, spec.listen)
     session = open_session(msgspec.structs.replace(network, name=node.full_name))
+    failure: BaseException | None = None
     try:
         unseen = wait_for_nodes(session, spec.needs, timeout=5.0)
         if unseen:
@@ -91,9 +109,34 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
         heartbeat.begin(node)
         node.wait()
         node.close()
-        return node.exit_code
+    except SystemExit as wish:  # of on_start
+        node.obey(wish)
+    except BaseException as error:
+        failure = error
+        raise
     finally:
-        if not close_session(session):
-            logging.shutdown()
-            sys.stdout.flush()
-            os._exit(node.exit_code)
+        if not close_session(session):  # and so Python would wait for Zenoh at exit
+            end_process(node.exit_code if failure is None else report(failure))
+    atexit.register(_end_with_threads, node.exit_code)
+    return node.exit_code
+
+
+def _end_with_threads(code: int) -> None:
+    """The first of what runs at exit, as it was registered last.
+
+    Where a daemon thread is left, a user's own or a callback that does not return, Python must not take
+    its interpreter down: a thread that is just coming back from Zenoh's Rust code would abort the process.
+    """
+    if any(thread.daemon for thread in threading.enumerate()):
+        atexit.unregister(_end_with_threads)
+        end_process(code)
+
+
+def end_process(code: int) -> NoReturn:
+    """End at once, after what others want to be done at exit."""
+    try:
+        atexit._run_exitfuncs()
+        sys.stdout.flush()
+        sys.stderr.flush()
+    finally:
+        os._exit(code)

@@ -74,6 +74,8 @@ MOST_LINKED = 30
 _MOST_EVENTS = 1000
 _MOST_LINES = 5000
 """Lines of output that are kept for those who ask over the network."""
+_ONE_SCREEN = 24
+"""Lines that whoever looks at the console has before his eyes: nobody needs to be told them again."""
 
 
 class Options(msgspec.Struct, frozen=True, kw_only=True):
@@ -737,13 +739,18 @@ class Supervisor:
             self._console.warn(f"no more log files: {error}")
 
     def _summarize(self) -> None:
-        """Repeat why processes failed: their own last words may have scrolled away."""
+        """Repeat why processes failed: their own last words, where these may have scrolled away."""
         for member in self._fallen:
             if not member.exits:
                 continue
             last = member.exits[-1]
             self._warn(f"{member.label} failed: {last.reason}")
-            for line in last.last_lines[-8:]:
+            lines = last.last_lines[-8:]
+            if member.plan.log.output != "file":
+                on_screen = {one.message for one in list(self._recent)[-_ONE_SCREEN:] if one.node == member.label}
+                if all(line in on_screen or line[6:] in on_screen for line in lines):  # without its level
+                    lines = lines[-1:]
+            for line in lines:
                 self._warn(f"  {line}")
 
     def _result(self) -> int:

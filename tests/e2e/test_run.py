@@ -1,0 +1,113 @@
+"""One node as a process of its own, started by hand: how it begins, fails and ends."""
+
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.support import PATIENCE, Command, robo
+
+pytestmark = pytest.mark.timeout(120)
+
+FAILING = """\
+import robo
+
+class Failing(robo.Node):
+    def on_start(self) -> None:
+        raise {error}
+
+if __name__ == "__main__":
+    robo.run(Failing)
+"""
+
+
+@contextmanager
+def program(*arguments: str, cwd: Path) -> Iterator["subprocess.Popen[str]"]:
+    """A Python program in a folder; whatever happens, it does not survive the test."""
+    running = subprocess.Popen(
+        [sys.executable, *arguments], cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    with running:
+        try:
+            yield running
+        finally:
+            running.kill()
+
+
+@pytest.fixture
+def router(endpoint: str) -> Iterator[Command]:
+    """A robot's meeting point, beside which nodes run: their sessions do not close at once."""
+    with robo("router", "--listen", endpoint) as running:
+        running.wait_for("router at")
+        yield running
+
+
+@pytest.mark.usefixtures("router")
+@pytest.mark.parametrize(
+    ("error", "told", "code"),
+    [
+        ("OSError('no such device')", "OSError: no such device", 1),
+        ("robo.ParameterError('port: there is no /dev/ttyNOPE')", "error: port: there is no /dev/ttyNOPE", 1),
+        ("SystemExit('no such device')", "failing: no such device", 1),
+        ("SystemExit(3)", "", 3),
+    ],
+)
+@pytest.mark.parametrize("words", [("-m", "robo", "run", "failing"), ("failing.py",)])
+def test_what_on_start_raises_is_told_once_and_counts(
+    endpoint: str, tmp_path: Path, words: tuple[str, ...], error: str, told: str, code: int
+) -> None:
+    (tmp_path / "failing.py").write_text(FAILING.format(error=error))
+    with program(*words, "--listen", endpoint, cwd=tmp_path) as node:
+        output, _ = node.communicate(timeout=PATIENCE)
+        assert node.returncode == code, output
+        assert output.count(told) == (1 if told else len(output) + 1)
+        assert ("Traceback" in output) == (error.startswith("OSError"))
+
+
+def test_under_a_supervisor_it_is_told_once_too(endpoint: str, tmp_path: Path) -> None:
+    (tmp_path / "failing.py").write_text(FAILING.format(error="OSError('no such device')"))
+    (tmp_path / "m.yaml").write_text("groups: {g: {nodes: {bad: {service: failing, required: true}}}}")
+    with robo("up", "m.yaml", "--listen", endpoint, cwd=str(tmp_path)) as launch:
+        assert launch.wait(30) == 1
+        assert launch.output.count('failing.py", line 5, in on_start') == 1
+        assert "bad failed: exit code 1" in launch.output
+
+
+BUSY = """\
+import threading
+import robo
+from robo_messages import String
+
+class Busy(robo.Node):
+    out = robo.Publisher(String, "out")
+
+    def on_start(self) -> None:
+        for _ in range(4):
+            threading.Thread(target=self.work, daemon=True).start()
+
+    def ready(self) -> bool:
+        print("ready", flush=True)
+        return True
+
+    def work(self) -> None:
+        while True:
+            self.out.publish(String("x"))
+
+if __name__ == "__main__":
+    robo.run(Busy)
+"""
+
+
+def test_a_process_ends_quietly_while_threads_of_its_own_are_in_zenoh(endpoint: str, tmp_path: Path) -> None:
+    (tmp_path / "busy.py").write_text(BUSY)
+    for _ in range(5):
+        with program("busy.py", "--listen", endpoint, cwd=tmp_path) as node:
+            assert node.stdout is not None
+            assert node.stdout.readline() == "ready\n"
+            node.send_signal(signal.SIGINT)
+            output, _ = node.communicate(timeout=PATIENCE)
+            assert (node.returncode, output) == (0, "")
