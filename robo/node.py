@@ -26,6 +26,7 @@ from robo.parameter_server import ParameterServer, Said
 from robo.parameters import Parameters as AnyParameters
 from robo.parameters import build, change, flat
 from robo.qos import DEFAULT_DEPTH, DEFAULT_TIMEOUT, KEEP_ALL
+from robo.queries import QueryLoop, reply
 from robo.run_id import RUN_VARIABLE
 from robo.services import ServiceClient, ServiceServer, service_token
 from robo.session import Network, close_session, open_session
@@ -368,13 +369,11 @@ class Node:
             vars(self)[called.attribute] = self.create_client(
                 called.request_type, called.response_type, called.service, called.timeout
             )
-        queries = session.declare_queryable(
-            discovery.status_key(self.namespace, self.name), zenoh.handlers.FifoChannel(16)
-        )
-        status = threading.Thread(target=self._answer_status, args=(queries.handler,), name="robo-status", daemon=True)
-        status.start()
-        made.callback(status.join, GRACE)
-        made.callback(queries.undeclare)
+        key = discovery.status_key(self.namespace, self.name)
+        # Not complete: of two nodes with one name both are asked.
+        queries = QueryLoop(session, key, self._answer_status, tells=[key], complete=False)
+        made.callback(queries.stop, GRACE)
+        queries.start()
 
     def _declare_callbacks(self) -> None:
         for served in self.contract.services:
@@ -577,22 +576,12 @@ class Node:
     def _report_malformed(self, topic: str, count: int, reason: str) -> None:
         self.logger.warning("dropped a malformed message on " + topic + " (%d so far): %s", count, reason, throttle=5.0)
 
-    def _answer_status(self, handler: zenoh.handlers.Handler[zenoh.Query]) -> None:
-        while True:
-            try:
-                query = handler.recv()
-            except zenoh.ZError:
-                return
-            with query:
-                info = self.session.info
-                status = msgspec.structs.replace(
-                    self.status,
-                    zid=str(info.zid()),
-                    links=[str(zid) for zid in (*info.routers_zid(), *info.peers_zid())],
-                    time=time.time_ns(),
-                )
-                query.reply(
-                    discovery.status_key(self.namespace, self.name),
-                    msgspec.msgpack.encode(status),
-                    encoding="application/msgpack",
-                )
+    def _answer_status(self, query: zenoh.Query, key: str) -> None:
+        info = self.session.info
+        status = msgspec.structs.replace(
+            self.status,
+            zid=str(info.zid()),
+            links=[str(zid) for zid in (*info.routers_zid(), *info.peers_zid())],
+            time=time.time_ns(),
+        )
+        reply(query, key, status)

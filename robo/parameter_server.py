@@ -8,6 +8,7 @@
 | `explain` | the same | `{name: [{value, source}, …]}`, the last one wins |
 | `set` | `{name: value}` | `{successful, reason}`; all are set or none |
 
+One query may read several verbs of several nodes (`r1/*/parameters/get`); `set` answers a query on exactly its key.
 Requests and replies are MessagePack; JSON requests are read too and answered in JSON.
 """
 
@@ -26,7 +27,7 @@ from robo.suggestions import hint
 LONGEST_REQUEST = 1_000_000
 """A longer request, in bytes, is refused unread."""
 
-VERBS = ("list", "get", "describe", "explain", "set")
+READING = ("list", "get", "describe", "explain")
 
 
 class Result(msgspec.Struct, frozen=True):
@@ -77,32 +78,28 @@ class ParameterServer:
         self._infos = {info.name: info for info in infos}
         self._explain = explain
         self._set_all = set_all
-        self._loop = QueryLoop(session, parameters_key(namespace, node, "*"), self._answer)
+        self._loop = QueryLoop(
+            session,
+            parameters_key(namespace, node, "*"),
+            self._answer,
+            acts=[parameters_key(namespace, node, "set")],
+            tells=[parameters_key(namespace, node, verb) for verb in READING],
+        )
         self._loop.start()
 
     def stop(self, timeout: float) -> bool:
         """Take no more queries. Returns whether the last one was done within `timeout` seconds."""
         return self._loop.stop(timeout)
 
-    def _answer(self, query: zenoh.Query) -> None:
+    def _answer(self, query: zenoh.Query, key: str) -> None:
         payload = query.payload.to_bytes() if query.payload is not None else b""
         in_json = payload.lstrip()[:1] in (b"{", b"[") or str(query.encoding).startswith(codec.JSON)
         try:
-            request = _read(payload)
-            # One query may ask several verbs of several nodes: each answers with its own keys.
-            for verb in self._verbs(str(query.key_expr)):
-                key = parameters_key(self._namespace, self._node, verb)
-                self._reply(query, key, self._do(verb, request), in_json=in_json)
+            answer = self._do(key.rpartition("/")[2], _read(payload))
         except (Malformed, ParameterError) as error:
             queries.reply_error(query, type(error).__name__, str(error))
-
-    def _verbs(self, asked: str) -> list[str]:
-        last = asked.rpartition("/")[2]
-        if "*" not in last:
-            return [last] if last in VERBS else []
-        here = [verb for verb in VERBS if verb != "set"]
-        expression = zenoh.KeyExpr(asked)
-        return [v for v in here if expression.intersects(zenoh.KeyExpr(parameters_key(self._namespace, self._node, v)))]
+            return
+        self._reply(query, key, answer, in_json=in_json)
 
     def _reply(self, query: zenoh.Query, key: str, value: object, *, in_json: bool) -> None:
         if in_json:

@@ -1,14 +1,19 @@
-"""Answering Zenoh queries, in order of arrival, on threads of the node's own."""
+"""Answering Zenoh queries, in order of arrival, on threads of the node's own.
+
+A query may hold wildcards, and whoever looks around asks `**`. What acts (a service, a parameter that is
+set, a node that is stopped) answers a query on exactly its key; what only tells answers any that reaches it.
+"""
 
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import msgspec
 import zenoh
 
 from robo import codec
+from robo.suggestions import suggest
 
 _logger = logging.getLogger("robo.queries")
 
@@ -19,14 +24,46 @@ MOST_WORKERS = 64
 """Handlers of one queryable that may wait for other services at the same time."""
 
 
-class QueryLoop:
-    """One queryable and the thread that answers its queries."""
+def reached(asked: str, acts: Iterable[str], tells: Iterable[str]) -> list[str]:
+    """The keys of a queryable on which a query is answered.
 
-    def __init__(self, session: zenoh.Session, key: str, answer: Callable[[zenoh.Query], None]) -> None:
-        """`answer` is given each query, one after the other."""
+    Args:
+        asked: the key of the query itself, wildcards included.
+        acts: keys on which something is done.
+        tells: keys on which something is only read.
+    """
+    if "*" not in asked:
+        return [key for key in (*acts, *tells) if key == asked]
+    expression = zenoh.KeyExpr(asked)
+    return [key for key in tells if expression.intersects(zenoh.KeyExpr(key))]
+
+
+class QueryLoop:
+    """One queryable and the thread that answers its queries. Every queryable of robo is one of these."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        key: str,
+        answer: Callable[[zenoh.Query, str], None],
+        *,
+        acts: Sequence[str] = (),
+        tells: Sequence[str] = (),
+        complete: bool = True,
+    ) -> None:
+        """
+        Args:
+            session: the network.
+            key: of the queryable: of all that it answers, `r1/base/parameters/*`.
+            answer: is given each query with the key on which it is to be answered, one after the other.
+            acts: keys on which something is done; a query names them exactly.
+            tells: keys on which something is only read; a query with wildcards reads them as well.
+            complete: whether one of several queryables of this key is enough for whoever asks any of them.
+        """
         self._answer = answer
         self._name = key
-        self._queryable = session.declare_queryable(key, zenoh.handlers.FifoChannel(MOST_WAITING), complete=True)
+        self._acts, self._tells = acts, tells
+        self._queryable = session.declare_queryable(key, zenoh.handlers.FifoChannel(MOST_WAITING), complete=complete)
         self._handler = self._queryable.handler
         self._workers: list[threading.Thread] = []
         self._idle = 0
@@ -55,13 +92,29 @@ class QueryLoop:
             with self._lock:
                 self._idle -= 1
             with query:
-                try:
-                    self._answer(query)
-                except Exception as error:  # whatever a request brings about, the next one is answered
-                    reply_error(query, type(error).__name__, str(error))
-                    _logger.exception("a query on %s failed", self._name)
+                self._answer_all(query)
             with self._lock:
                 self._idle += 1
+
+    def _answer_all(self, query: zenoh.Query) -> None:
+        asked = str(query.key_expr)
+        try:
+            keys = reached(asked, self._acts, self._tells)
+            for key in keys:
+                self._answer(query, key)
+            if not keys:
+                reply_error(query, *self._refusal(asked))
+        except Exception as error:  # whatever a request brings about, the next one is answered
+            _logger.exception("a query on %s failed", self._name)
+            reply_error(query, type(error).__name__, str(error))
+
+    def _refusal(self, asked: str) -> tuple[str, str]:
+        """What is said to a query that reaches the queryable and none of its keys."""
+        if "*" in asked:
+            named = ", ".join(self._acts)
+            return "TooWide", f"a query with wildcards runs nothing; ask for exactly the key that is meant: {named}"
+        there = [key.rpartition("/")[2] for key in (*self._tells, *self._acts)]
+        return "UsageError", f"nothing is answered on {asked}; {suggest(asked.rpartition('/')[2], there)}"
 
     def stop(self, timeout: float) -> bool:
         """Take no more queries. Returns whether the handlers came back within `timeout` seconds."""

@@ -1,7 +1,8 @@
 """A node's live ends of services: what `@service` and `Client` become.
 
 A service is a queryable: the request is the query's payload, the answer its one reply, both MessagePack
-(JSON requests are read too). An exception in the handler goes back to the caller as an error reply.
+(JSON requests are read too). It answers a query on exactly its key: one with wildcards calls nothing. An
+exception in the handler goes back to the caller as an error reply.
 """
 
 import itertools
@@ -62,7 +63,7 @@ class ServiceServer(Generic[Q, A]):
         self._on_error = on_error
         self.served = 0
         """Calls answered."""
-        self._loop = QueryLoop(session, self.key, self._answer)
+        self._loop = QueryLoop(session, self.key, self._answer, acts=[self.key])
         self._loop.start()
         self._token = session.liveliness().declare_token(token.key())
 
@@ -71,7 +72,7 @@ class ServiceServer(Generic[Q, A]):
         self._token.undeclare()
         return self._loop.stop(timeout)
 
-    def _answer(self, query: zenoh.Query) -> None:
+    def _answer(self, query: zenoh.Query, key: str) -> None:
         payload = query.payload.to_bytes() if query.payload is not None else b"\x80"  # nothing is an empty map
         try:
             request = self._decoder.decode(payload, str(query.encoding))
@@ -83,7 +84,7 @@ class ServiceServer(Generic[Q, A]):
                 answer = self._handler(request)
             if not isinstance(answer, self._response):
                 raise TypeError(f"the handler returned {type(answer).__name__}, not {self._response.__name__}")
-            queries.reply(query, self.key, answer, self._encoding)
+            queries.reply(query, key, answer, self._encoding)
         except BaseException as error:
             queries.reply_error(query, type(error).__name__, str(error))
             self._on_error(error)

@@ -1,6 +1,7 @@
 """A run's control keys: what `robo ps`, `why`, `stop`, `start`, `restart`, `down`, `events` and `logs` ask for.
 
-`@robo/<robot>/supervisor/<verb>` takes and gives MessagePack; `@robo/<robot>/events` carries what happens, and
+`@robo/<robot>/supervisor/<verb>` takes and gives MessagePack; a query on `@robo/**/supervisor/ps` asks all robots, but
+what is done is done for a query on exactly its key. `@robo/<robot>/events` carries what happens, and
 `@robo/<robot>/output` what is printed.
 """
 
@@ -19,6 +20,9 @@ from robo.supervisor.status import Asked, Event, control_key, event_key, log_key
 _LONGEST = 60.0
 """How long a command may take, s."""
 
+READING = ("ps", "why", "events", "logs")
+"""The verbs that only tell."""
+
 Verb = Callable[[Asked], Coroutine[Any, Any, object]]
 
 
@@ -29,14 +33,20 @@ class Control:
         self, session: zenoh.Session, robot: str, verbs: Mapping[str, Verb], loop: asyncio.AbstractEventLoop
     ) -> None:
         """`verbs` are called in the loop; a LookupError tells that a name is not known."""
-        self._robot = robot
         self._verbs = verbs
         self._loop = loop
         self._events = session.declare_publisher(event_key(robot), encoding=f"{codec.MSGPACK};supervisor/Event")
         self._output = session.declare_publisher(log_key(robot), encoding=f"{codec.MSGPACK};supervisor/LogRecord")
         self._followed = False
         self._listener = self._output.declare_matching_listener(self._notice)
-        self._queries = QueryLoop(session, control_key(robot, "*"), self._answer)
+        keys = {verb: control_key(robot, verb) for verb in verbs}
+        self._queries = QueryLoop(
+            session,
+            control_key(robot, "*"),
+            self._answer,
+            acts=[key for verb, key in keys.items() if verb not in READING],
+            tells=[key for verb, key in keys.items() if verb in READING],
+        )
         self._queries.start()
 
     def publish(self, event: Event) -> None:
@@ -51,13 +61,9 @@ class Control:
     def _notice(self, status: Any) -> None:
         self._followed = bool(status.matching)
 
-    def _answer(self, query: zenoh.Query) -> None:
+    def _answer(self, query: zenoh.Query, key: str) -> None:
         self._queries.spare()  # a stop takes a while, and `ps` does not wait for it
-        verb = str(query.key_expr).rpartition("/")[2]
-        work = self._verbs.get(verb)
-        if work is None:
-            reply_error(query, "UsageError", f"there is no verb {verb!r}; use {', '.join(self._verbs)}")
-            return
+        work = self._verbs[key.rpartition("/")[2]]
         payload = query.payload.to_bytes() if query.payload is not None else b""
         try:
             asked = msgspec.msgpack.decode(payload, type=Asked) if payload else Asked()
@@ -73,5 +79,4 @@ class Control:
         except (RuntimeError, TimeoutError) as error:
             reply_error(query, "RoboError", str(error) or f"not done within {_LONGEST:g} s")
             return
-        # With the key of this supervisor: the query's may ask all robots.
-        reply(query, control_key(self._robot, verb), answer)
+        reply(query, key, answer)

@@ -1,12 +1,13 @@
-"""A plain client may declare, answer and publish what it likes: supervisors and tools go on."""
+"""A plain client may ask, declare, answer and publish what it likes: the robot, supervisors and tools go on."""
 
 from collections.abc import Iterator
 
+import msgpack
 import pytest
 import zenoh
 
 from robo.session import Network, close_session, open_session
-from tests.support import Command, eventually, robo, run_robo
+from tests.support import Command, Inbox, eventually, robo, run_robo
 
 NONSENSE = [
     "@robo/r1/pub/base/std%String/³/r1%odom",
@@ -84,3 +85,34 @@ def test_answers_that_cannot_be_read_are_left_out_and_told_once(
     assert "left out what cannot be read on '@robo/r9/supervisor/ps'" in told.stderr
     for queryable in served:
         queryable.undeclare()
+
+
+def test_queries_with_wildcards_run_nothing(robot: Command, stranger: zenoh.Session) -> None:
+    position = Inbox(stranger, "r1/current_position")
+    position.wait_until(lambda ms: ms[-1]["z"] > 0.05, "the robot drives")
+    changes = Inbox(stranger, "r1/parameter_events")
+    reset = msgpack.packb({"linear_velocity": 0.0})
+    everything = ("**", "r1/**", "r1/emergency_$*", "**/$*stop", "r1/*/parameters/set", "@robo/**", "@robo/r1/**")
+    for wide in (*everything, "@robo/*/supervisor/*", "@robo/r1/supervisor/d$*"):
+        for payload in (None, reset):
+            replies = list(stranger.get(wide, payload=payload, timeout=10))
+            assert replies, wide
+            answered = {str(reply.ok.key_expr).rpartition("/")[2] for reply in replies if reply.ok is not None}
+            assert not answered & {"set", "stop", "start", "restart", "down", "emergency_stop", "reset"}, wide
+    driven = position.messages[-1]["z"]
+    position.wait_until(lambda ms: ms[-1]["z"] > driven + 0.05, "it drives on")
+    served = {}
+    for reply in stranger.get("@robo/r1/status/*", timeout=10, consolidation=zenoh.ConsolidationMode.NONE):
+        assert reply.ok is not None
+        served.update(msgpack.unpackb(reply.ok.payload.to_bytes())["served"])
+    assert {"r1/emergency_stop", "r1/reset_emergency_stop", "r1/reset", "r1/reset_distance"} <= served.keys()
+    assert set(served.values()) == {0}
+    assert not changes.messages
+
+    state = Inbox(stranger, "r1/safety_state")
+    (reply,) = stranger.get("r1/emergency_stop", timeout=10)
+    assert reply.ok is not None
+    state.wait_until(lambda ms: ms[-1]["values"][1]["value"] == "emergency_stop", "a full name calls")
+    (reply,) = stranger.get("@robo/r1/supervisor/down", timeout=10)
+    assert reply.ok is not None
+    assert robot.wait() == 0

@@ -3,11 +3,13 @@
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import msgpack
 import pytest
 import zenoh
 
+import robo
 from robo import Client, Node, ServiceError, ServiceTimeout, service, timer
 from robo.discovery import wait_for_nodes
 from robo.session import Network, close_session, open_session
@@ -92,6 +94,60 @@ def test_any_client_calls(session: zenoh.Session, other: zenoh.Session) -> None:
             (reply,) = other.get("r1/double", payload=payload, timeout=5)
             assert reply.err is not None
             assert msgpack.unpackb(reply.err.payload.to_bytes())["error"] == "Malformed"
+
+
+@pytest.mark.parametrize("target", [zenoh.QueryTarget.BEST_MATCHING, zenoh.QueryTarget.ALL])
+def test_a_query_with_wildcards_runs_nothing(
+    session: zenoh.Session, other: zenoh.Session, target: zenoh.QueryTarget
+) -> None:
+    class Actor(Node):
+        class Parameters(robo.Parameters):
+            speed: float = 0.5
+
+        parameters: Parameters
+
+        def on_start(self) -> None:
+            self.calls: list[str] = []
+
+        @service("emergency_stop")
+        def stop(self, _request: Trigger.Request) -> Trigger.Response:
+            self.calls.append("emergency_stop")
+            return Trigger.Response()
+
+        @service("~/renamed")
+        def renamed(self, _request: Trigger.Request) -> Trigger.Response:
+            self.calls.append("elsewhere")
+            return Trigger.Response()
+
+    def ask(key: str, payload: bytes | None = None) -> tuple[dict[str, Any], list[str]]:
+        """What was answered by key, and the kinds of errors."""
+        replies = list(other.get(key, payload=payload, target=target, timeout=10))
+        answers = {str(r.ok.key_expr): msgpack.unpackb(r.ok.payload.to_bytes()) for r in replies if r.ok is not None}
+        return answers, [msgpack.unpackb(r.err.payload.to_bytes())["error"] for r in replies if r.err is not None]
+
+    actor = Actor(namespace="r1", remappings={"~/renamed": "/site/elsewhere"}, session=session)
+    reading = {f"r1/actor/parameters/{verb}" for verb in ("list", "get", "describe", "explain")}
+    with actor:
+        assert not wait_for_nodes(other, ["/r1/actor"], 10)
+        for wide in ("**", "r1/**", "*/*", "**/emergency_stop/**", "r1/emergency_$*", "r1/$*stop", "site/else$*"):
+            for payload in (None, b"\x80", msgpack.packb({"speed": 9.0})):
+                answers, errors = ask(wide, payload)
+                assert set(answers) <= reading, wide
+                assert "TooWide" in errors, wide
+        for wide in ("r1/actor/parameters/set/**", "r1/*/parameters/set", "**/set", "**/$*et"):
+            assert set(ask(wide, msgpack.packb({"speed": 9.0}))[0]) <= reading, wide
+        assert set(ask("**")[0]) == reading
+        assert set(ask("@robo/**")[0]) == {"@robo/r1/status/actor"}
+        assert actor.calls == []
+        assert set(actor.status.served.values()) == {0}
+        assert actor.parameters.speed == 0.5
+
+        assert set(ask("r1/emergency_stop")[0]) == {"r1/emergency_stop"}
+        assert set(ask("site/elsewhere?who=me")[0]) == {"site/elsewhere"}
+        assert ask("r1/actor/parameters/set", msgpack.packb({"speed": 9.0}))[0]["r1/actor/parameters/set"]["successful"]
+        assert actor.calls == ["emergency_stop", "elsewhere"]
+        assert set(actor.status.served.values()) == {1}
+        assert actor.parameters.speed == 9.0
 
 
 def test_an_exception_reaches_the_caller(session: zenoh.Session, other: zenoh.Session) -> None:
