@@ -6,7 +6,7 @@ import sys
 
 from robo.errors import ContractError
 from robo.node import Node
-from robo.suggestions import hint, suggest
+from robo.suggestions import MOST_LISTED, closest, suggest
 
 
 def load_node_class(service: str) -> type[Node]:
@@ -43,7 +43,9 @@ def load_node_class(service: str) -> type[Node]:
     if len(classes) == 1:
         return next(iter(classes.values()))
     if not classes:
-        raise ContractError(f"module {module_name} defines no node class; a node is a subclass of robo.Node")
+        held = _modules_of(module_name)
+        instead = f"it has {', '.join(held[:MOST_LISTED])}" if held else "a node is a subclass of robo.Node"
+        raise ContractError(f"module {module_name} defines no node class; {instead}")
     raise ContractError(
         f"module {module_name} defines several node classes; write one of {_options(module_name, classes)}"
     )
@@ -57,20 +59,33 @@ def _among(classes: dict[str, type[Node]]) -> str:
     return f"; it has {', '.join(classes)}" if classes else "; it has none"
 
 
+SHIPPED = "robo_services"
+"""The package of the nodes that ship."""
+
+
 def _similar(module_name: str) -> str:
-    # only mistakes need these
+    package, _, _ = module_name.rpartition(".")
+    if not package:
+        import pkgutil  # only mistakes need it
+
+        here = [m.name for m in pkgutil.iter_modules([os.getcwd()])]
+        shipped = {name.rpartition(".")[2]: name for name in _modules_of(SHIPPED)}
+        close = closest(module_name, [*here, *shipped])
+        if close is None:
+            return "; write package.module or package.module:Class"
+        return f"; did you mean {close if close in here else shipped[close]}?"
+    known = _modules_of(package)
+    return f"; {suggest(module_name, known, f'{package} has')}" if known else "; write package.module"
+
+
+def _modules_of(package: str) -> list[str]:
+    """The full names of the modules in a package; none where it is no package."""
     import importlib.util
     import pkgutil
 
-    package, _, _ = module_name.rpartition(".")
-    if not package:
-        here = [m.name for m in pkgutil.iter_modules([os.getcwd()])]
-        return hint(module_name, here, "; write package.module or package.module:Class")
     try:
         spec = importlib.util.find_spec(package)
-    except ImportError:
-        spec = None
-    if spec is None or spec.submodule_search_locations is None:
-        return "; write package.module or package.module:Class"
-    known = [f"{package}.{m.name}" for m in pkgutil.iter_modules(spec.submodule_search_locations)]
-    return f"; {suggest(module_name, known, f'{package} has')}"
+    except (ImportError, ValueError):
+        return []
+    folders = spec.submodule_search_locations if spec is not None else None
+    return [f"{package}.{module.name}" for module in pkgutil.iter_modules(folders)] if folders else []

@@ -3,10 +3,12 @@
 from collections.abc import Iterable
 
 MOST_LISTED = 24
+_LEAST_PART = 3
+"""From how many letters on a part of a name stands for it."""
 
 
 def closest(wanted: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
-    """The name that comes closest, if one does.
+    """The name that comes closest, if one does: it is written alike, or begins or ends with what was named.
 
     Args:
         wanted: what was named.
@@ -15,7 +17,12 @@ def closest(wanted: str, known: Iterable[str], cutoff: float = 0.6) -> str | Non
     """
     import difflib  # only mistakes need it
 
-    return next(iter(difflib.get_close_matches(wanted, list(known), n=1, cutoff=cutoff)), None)
+    names = list(known)
+    alike = difflib.get_close_matches(wanted, names, n=1, cutoff=cutoff)
+    if alike or len(wanted) < _LEAST_PART:
+        return next(iter(alike), None)
+    parts = [name for name in names if name.startswith(wanted) or name.endswith(wanted)]
+    return min(parts, key=len, default=None)
 
 
 def suggest(wanted: str, known: Iterable[str], there: str = "there is") -> str:

@@ -9,6 +9,8 @@ _COLLECT_AFTER = 20_000
 
 def main() -> None:
     """The `robo` command."""
+    if sys.argv[1:2] == ["help"]:
+        sys.argv[1:] = [*sys.argv[2:], "--help"]
     if sys.argv[1:2] == ["run"]:
         # A node's process carries no command-line library: hand over before one is imported.
         from robo.cli.run import hand_over

@@ -180,7 +180,7 @@ def _complain_of(silent: Sequence[NodeUnreachable]) -> None:
 def _facts(one: Described) -> list[tuple[str, str]]:
     rest = {k: v for k, v in one.constraints.items() if k not in ("gt", "ge", "lt", "le")}
     return [
-        ("", one.description),
+        ("description", one.description),
         ("type", one.type),
         ("unit", one.unit),
         ("range", range_text(one.constraints)),

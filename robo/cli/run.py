@@ -25,4 +25,7 @@ def hand_over(arguments: Sequence[str]) -> NoReturn:
     if not arguments or arguments[0] in ("-h", "--help"):
         print(USAGE, end="")
         sys.exit(0 if arguments else 2)
+    if "--ros-args" in arguments:
+        print("error: leave --ros-args out: -p, -r and --params-file are options of robo run itself", file=sys.stderr)
+        sys.exit(2)
     os.execv(sys.executable, [sys.executable, "-m", "robo.node_process", *arguments])

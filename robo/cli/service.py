@@ -1,7 +1,9 @@
 """`robo service`: which services there are, and calling them."""
 
+import re
 import sys
 import time
+from collections.abc import Sequence
 
 import msgspec
 import zenoh
@@ -55,17 +57,27 @@ def print_info(name: str, reach: Reach, *, json: bool) -> None:
         print_line(f"  {label:8}  {_shape(name)}")
 
 
-def call(name: str, request: str | None, reach: Reach, *, timeout: float, json: bool) -> None:
+def call(name: str, words: Sequence[str], reach: Reach, *, timeout: float, json: bool) -> None:
     """Call a service and print its answer.
 
+    Args:
+        name: the service's.
+        words: the request, its type before it or not; both may be left out.
+        reach: where it is.
+        timeout: how long to wait for the answer, s.
+        json: print JSON.
+
     Raises:
-        UsageError: the request is no map.
+        UsageError: the request is no map, or the type is not the service's.
         MessageError: it is not one of the service's type.
         ServiceError: the service refuses, or nobody answers.
     """
     wanted = reach.key(name)
+    type_name, request = _type_and_request(words)
     with connect_to_robot(reach) as session:
         found = _find(session, wanted, reach)
+        if type_name not in (None, found.type):
+            raise UsageError(f"{found.key} is a {found.type}, not a {type_name}; its type need not be said")
         asked, _ = robo_messages.halves_of(found.type)
         attachment = codec.pack_attachment(1, time.time_ns())
         payload = _request(asked, request)
@@ -78,6 +90,17 @@ def call(name: str, request: str | None, reach: Reach, *, timeout: float, json: 
             print_line(f"{name}: {value}")
     else:
         print_line("done")
+
+
+def _type_and_request(words: Sequence[str]) -> tuple[str | None, str | None]:
+    if len(words) > 2:
+        raise UsageError(f"expected a request, for example '{{data: true}}', in quotes; got {len(words)} words")
+    if len(words) == 1:
+        return (words[0], None) if _TYPE.fullmatch(words[0]) else (None, words[0])
+    return (words[0], words[1]) if words else (None, None)
+
+
+_TYPE = re.compile(r"[A-Za-z_]\w*/[A-Za-z_]\w*")
 
 
 def _request(type_name: str, text: str | None) -> bytes:

@@ -8,19 +8,60 @@ import re
 import sys
 from collections.abc import Callable, Iterator, MutableMapping
 from contextlib import contextmanager
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, NoReturn, TypeVar
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 from typer.main import get_group
 
-from robo.cli import completion
+from robo.cli import completion, ros2_words
 from robo.cli.reach import Reach
 from robo.errors import InvalidName, ManifestError, RoboError, UsageError
 
 F = TypeVar("F", bound=Callable[..., int | None])
 
+
+def _refuse(text: str) -> NoReturn:
+    """End because of words that make no sense."""
+    typer.echo(f"error: {text}", err=True)
+    raise typer.Exit(2)
+
+
+class _Root(TyperGroup):
+    """All verbs and groups, in help by what they are for."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> Any:
+        option = args[0] if args else ""
+        if option.startswith("-") and option.partition("=")[0] in ("--robot-name", "--connect", "--timeout", "--json"):
+            _refuse(f"{option} stands behind the verb: robo VERB {option.partition('=')[0]} …")
+        return super().parse_args(ctx, args)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args and args[0] not in self.commands and (about := ros2_words.about_verb(args[0])):
+            _refuse(f"there is no robo {args[0]}: {about}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        del ctx  # all are listed, wherever it is asked
+        for title, names in SECTIONS.items():
+            with formatter.section(title):
+                rows = [(name, self.commands[name].get_short_help_str(200)) for name in names if name in self.commands]
+                if rows:
+                    formatter.write_dl(rows)
+
+
+SECTIONS = {
+    "Start and stop": ("up", "run", "stop", "start", "restart", "down"),
+    "Processes": ("ps", "why", "events", "logs"),
+    "Running system": ("topic", "node", "param", "service", "interface", "top", "graph", "net", "doctor"),
+    "Manifests": ("check", "schema", "export"),
+    "Networks and containers": ("router", "health", "keeper"),
+}
+"""The verbs as help lists them."""
+
+
 app = typer.Typer(
+    cls=_Root,
     no_args_is_help=True,
     add_completion=True,
     pretty_exceptions_enable=False,
@@ -45,13 +86,14 @@ def _root(
     """Show the version."""
 
 
-_GROUPS = {
-    "topic": "Look at topics, measure them, publish on them.",
-    "node": "Look at nodes.",
-    "param": "Look at and change parameters of running nodes.",
-    "service": "Look at and call services.",
-    "interface": "Look at message and service types.",
+GROUPS = {
+    "topic": "Topics: list, info, type, find, echo, pub, hz, bw, delay, loss, plot.",
+    "node": "Nodes: list, info, show.",
+    "param": "Parameters of running nodes: list, get, set, describe, dump, load, explain, watch.",
+    "service": "Services: list, type, info, call.",
+    "interface": "Message and service types: list, show.",
 }
+"""Groups of verbs with what they hold: they are read only when one is called."""
 
 
 class _LazyGroup(TyperGroup):
@@ -65,6 +107,12 @@ class _LazyGroup(TyperGroup):
         self._commands()
         return super().get_command(ctx, cmd_name)
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        group = self.name or ""
+        if args and args[0] not in self._commands() and (about := ros2_words.about_group_verb(group, args[0])):
+            _refuse(f"there is no robo {group} {args[0]}: {about}")
+        return super().resolve_command(ctx, args)
+
     def _commands(self) -> MutableMapping[str, Any]:
         if not self.commands:
             module = importlib.import_module(f"robo.cli.verbs.{self.name}")
@@ -72,7 +120,17 @@ class _LazyGroup(TyperGroup):
         return self.commands
 
 
-for _name, _about in _GROUPS.items():
+class _Verb(TyperCommand):
+    """A verb that knows what ROS 2 calls its options."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> Any:
+        group = ctx.parent.info_name if ctx.parent is not None else ""
+        if about := ros2_words.about_option(group, self.name or "", args):
+            _refuse(about)
+        return super().parse_args(ctx, args)
+
+
+for _name, _about in GROUPS.items():
     app.add_typer(typer.Typer(cls=_LazyGroup, no_args_is_help=True, rich_markup_mode=None, help=_about), name=_name)
 
 
@@ -189,7 +247,7 @@ def verb(parent: typer.Typer, name: str, *examples: str, **settings: Any) -> Cal
         run.__annotations__ = {p.name: p.annotation for p in parameters}
         epilog = "\b\nExamples:\n" + "\n".join(f"  {line}" for line in examples) if examples else None
         settings.setdefault("short_help", re.split("[,:;.]", inspect.cleandoc(function.__doc__ or ""))[0])
-        parent.command(name, epilog=epilog, **settings)(run)
+        parent.command(name, cls=_Verb, epilog=epilog, **settings)(run)
         return function
 
     return register

@@ -435,6 +435,28 @@ def test_why_two_nodes_do_not_see_each_other(robot: str, pair: tuple[str, str], 
     assert [word for word in words if word not in text] == []
 
 
+def test_a_call_may_name_the_type_as_ros_does(robot: str) -> None:
+    for words in ((), ("{}",), ("std/Trigger",), ("std/Trigger", "{}")):
+        answer = json.loads(ask(robot, "service", "call", "r1/reset_distance", *words, "--json"))
+        assert answer["success"]
+    wrong = run_robo("service", "call", "r1/reset_distance", "std/SetBool", "{}", "--connect", robot)
+    assert (wrong.returncode, wrong.stderr) == (
+        2, "error: r1/reset_distance is a std/Trigger, not a std/SetBool; its type need not be said\n"
+    )  # fmt: skip
+
+
+def test_help_by_a_verb_and_by_an_option_are_the_same() -> None:
+    for words in ((), ("topic",), ("topic", "echo"), ("run",), ("health",)):
+        assert run_robo("help", *words).stdout == run_robo(*words, "--help").stdout
+    told = run_robo("run", "robo_services.position_tracker", "--ros-args", "-r", "odom:=x")
+    assert (told.returncode, told.stderr.split(":")[1]) == (2, " leave --ros-args out")
+
+
+def test_a_parameter_is_described_with_keys(robot: str) -> None:
+    told = ask(robot, "param", "describe", "safety_monitor", "rate")
+    assert re.search(r"^  description +\w", told, re.M), told
+
+
 # -- live views ------------------------------------------------------------------------------------
 
 

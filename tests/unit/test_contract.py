@@ -111,6 +111,8 @@ def test_services_are_found_by_name() -> None:
         ("nowhere", "there is no service 'nowhere'"),
         ("robo_services.position_tracker:Tracker", "it has PositionTracker"),
         ("robo_services.utils", "defines no node class"),
+        ("robo_services", "defines no node class; it has robo_services.carmen, "),
+        ("position_tracker", "did you mean robo_services.position_tracker?"),
     ],
 )
 def test_services_that_are_not_there(service: str, message: str) -> None:

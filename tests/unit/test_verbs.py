@@ -1,9 +1,15 @@
 """What verbs say of words that make no sense, before they look at any network."""
 
+from importlib import import_module
+
 import pytest
+from typer.main import get_command
 from typer.testing import CliRunner
 
+from robo.cli import ros2_words
 from robo.cli.app import app
+from robo.cli.verb import GROUPS, SECTIONS
+from robo.suggestions import closest
 
 NO_KEYS = ("a//b", "a/**b", "#", "a?", "$", "", "a b")
 
@@ -44,3 +50,56 @@ def test_a_robot_that_cannot_be_is_told_in_a_sentence(words: tuple[str, ...]) ->
         code, text = said(*words, "--robot-name", robot)
         assert (code, len(text.splitlines())) == (2, 1)
         assert repr(robot) in text
+
+
+# -- help, and words from ROS 2 --------------------------------------------------------------------
+
+
+def test_help_lists_every_verb_once_and_what_groups_hold() -> None:
+    commands = get_command(app).commands  # type: ignore[attr-defined]
+    listed = [name for names in SECTIONS.values() for name in names]
+    assert sorted(listed) == sorted(commands)
+    for group, about in GROUPS.items():
+        verbs = list(get_command(import_module(f"robo.cli.verbs.{group}").verbs).commands)  # type: ignore[attr-defined]
+        assert about.rpartition(": ")[2] == f"{', '.join(verbs)}."
+    _, text = said("--help")
+    assert text.index("  up ") < text.index("  topic ") < text.index("  keeper ")
+
+
+@pytest.mark.parametrize("words", [*((word,) for word in ros2_words.VERBS), *ros2_words.GROUP_VERBS], ids=" ".join)
+def test_a_command_of_ros_2_is_answered_with_what_robo_has(words: tuple[str, ...]) -> None:
+    code, text = said(*words, "x")
+    assert (code, len(text.splitlines())) == (2, 1)
+    assert text.startswith(f"error: there is no robo {' '.join(words)}: ")
+
+
+def test_programs_beside_ros_2_go_by_how_their_names_begin() -> None:
+    assert ros2_words.about_verb("teleop_twist_keyboard") == ros2_words.VERBS["teleop"]
+    assert ros2_words.about_verb("rqt_bag") == ros2_words.VERBS["rqt"]
+    assert ros2_words.about_verb("rqt_plot") == ros2_words.VERBS["rqt_plot"]
+    assert ros2_words.about_verb("lunch") is None
+
+
+@pytest.mark.parametrize(
+    "words", [(*verb, option) for verb, options in ros2_words.OPTIONS.items() for option in options], ids=" ".join
+)
+def test_an_option_of_ros_2_is_answered_with_what_to_write(words: tuple[str, ...]) -> None:
+    *verb, option = words
+    assert said(*verb, "x", option)[0] == 2
+    assert said(*verb, "x", option)[1].startswith(f"error: {option}: ")
+    own = get_command(import_module(f"robo.cli.verbs.{verb[0]}").verbs).commands[verb[1]]  # type: ignore[attr-defined]
+    assert option not in [name for parameter in own.params for name in parameter.opts], "robo has that option itself"
+
+
+def test_options_before_the_verb_are_told_where_to_stand() -> None:
+    assert said("--robot-name", "r1", "topic", "list") == (
+        2, "error: --robot-name stands behind the verb: robo VERB --robot-name …\n"
+    )  # fmt: skip
+
+
+def test_a_part_of_a_name_is_enough_to_be_understood() -> None:
+    known = ["linear_velocity", "angular_velocity", "publish_rate"]
+    assert closest("linear", known) == "linear_velocity"
+    assert closest("rate", known) == "publish_rate"
+    assert closest("zzz", known) is None
+    assert closest("li", known) is None

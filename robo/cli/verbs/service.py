@@ -51,11 +51,14 @@ def service_info(reach: Reach, name: ServiceName, json: Json = False) -> None:
 def service_call(
     reach: Reach,
     name: ServiceName,
-    request: Annotated[str | None, typer.Argument(metavar="[REQUEST]", help="YAML or JSON; by default {}.")] = None,
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[TYPE] [REQUEST]", help="YAML or JSON, by default {}; the type need not be said."),
+    ] = None,
     timeout: Annotated[float, typer.Option("--timeout", metavar="S", help="How long to wait for the answer.")] = 2.0,
     json: Json = False,
 ) -> None:
     """Call a service and print its answer."""
     from robo.cli.service import call
 
-    call(name, request, reach, timeout=timeout, json=json)
+    call(name, words or [], reach, timeout=timeout, json=json)

@@ -1,0 +1,96 @@
+"""What somebody types who comes from ROS 2, and what robo has in its place. Pure."""
+
+from collections.abc import Sequence
+
+VERBS: dict[str, str] = {
+    "action": "robo has no actions yet; a service that begins it and a topic that tells how far it is do as much",
+    "bag": "robo topic echo '**' --json > log.jsonl records, robo topic pub - < log.jsonl publishes it again, as fast"
+    " as it is read; there is no player yet that keeps the time",
+    "component": "robo has no components: each node has a process of its own, which starts in some milliseconds",
+    "daemon": "robo needs no daemon: each tool asks the running system itself",
+    "launch": "robo up MANIFEST starts what a manifest says; manifests are YAML, see docs/from_ros2_launch.md",
+    "lifecycle": "robo has no lifecycle nodes; robo stop, start and restart are the operator's, and `needs:` in a"
+    " manifest waits until a node is ready",
+    "msg": "robo interface list shows all types, robo interface show TYPE one",
+    "multicast": "robo uses no multicast; robo doctor checks this machine's network, robo net shows who is linked",
+    "pkg": "robo needs no packages of its own: any Python module may hold a node, robo node show MODULE shows it",
+    "rqt": "robo has no windows: robo top, robo graph, robo topic plot, robo logs -f and robo param set do that",
+    "rqt_console": "robo logs -f --level warn",
+    "rqt_graph": "robo graph draws what runs; --format mermaid or dot for other programs",
+    "rqt_plot": "robo topic plot KEY --field PATH",
+    "rqt_reconfigure": "robo param list, describe and set",
+    "rviz": "robo has no viewer yet; robo topic plot, robo top and robo graph show what runs in a terminal",
+    "security": "TLS and access control are Zenoh's: robo up --network-config FILE, see docs/hosts.md",
+    "srv": "robo interface list shows all types, robo interface show TYPE one",
+    "teleop": "robo has no teleoperation yet; robo stop velocity_controller, then robo topic pub r1/cmd_vel_raw"
+    " geometry/Twist '{linear: {x: 0.2}}' -r 10",
+    "test": "tests of nodes are plain pytest: with MyNode(session=session): …",
+    "tf": "robo has no tree of frames yet; geometry/TransformStamped is there as a message",
+    "tf2": "robo has no tree of frames yet; geometry/TransformStamped is there as a message",
+    "wtf": "robo doctor checks this machine, robo why NODE tells why a node is as it is",
+}
+"""Commands of `ros2`, and programs beside it, that robo calls otherwise or has not."""
+
+GROUP_VERBS: dict[tuple[str, str], str] = {
+    ("interface", "package"): "robo interface list shows the types of all packages",
+    ("interface", "packages"): "robo interface list shows the types of all packages",
+    ("interface", "proto"): "robo interface show TYPE --json shows the defaults",
+    ("param", "delete"): "a node's class declares its parameters: they can be set, and not deleted",
+    ("service", "echo"): "robo has no record of calls; robo node info NODE counts them",
+    ("service", "find"): "robo service list shows the type of each",
+    ("topic", "kill"): "robo stop NODE ends who publishes it",
+}
+"""Verbs of `ros2`'s groups that robo's groups of the same name have not."""
+
+_QUALITY = "who subscribes says how much it keeps, by depth=; there is nothing else to choose"
+OPTIONS: dict[tuple[str, str], dict[str, str]] = {
+    ("topic", "list"): {"-t": "types are always shown", "--show-types": "types are always shown"},
+    ("topic", "info"): {"-v": "everything is always shown", "--verbose": "everything is always shown"},
+    ("topic", "echo"): {
+        "--no-arr": "write --truncate",
+        "--no-str": "write --truncate",
+        "-f": "nothing is cut short unless --truncate is said",
+        "--full-length": "nothing is cut short unless --truncate is said",
+        "--flow-style": "write --json",
+        "--qos": _QUALITY,
+    },
+    ("topic", "pub"): {
+        "-1": "write --once; it is what it does without -r",
+        "-t": "write --times N",
+        "-w": "write --wait-for-subscriber",
+        "--wait-matching-subscriptions": "write --wait-for-subscriber",
+        "--qos": _QUALITY,
+    },
+    ("topic", "hz"): {"-w": "write --window S, in seconds"},
+    ("topic", "bw"): {"-w": "write --window S, in seconds"},
+    ("topic", "delay"): {"-w": "write --window S, in seconds"},
+    ("node", "list"): {"-a": "all nodes are always shown", "--all": "all nodes are always shown"},
+    ("param", "dump"): {"--output-dir": "write -o FILE", "--print": "it is printed unless -o FILE is said"},
+}
+"""Options of `ros2` that robo's verbs of the same name have not."""
+
+
+def about_verb(word: str) -> str | None:
+    """What robo has in place of a command of ROS 2; None for what is no such command."""
+    family = next((family for family in _FAMILIES if word.startswith(family)), word)
+    return VERBS.get(word, VERBS.get(family))
+
+
+_FAMILIES = ("rviz", "rqt", "teleop", "tf2")
+"""Programs with names of their own that begin alike: `rqt_bag`, `teleop_twist_keyboard`, `tf2_echo`."""
+
+
+def about_group_verb(group: str, word: str) -> str | None:
+    """The same of a verb in a group of robo's."""
+    return GROUP_VERBS.get((group, word))
+
+
+def about_option(group: str, verb: str, words: Sequence[str]) -> str | None:
+    """What to write in place of the first option of ROS 2 in a command line; None where there is none."""
+    known = OPTIONS.get((group, verb), {})
+    for word in words:
+        name = word.partition("=")[0]
+        about = known.get(name) or (known.get("--qos") if name.startswith("--qos-") else None)
+        if about is not None:
+            return f"{name}: {about}"
+    return None
