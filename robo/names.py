@@ -6,6 +6,7 @@ fully qualified name without its leading slash is the key expression.
 """
 
 import re
+import unicodedata
 from collections.abc import Mapping
 
 from robo.errors import InvalidName
@@ -39,6 +40,19 @@ def normalize_namespace(namespace: str) -> str:
     stripped = namespace.strip("/")
     if stripped:
         _check_chunks("namespace", namespace, stripped)
+    return stripped
+
+
+def robot_name(name: str) -> str:
+    """A robot's name without its outer slashes: it is the namespace of its nodes.
+
+    Raises:
+        InvalidName: it is empty, or a part of it is no valid name.
+    """
+    stripped = name.strip("/")
+    if not stripped:
+        raise InvalidName(f"robot name {name!r} is empty; give it one, for example r1")
+    _check_chunks("robot name", name, stripped)
     return stripped
 
 
@@ -128,7 +142,14 @@ def _check_chunks(what: str, shown: str, body: str) -> None:
     for chunk in body.split("/"):
         if not _CHUNK.match(chunk):
             part = f"part {chunk!r}" if chunk else "an empty part"
-            raise InvalidName(f"{what} {shown!r} has {part}; use {RULE}, parts joined by /")
+            raise InvalidName(f"{what} {shown!r} has {part}; use {RULE}, parts joined by /{_instead(body)}")
+
+
+def _instead(body: str) -> str:
+    """A hint at a name that obeys the rules and is close to one that does not."""
+    plain = unicodedata.normalize("NFKD", body).encode("ascii", "ignore").decode()
+    chunks = [re.sub(r"^(?=[0-9])|[^A-Za-z0-9_]+", "_", chunk) for chunk in plain.split("/")]
+    return f"; did you mean {'/'.join(chunks)}?" if all(map(is_word, chunks)) else ""
 
 
 def nested(values: Mapping[str, object], separator: str) -> dict[str, object]:

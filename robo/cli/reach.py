@@ -27,13 +27,9 @@ class Reach(NamedTuple):
         """What the options say.
 
         Raises:
-            InvalidName: the robot's name breaks the rules.
-            UsageError: it is empty.
+            InvalidName: the robot's name is empty or breaks the rules.
         """
-        namespace = names.normalize_namespace(robot) if robot is not None else None
-        if namespace == "":
-            raise UsageError(f"--robot-name {robot!r} names no robot; write it as in `robo up --robot-name r1`")
-        return cls(tuple(connect), namespace, timeout)
+        return cls(tuple(connect), names.robot_name(robot) if robot is not None else None, timeout)
 
     @property
     def timeout(self) -> float:

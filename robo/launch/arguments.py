@@ -7,6 +7,8 @@ from pathlib import Path
 
 import msgspec
 
+from robo import names
+from robo.errors import InvalidName
 from robo.launch.expression import as_text
 from robo.launch.manifest import Arg, Manifest
 from robo.launch.substitution import BROKEN, Scope, Word, settled
@@ -57,15 +59,22 @@ def evaluate(manifest: Manifest, given: Given, scope: Scope, *, stand_ins: bool 
         stand_ins: an argument that has to be given and is not gets a value of its type, for a check.
     """
     _refuse_unknown(manifest, given, scope)
-    values: dict[str, object] = {ROBOT_NAME: as_text(given.values.get(ROBOT_NAME, DEFAULT_ROBOT))}
+    robot = as_text(given.values.get(ROBOT_NAME, DEFAULT_ROBOT))
+    values: dict[str, object] = {ROBOT_NAME: _robot_name(robot, given.place(ROBOT_NAME), scope)}
     for arg in manifest.args:
         inner = scope.inner(values)
         choices = [inner.value(choice) for choice in arg.choices]
-        if arg.name in given.values:
+        if arg.name == ROBOT_NAME and values[ROBOT_NAME] is BROKEN:
+            continue
+        if arg.name == ROBOT_NAME and arg.name in given.values:
+            values[arg.name] = _typed(arg, values[ROBOT_NAME], choices, given.folder, given.place(arg.name), inner)
+        elif arg.name in given.values:
             values[arg.name] = _typed(arg, given.values[arg.name], choices, given.folder, given.place(arg.name), inner)
         elif arg.default is not None:
             default = inner.raw(arg.default)
             values[arg.name] = _typed(arg, default, choices, inner.folder, arg.default.position, inner)
+            if arg.name == ROBOT_NAME and values[arg.name] is not BROKEN:
+                values[arg.name] = _robot_name(as_text(values[arg.name]), arg.default.position, scope)
         elif stand_ins:
             values[arg.name] = _stand_in(arg, choices)
         else:
@@ -139,6 +148,15 @@ def _refuse_unknown(manifest: Manifest, given: Given, scope: Scope) -> None:
         if name not in declared and name != ROBOT_NAME:
             instead = suggest(name, declared, "it has")
             scope.complain(given.place(name), f"{manifest.file.name} has no argument {name!r}; {instead}")
+
+
+def _robot_name(name: str, position: Position, scope: Scope) -> object:
+    """A robot's name without slashes around it; BROKEN, with a mistake added, where it is none."""
+    try:
+        return names.robot_name(name)
+    except InvalidName as error:
+        scope.complain(position, str(error))
+        return BROKEN
 
 
 def _typed(

@@ -12,8 +12,10 @@ import signal
 import sys
 import tempfile
 import time
+import traceback
 from collections import deque
 from collections.abc import Callable, Coroutine, Mapping, Sequence, Set
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -28,7 +30,7 @@ from robo.launch.plan import Plan, ProcessPlan, StopPlan, TopicPlan
 from robo.router import LINGER, NETWORK_VARIABLE
 from robo.run_id import RUN_VARIABLE, new_run_id
 from robo.session import Network, close_session, open_session
-from robo.supervisor import orphans, process
+from robo.supervisor import last_resort, orphans, process
 from robo.supervisor.console import Console
 from robo.supervisor.control import Control
 from robo.supervisor.early import Begun, base_environment
@@ -65,6 +67,9 @@ _ANSWERS_WITHIN = 0.5
 """How long a start waits for a site that may know of another run of the robot, s."""
 _STARTING = 2.0
 """For how long nobody's processor time is measured, s: that would take a tenth of what a start takes."""
+
+_LAST_RESORT = 15.0
+"""How long all but the processes may take to end, s: the network, and what processes have left behind."""
 
 _TICK = 0.25
 _LONGEST_SHOWN = 120
@@ -146,6 +151,8 @@ class Supervisor:
         self._recent: deque[LogRecord] = deque(maxlen=_MOST_LINES)
         self._lives: dict[str, asyncio.Task[None]] = {}
         self._chores: set[asyncio.Task[None]] = set()
+        self._tended: list[asyncio.Task[None]] = []
+        self._session: zenoh.Session | None = None
         self._router = Child(lambda _, line: self._console.line(SUPERVISOR, f"router: {line}"))
         self._topics: TopicWatch | None = None
         self._control: Control | None = None
@@ -174,11 +181,7 @@ class Supervisor:
             process.spawned.add(self.template.process.pid)
             self.template.listen()
         loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            loop.add_signal_handler(number, self._on_signal, number)
-        watcher: zenoh.Session | None = None
-        router: asyncio.Task[None] | None = None
-        looking: asyncio.Task[None] | None = None
+        self._take_signals(loop)
         try:
             self._begin_logs()
             if orphans.leftovers():
@@ -188,35 +191,62 @@ class Supervisor:
                 self._finish(1)
                 return 1
             await self._start_router()
-            router = asyncio.create_task(self._keep_router())
+            self._tend(self._keep_router(), "the router")
             self._phase("router started")
             for name in self._members:
                 self._begin_life(name)
-            watcher = await self._join(loop)
-            self._event("up", "")
-            self._tell_of_the_fallen()
-            looking = asyncio.create_task(self._look_after(), name="the run")
-            looking.add_done_callback(self._on_life_over)
+            if await self._join(loop):
+                self._event("up", "")
+                self._tell_of_the_fallen()
+                self._tend(self._look_after(), "the run")
             await self._supervise()
+        except Exception as error:
+            self._warn_of(error)
+            self._finish(1)
         finally:
-            await self._stop_all()
-            self._event("down", "")
-            for task in filter(None, (*self._lives.values(), router, looking, *self._chores)):
-                task.cancel()
-            await self._stop_router()
-            if self.template is not None:
-                self.template.close()
-            if watcher is not None:
-                await asyncio.to_thread(close_session, watcher)
-            for pid in await asyncio.to_thread(orphans.sweep, self._run_id, (watchdog.pid,), adopted=True):
-                self._warn(f"ended process {pid}, which a node had left behind")
-            watchdog.dismiss()
-            shutil.rmtree(self._folder, ignore_errors=True)
-            self._summarize()
-            self._log_files.close()
+            last_resort.end_within(self._stop_limit() + _LAST_RESORT)
+            await self._end(watchdog)
         if self._options.notify is not None:
             self._options.notify("down")
         return self._result()
+
+    async def _end(self, watchdog: Watchdog) -> None:
+        """Leave nothing behind. What goes wrong with one thing keeps no other from its end."""
+
+        def stop_tending() -> None:
+            for task in (*self._lives.values(), *self._tended, *self._chores):
+                task.cancel()
+
+        async def sweep() -> None:
+            for pid in await asyncio.to_thread(orphans.sweep, self._run_id, (watchdog.pid,), adopted=True):
+                self._warn(f"ended process {pid}, which a node had left behind")
+
+        steps: list[Callable[[], Coroutine[object, object, object] | None]] = [
+            self._stop_all,
+            lambda: self._event("down", ""),
+            stop_tending,
+            self._stop_router,
+            lambda: self.template.close() if self.template is not None else None,
+            lambda: asyncio.to_thread(close_session, self._session) if self._session is not None else None,
+            sweep,
+            watchdog.dismiss,
+            lambda: shutil.rmtree(self._folder, ignore_errors=True),
+            self._summarize,
+            self._log_files.close,
+        ]
+        for step in steps:
+            try:
+                work = step()
+                if work is not None:
+                    await work
+            except Exception as error:
+                self._warn_of(error)
+
+    def _warn_of(self, error: Exception) -> None:
+        """Tell of a mistake of robo's own."""
+        self._warn(f"the supervisor has failed: {type(error).__name__}: {error}")
+        for line in "".join(traceback.format_exception(error)).splitlines():
+            self._warn(f"  {line}")
 
     # -- start -----------------------------------------------------------------------------------
 
@@ -257,6 +287,12 @@ class Supervisor:
             await asyncio.sleep(0.1)
             await self._start_router()
 
+    def _tend(self, work: Coroutine[object, object, None], name: str) -> None:
+        """Do something for as long as the run lasts."""
+        task: asyncio.Task[None] = asyncio.create_task(work, name=name)
+        task.add_done_callback(self._on_life_over)
+        self._tended.append(task)
+
     def _begin_life(self, name: str) -> None:
         life = asyncio.create_task(self._members[name].live(), name=name)
         life.add_done_callback(self._on_life_over)
@@ -267,14 +303,21 @@ class Supervisor:
             self._warn(f"{life.get_name()} is not looked after any more: {life.exception()!r}")
             self._finish(1)
 
-    async def _join(self, loop: asyncio.AbstractEventLoop) -> zenoh.Session | None:
-        """Learn from liveliness tokens which nodes are ready, and answer commands."""
+    async def _join(self, loop: asyncio.AbstractEventLoop) -> bool:
+        """Learn from liveliness tokens which nodes are ready, and answer commands.
+
+        Returns:
+            Whether the robot's router could be reached.
+        """
         try:
-            session = await asyncio.to_thread(open_session, Network(mode="client", connect=(self._socket,)))
+            session = self._session = await asyncio.to_thread(
+                open_session, Network(mode="client", connect=(self._socket,))
+            )
         except NetworkError as error:
             self._warn(f"the robot's router cannot be reached: {error}")
             self._finish(1)
-            return None
+            return False
+        self._session = session
 
         def notice(sample: zenoh.Sample) -> None:
             key = str(sample.key_expr)
@@ -302,7 +345,7 @@ class Supervisor:
             self._plan.robot, os.getpid(), discovery.hostname(), self._plan.host, str(session.zid())
         )
         self._token = session.liveliness().declare_token(token.key())
-        return session
+        return True
 
     def _promises(self) -> list[TopicPlan]:
         """The topics whose messages are counted: something is promised of them, or somebody waits for them."""
@@ -624,6 +667,17 @@ class Supervisor:
         return member.status(self._plan.robot, self._run_id, self._plan.host or discovery.hostname())
 
     # -- stop ----------------------------------------------------------------------------------------
+
+    def _take_signals(self, loop: asyncio.AbstractEventLoop) -> None:
+        """End when told to, even where the loop does not come to it: its output may be blocked, for example."""
+
+        def handle(number: int, _: object) -> None:
+            last_resort.end_within(self._stop_limit() + _LAST_RESORT)
+            with suppress(RuntimeError):  # the loop is closed
+                loop.call_soon_threadsafe(self._on_signal, signal.Signals(number))
+
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, handle)
 
     def _on_signal(self, number: signal.Signals) -> None:
         self._stop_requests += 1

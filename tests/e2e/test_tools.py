@@ -110,6 +110,8 @@ def test_ctrl_c_is_quiet(session: zenoh.Session, endpoint: str) -> None:
         (("up", "replay.yaml", "log:=run.log"), "command line:1:1: argument log: there is no file "),
         (("up", "robot.yaml", "wrold:=x"), "did you mean world?"),
         (("up", "robot.yaml", "contrl"), "has no group 'contrl'; did you mean control?"),
+        (("up", "--robot-name", "r-1"), "command line:1:1: robot name 'r-1' has part 'r-1'"),
+        (("up", "-d", "--wait", "--robot-name", ""), "robot name '' is empty"),
         (("up", "--log-level", "loud"), "use debug, info, warn"),
         (("up", "--dry-run", "params_file:=nowhere.yaml"), "nowhere.yaml does not exist"),
         (("run", "robo_services.position_traker"), "did you mean robo_services.position_tracker?"),

@@ -220,6 +220,18 @@ def test_a_module_that_fails_or_ends_the_process_is_a_message(tmp_path: Path) ->
     assert "enough" in found
 
 
+@pytest.mark.parametrize("declared", ["", "args: {robot_name: r1}"])
+def test_a_robots_name_is_checked_where_it_is_typed(declared: str) -> None:
+    nodes = "nodes: {a: {run: 'x ${robot_name}', namespace: '${robot_name}'}, b: {run: x, namespace: '${robot_name}'}}"
+    (found,) = mistakes(f"{declared}\ngroups: {{g: {{namespace: '${{robot_name}}', {nodes}}}}}", robot_name="r-1")
+    assert found.startswith("command line:1:1: robot name 'r-1' has part 'r-1'; use letters")
+    assert found.endswith("did you mean r_1?")
+    (found,) = mistakes("args: {robot_name: my robot}\ngroups: {g: {namespace: '${robot_name}', nodes: {}}}")
+    assert found.startswith("m.yaml:1:20: robot name 'my robot'")
+    Path("m.yaml").write_text(f"{declared}\ngroups: {{g: {{nodes: {{a: {{run: x, namespace: '${{robot_name}}'}}}}}}}}")
+    assert resolve.resolve(Path("m.yaml"), {}, robot="/r7/").plan.processes[0].full_name == "/r7/a"
+
+
 def test_where_manifests_are_looked_for(tmp_path: Path) -> None:
     assert find_manifest("replay.yaml").is_file()
     (tmp_path / "launch").mkdir()

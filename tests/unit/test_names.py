@@ -56,6 +56,27 @@ def test_namespaces() -> None:
         names.check_node_name("a/b")
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("", "robot name '' is empty"),
+        ("//", "robot name '//' is empty"),
+        ("r-1", "has part 'r-1'; use letters, digits and _, .* did you mean r_1?"),
+        ("turtle bot-3", "did you mean turtle_bot_3?"),
+        ("rö1", "did you mean ro1?"),
+        ("fleet/3d", "has part '3d'.* did you mean fleet/_3d?"),
+        ("a//b", "has an empty part; use [^;]*$"),
+    ],
+)
+def test_what_is_no_robots_name_is_told_with_one_that_is(name: str, said: str) -> None:
+    with pytest.raises(InvalidName, match=said):
+        names.robot_name(name)
+
+
+def test_robots_names() -> None:
+    assert [names.robot_name(name) for name in ("r1", "/r1", "r1/", "/r1/arm/")] == ["r1", "r1", "r1", "r1/arm"]
+
+
 @given(namespace, chunk, chunk)
 def test_a_relative_name_is_its_absolute_one(ns: str, node: str, topic: str) -> None:
     key = names.resolve(topic, namespace=ns, node=node)
