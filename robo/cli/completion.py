@@ -1,4 +1,4 @@
-"""What a shell completes: names that live on the network just now.
+"""What a shell completes: names that live on the network just now, types and manifests.
 
 Each function is given the command line so far and what is typed of the word; where no robot answers at
 once there is nothing to complete, and never an error.
@@ -6,6 +6,7 @@ once there is nothing to complete, and never an error.
 
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -74,6 +75,19 @@ def parameters(ctx: typer.Context, incomplete: str) -> list[str]:
         return values.get(session, tools.find_node(tools.list_nodes(session, TIMEOUT), ctx.params["node"]))
 
     return _live(ctx, incomplete, find)
+
+
+def manifests(incomplete: str) -> list[str]:
+    """Manifests where `robo up` looks for them: here, in ./launch, and those that ship."""
+    from robo.launch.find import SHARE, manifests_in
+
+    if "/" in incomplete:
+        folder = incomplete.rpartition("/")[0]
+        found = [f"{folder}/{path.name}" for path in manifests_in(Path(folder or "/"))]
+    else:
+        folders = (Path.cwd(), Path.cwd() / "launch", SHARE / "launch")
+        found = sorted({path.name for folder in folders for path in manifests_in(folder)})
+    return [name for name in found if name.startswith(incomplete)]
 
 
 def types(incomplete: str) -> list[str]:

@@ -1,6 +1,7 @@
 """Where manifests are looked for."""
 
 import os
+import re
 from pathlib import Path
 
 from robo.errors import ManifestError
@@ -34,3 +35,23 @@ def find_manifest(name: str, beside: Path | None = None) -> Path:
     known = sorted({p.name for folder in folders[1:] if folder.is_dir() for p in folder.glob("*.yaml")})
     looked = ", ".join(dict.fromkeys(str(folder) for folder in folders))
     raise ManifestError(f"there is no manifest {name!r}; {suggest(name, known, 'there are')} (looked in {looked})")
+
+
+_BEGINS = re.compile(rb"^(?:groups|nodes|include) *:", re.MULTILINE)
+_HEAD = 100_000
+"""Bytes of a file in which it is seen what it is."""
+
+
+def manifests_in(folder: Path) -> list[Path]:
+    """The files of a folder that read like manifests, and not like parameter or Compose files."""
+    found = []
+    for path in sorted([*folder.glob("*.yaml"), *folder.glob("*.yml")]):
+        if not path.is_file():  # a pipe would make whoever reads it wait
+            continue
+        try:
+            with path.open("rb") as file:
+                if _BEGINS.search(file.read(_HEAD)):
+                    found.append(path)
+        except OSError:
+            continue  # not for this user
+    return found

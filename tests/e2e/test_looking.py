@@ -550,6 +550,9 @@ def test_colours_are_for_terminals_and_not_where_no_color_is_said(robot: str, mo
         ("robo topic pub r1/x geometry/TwistS", {"geometry/TwistStamped"}),
         ("robo topic list --robot-name ", {"r1"}),
         ("robo restart velo", {"velocity_controller"}),
+        ("robo up sim", {"simulation.yaml"}),
+        ("robo up fl", {"fleet.yaml"}),
+        ("robo export compose rep", {"replay.yaml"}),
     ],
 )  # fmt: skip
 def test_a_shell_completes_what_lives(robot: str, line: str, expected: set[str]) -> None:

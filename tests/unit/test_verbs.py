@@ -1,12 +1,13 @@
 """What verbs say of words that make no sense, before they look at any network."""
 
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 from typer.main import get_command
 from typer.testing import CliRunner
 
-from robo.cli import ros2_words
+from robo.cli import completion, ros2_words
 from robo.cli.app import app
 from robo.cli.verb import GROUPS, SECTIONS
 from robo.suggestions import closest
@@ -103,3 +104,15 @@ def test_a_part_of_a_name_is_enough_to_be_understood() -> None:
     assert closest("rate", known) == "publish_rate"
     assert closest("zzz", known) is None
     assert closest("li", known) is None
+
+
+def test_manifests_are_completed_and_other_files_are_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "launch").mkdir()
+    (tmp_path / "launch" / "mine.yaml").write_text("include: robot.yaml\n")
+    (tmp_path / "mapping.yml").write_text("# mine\nargs: {x: {default: 1}}\ngroups:\n  a: {}\n")
+    (tmp_path / "marks.yaml").write_text("/**:\n  ros__parameters: {groups: 3}\n")
+    monkeypatch.chdir(tmp_path)
+    assert completion.manifests("m") == ["mapping.yml", "mine.yaml"]
+    assert completion.manifests("launch/") == ["launch/mine.yaml"]
+    assert "robot.yaml" in completion.manifests("")
+    assert completion.manifests("nowhere/") == []

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from robo.cli import completion
 from robo.cli.verb import Connect, Listen, RobotName, app, verb
 
 NetworkConfig = Annotated[
@@ -34,7 +35,12 @@ NetworkConfig = Annotated[
 def up(
     words: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[MANIFEST] [GROUP]... [NAME:=VALUE]...", help="What to start.", show_default=False),
+        typer.Argument(
+            metavar="[MANIFEST] [GROUP]... [NAME:=VALUE]...",
+            help="What to start.",
+            show_default=False,
+            autocompletion=completion.manifests,
+        ),
     ] = None,
     robot_name: RobotName = None,
     param: Annotated[
@@ -115,7 +121,12 @@ def up(
 def check(
     words: Annotated[
         list[str],
-        typer.Argument(metavar="FILE", help="Manifests to check; NAME:=VALUE for their arguments.", show_default=False),
+        typer.Argument(
+            metavar="FILE",
+            help="Manifests to check; NAME:=VALUE for their arguments.",
+            show_default=False,
+            autocompletion=completion.manifests,
+        ),
     ],
     robot_name: RobotName = None,
     json: Annotated[bool, typer.Option("--json", help="Print faults and notes as JSON.")] = False,
@@ -169,7 +180,12 @@ app.add_typer(export, name="export")
 def export_compose(
     words: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[MANIFEST] [NAME:=VALUE]...", help="What to export.", show_default=False),
+        typer.Argument(
+            metavar="[MANIFEST] [NAME:=VALUE]...",
+            help="What to export.",
+            show_default=False,
+            autocompletion=completion.manifests,
+        ),
     ] = None,
     robot_name: RobotName = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write it there.")] = None,
