@@ -21,7 +21,7 @@ class Clock:
 
     def wait(self, woken: threading.Event, until: float) -> bool:
         """Wait until `monotonic()` is `until`. Returns early, and true, once `woken` is set and `wake` called."""
-        return woken.wait(max(0.0, until - time.monotonic()))
+        return woken.wait(min(max(0.0, until - time.monotonic()), threading.TIMEOUT_MAX))
 
     def wake(self) -> None:
         """Let whoever waits look at its event."""

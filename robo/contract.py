@@ -16,6 +16,7 @@ import msgspec
 import robo_messages
 from robo import parameters
 from robo.errors import ContractError
+from robo.executor import period_of
 from robo.qos import DEFAULT_DEPTH, DEFAULT_TIMEOUT, check_depth
 from robo_messages import Message
 
@@ -216,8 +217,8 @@ def service(name: str) -> Callable[[Callable[[N, Q], A]], Callable[[N, Q], A]]:
 
 def timer(*, rate: float | str) -> Callable[[Callable[[N], None]], Callable[[N], None]]:
     """Call this method at a steady rate: in Hz, or the name of the parameter that says it."""
-    if not isinstance(rate, str) and not rate > 0:
-        raise ContractError(f"timer rate {rate}: use a positive number of Hz")
+    if not isinstance(rate, str):
+        period_of(rate)
 
     def mark(method: Callable[[N], None]) -> Callable[[N], None]:
         setattr(method, _MARK, _TimerMark(rate))

@@ -23,6 +23,7 @@ import zenoh
 
 from robo.clock import Clock
 from robo.codec import Malformed, TopicDecoder
+from robo.errors import ContractError
 from robo.qos import KEEP_ALL
 from robo_messages import Message
 
@@ -32,6 +33,33 @@ STALE = 0.02
 """How long a message may wait behind others that nobody asked to keep, s."""
 
 
+SHORTEST_PERIOD = 1e-6
+LONGEST_PERIOD = 1e9
+"""The periods of timers, s. Shorter ones would be nothing but work, longer ones than 30 years overflow waits."""
+
+
+def checked_period(period: float) -> float:
+    """A timer's period, s, if it can be waited for.
+
+    Raises:
+        ContractError: it is not within SHORTEST_PERIOD and LONGEST_PERIOD, or no number.
+    """
+    if isinstance(period, (int, float)) and SHORTEST_PERIOD <= period <= LONGEST_PERIOD:
+        return period
+    raise ContractError(f"a timer's period of {period!r} s: use {SHORTEST_PERIOD:g} to {LONGEST_PERIOD:g} s")
+
+
+def period_of(rate: float) -> float:
+    """The period of a timer, s, from its rate, Hz.
+
+    Raises:
+        ContractError: it is not within the same limits, or no number.
+    """
+    if isinstance(rate, (int, float)) and 1 / LONGEST_PERIOD <= rate <= 1 / SHORTEST_PERIOD:
+        return 1.0 / rate
+    raise ContractError(f"a timer's rate of {rate!r} Hz: use {1 / LONGEST_PERIOD:g} to {1 / SHORTEST_PERIOD:g} Hz")
+
+
 class Turn:
     """Mutual exclusion that is served in order of arrival.
 
@@ -39,7 +67,8 @@ class Turn:
     seconds; here it hands over. Without contention it costs no more than the lock itself.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, on_death: Callable[[BaseException], None] | None = None) -> None:
+        """`on_death` is told what ended a thread that runs callbacks here; by default Python's own hook is."""
         lock = threading.Lock()
         waiting: deque[threading.Lock] = deque()
         try_lock, unlock = lock.acquire, lock.release
@@ -77,8 +106,22 @@ class Turn:
         """The callback that runs, as who holds the turn says; empty while none does."""
         self.since = 0.0
         """When it began, by `time.monotonic`."""
+        self.on_death = on_death
         self.release: Callable[[], None] = release
         """Pass the turn on to who has waited longest, if anybody waits."""
+
+    def guarded(self, work: Callable[[], None]) -> Callable[[], None]:
+        """What a thread runs that runs callbacks: should it die, that is told to the node."""
+
+        def run() -> None:
+            try:
+                work()
+            except BaseException as error:
+                if self.on_death is None:
+                    raise
+                self.on_death(error)
+
+        return run
 
     def acquire(self) -> None:
         """Wait for the turn."""
@@ -194,7 +237,7 @@ class SubscriptionLoop(Generic[M]):
         """Payloads that were no message of the topic's type."""
         self.dropped = 0
         """Messages cut away because the callback fell behind by more than `depth`."""
-        self._thread = threading.Thread(target=self._run, name=f"robo-{subscriber.key_expr}", daemon=True)
+        self._thread = threading.Thread(target=turn.guarded(self._run), name=f"robo-{subscriber.key_expr}", daemon=True)
 
     def start(self) -> None:
         """Begin to call the callback."""
@@ -259,8 +302,11 @@ class SubscriptionLoop(Generic[M]):
                 turn.running = ""
                 pass_turn()
                 holding = False
-        except zenoh.ZError:  # undeclared, and nothing is left in the channel
+        except zenoh.ZError:
+            pass  # undeclared, and nothing is left in the channel
+        finally:
             if holding:
+                turn.running = ""
                 pass_turn()
 
     def _cut_back(self, per_message: float) -> None:
@@ -317,7 +363,8 @@ class TimerLoop:
         """`period` is asked before each tick, so that a changed parameter counts at once; s, by `clock`."""
         self._name = name
         self._clock = clock or Clock()
-        self._period = period
+        self.period: Callable[[], float] = lambda: checked_period(period())
+        """What is asked before each tick; raises ContractError for what cannot be waited for."""
         self._turn = turn
         self._callback = callback
         self._on_error = on_error
@@ -325,7 +372,7 @@ class TimerLoop:
         self._woken = threading.Event()
         self.missed = 0
         """Ticks that were skipped because callbacks took too long."""
-        self._thread = threading.Thread(target=self._run, name=f"robo-timer-{name}", daemon=True)
+        self._thread = threading.Thread(target=turn.guarded(self._run), name=f"robo-timer-{name}", daemon=True)
 
     def start(self) -> None:
         """Begin; the first tick comes one period from now."""
@@ -351,7 +398,7 @@ class TimerLoop:
         clock, now = self._clock, self._clock.monotonic
         due = now()
         while True:
-            last, period = due, self._period()
+            last, period = due, self.period()
             due += period
             late = now() - due
             if late > period:
@@ -363,7 +410,7 @@ class TimerLoop:
                     return
                 self._woken.clear()
                 last = min(last, now())  # simulated time may step back
-                due = max(last + self._period(), now())
+                due = max(last + self.period(), now())
             with turn:
                 if self._stopped:
                     return

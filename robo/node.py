@@ -19,8 +19,8 @@ from robo.clock import Clock, SimClock
 from robo.contract import Contract, contract_of
 from robo.discovery import NodeToken
 from robo.endpoints import TopicPublisher, TopicSubscription, endpoint_token
-from robo.errors import ParameterError
-from robo.executor import TimerLoop, Turn, name_of, taking
+from robo.errors import ContractError, ParameterError
+from robo.executor import TimerLoop, Turn, checked_period, name_of, period_of, taking
 from robo.node_status import NodeStatus
 from robo.parameter_server import ParameterServer, Said
 from robo.parameters import Parameters as AnyParameters
@@ -69,7 +69,8 @@ class Node:
                 self.chatter.publish(String("hello"))
 
     Callbacks never run at the same time, so they need no locks. A callback that raises is logged and
-    counted, and the node goes on; `raise SystemExit(code)` ends it.
+    counted, and the node goes on; `raise SystemExit(code)` ends it. In a process of its own it also ends,
+    with exit code 1, when a thread dies of an exception, be it one that the subclass has started.
     """
 
     Parameters: ClassVar[type[AnyParameters]] = AnyParameters
@@ -112,7 +113,7 @@ class Node:
         self._remappings = dict(remappings or {})
         self._given_session = session
         self._session: zenoh.Session | None = None
-        self._turn = Turn()
+        self._turn = Turn(self.thread_died)
         self._publishers: list[TopicPublisher[Any]] = []
         self._subscriptions: list[TopicSubscription[Any]] = []
         self._timers: list[TimerLoop] = []
@@ -191,6 +192,18 @@ class Node:
             self.logger.fatal("%s", wish.code)
         self.shutdown(exit_code_of(wish))
 
+    def thread_died(self, error: BaseException) -> None:
+        """End the node, as one of its threads has died of an exception, and with it a part of its work.
+
+        It exits with code 1, and its policy decides what then. Called in the thread that dies.
+        """
+        thread = threading.current_thread().name
+        if self.stopping:
+            self.logger.warning("%s ended while the node stopped: %s: %s", thread, type(error).__name__, error)
+            return
+        self.logger.error(f"the thread {thread} died; the node ends", exception=error)
+        self.shutdown(self.exit_code or 1)
+
     # -- parameters ----------------------------------------------------------------------------
 
     def set_parameters(self, changes: Mapping[str, object] | None = None, /, **values: object) -> None:
@@ -215,11 +228,19 @@ class Node:
         new = change(old, changes, self.full_name)
         try:
             self.on_parameters_changing(new)
-        except Exception as error:
+        except BaseException as error:
             if not isinstance(error, ValueError):
                 self._handler(self.on_parameters_changing)(error)
             raise ParameterError(f"{self.full_name} refuses: {error}") from None
         self.parameters = new
+        try:
+            for timer in list(self._timers):
+                timer.period()
+        except Exception as error:
+            self.parameters = old
+            if isinstance(error, ParameterError):
+                raise
+            raise ParameterError(f"{self.full_name} refuses: {error}") from None
         before = flat(old)
         changed = {name: value for name, value in flat(new).items() if value != before[name]}
         for name, value in changed.items():
@@ -227,7 +248,7 @@ class Node:
             if said and said[-1].source == SET_WHILE_RUNNING:
                 said.pop()
             said.append(Said(value, SET_WHILE_RUNNING))
-        for timer in self._timers:
+        for timer in list(self._timers):
             timer.reschedule()
         try:
             self.on_parameters_changed(changed.keys())
@@ -294,8 +315,12 @@ class Node:
             period: in s.
             callback: what to call.
             clock: whose seconds; by default the node's, which may be simulated.
+
+        Raises:
+            ContractError: the period is not 1e-6 to 1e9 s.
         """
         ask = period if callable(period) else lambda: period
+        checked_period(ask())
         timer = TimerLoop(name_of(callback), ask, self._turn, callback, self._handler(callback), clock or self.clock)
         self._timers.append(timer)
         if self._running:
@@ -526,7 +551,7 @@ class Node:
             self.session,
             token,
             ClockMessage,
-            Turn(),
+            Turn(self.thread_died),
             lambda message: clock.advance(message.clock.to_nanoseconds()),
             self._handler(self._follow_clock),
             self._report_malformed,
@@ -546,9 +571,16 @@ class Node:
 
     def _period(self, rate: float | str) -> Callable[[], float]:
         if isinstance(rate, str):
-            return lambda: 1.0 / float(getattr(self.parameters, rate))
-        period = 1.0 / rate
+            name = rate
+            return lambda: self._period_by(name)
+        period = period_of(rate)
         return lambda: period
+
+    def _period_by(self, parameter: str) -> float:
+        try:
+            return period_of(getattr(self.parameters, parameter))
+        except ContractError as error:
+            raise ParameterError(f"{self.full_name}: {parameter}: {error}") from None
 
     def _handler(self, callback: Callable[..., object]) -> Callable[[BaseException], None]:
         """What to do with an exception of a callback: it ends neither its thread nor, unless asked, the node."""

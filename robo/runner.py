@@ -98,6 +98,8 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, stop)
+    if threading.excepthook is threading.__excepthook__:  # who has set another one cares himself
+        threading.excepthook = lambda died: _thread_died(node, died)
     network = Network.from_environment(spec.mode or "router", spec.connect, spec.listen)
     session = open_session(msgspec.structs.replace(network, name=node.full_name))
     failure: BaseException | None = None
@@ -119,6 +121,11 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
             end_process(node.exit_code if failure is None else report(failure))
     atexit.register(_end_with_threads, node.exit_code)
     return node.exit_code
+
+
+def _thread_died(node: Node, died: threading.ExceptHookArgs) -> None:
+    if died.exc_type is not SystemExit and died.exc_value is not None:  # with that a thread ends as it wants to
+        node.thread_died(died.exc_value)
 
 
 def _end_with_threads(code: int) -> None:

@@ -24,10 +24,15 @@ class CarmenPlayer(Node):
 
         log: Annotated[str, Meta(description="the log file"), READ_ONLY] = ""
         rate: Annotated[
-            float, Meta(ge=0, description="1.0 as recorded, 2.0 twice as fast, 0 as fast as nothing is lost"), READ_ONLY
+            float,
+            Meta(ge=0, le=1e6, description="1.0 as recorded, 2.0 twice as fast, 0 as fast as nothing is lost"),
+            READ_ONLY,
         ] = 1.0
         delay: Annotated[
-            float, Meta(ge=0, description="wait before the first record, for others to tune in"), Unit("s"), READ_ONLY
+            float,
+            Meta(ge=0, le=86_400, description="wait before the first record, for others to tune in"),
+            Unit("s"),
+            READ_ONLY,
         ] = 0.0
         range_max: Annotated[float, Meta(gt=0, description="longer ranges are no return"), Unit("m")] = 80.0
         publish_clock: Annotated[

@@ -63,13 +63,13 @@ class DiffDriveSim(Node):
         linear_deceleration: Annotated[float, Meta(gt=0), Unit("m/s²"), READ_ONLY] = 5.0
         angular_acceleration: Annotated[float, Meta(gt=0), Unit("rad/s²"), READ_ONLY] = 6.0
         cmd_vel_timeout: Annotated[
-            float, Meta(gt=0, description="stand still without a command for this long"), Unit("s")
+            float, Meta(ge=0.01, le=10, description="stand still without a command for this long"), Unit("s")
         ] = 0.5
         odom_rate: Annotated[
-            float, Meta(gt=0, le=1000, description="steps and odometry messages per second"), Unit("Hz"), READ_ONLY
+            float, Meta(ge=1, le=1000, description="steps and odometry messages per second"), Unit("Hz"), READ_ONLY
         ] = 50.0
         laser: Annotated[bool, Meta(description="whether there is a laser")] = True
-        scan_rate: Annotated[float, Meta(gt=0, le=100, description="scans per second"), Unit("Hz")] = 10.0
+        scan_rate: Annotated[float, Meta(ge=0.1, le=100, description="scans per second"), Unit("Hz")] = 10.0
         rays: Annotated[int, Meta(ge=1, le=10_000, description="of a scan, over the full turn"), READ_ONLY] = 360
         range_min: Annotated[float, Meta(ge=0), Unit("m"), READ_ONLY] = 0.05
         range_max: Annotated[float, Meta(gt=0), Unit("m"), READ_ONLY] = 12.0
@@ -80,7 +80,7 @@ class DiffDriveSim(Node):
             bool, Meta(description="publish /clock: time is what is simulated, for nodes with use_sim_time"), READ_ONLY
         ] = False
         real_time_factor: Annotated[
-            float, Meta(gt=0, le=100, description="how fast the published time runs, 1 is real time"), READ_ONLY
+            float, Meta(ge=0.01, le=100, description="how fast the published time runs, 1 is real time"), READ_ONLY
         ] = 1.0
         odom_frame: str = "odom"
         base_frame: str = "base_link"

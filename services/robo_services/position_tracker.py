@@ -18,7 +18,7 @@ class PositionTracker(Node):
         """When to speak up."""
 
         max_distance: Annotated[float, Meta(gt=0, description="warn beyond this distance"), Unit("m")] = 100.0
-        log_rate: Annotated[float, Meta(gt=0, le=1000, description="reports per second"), Unit("Hz")] = 1.0
+        log_rate: Annotated[float, Meta(ge=0.001, le=1000, description="reports per second"), Unit("Hz")] = 1.0
 
     parameters: Parameters
 

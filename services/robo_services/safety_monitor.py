@@ -36,9 +36,13 @@ class SafetyMonitor(Node):
             Meta(gt=0, le=2 * math.pi, description="angle around the motion in which obstacles count"),
             Unit("rad"),
         ] = 2.0
-        scan_timeout: Annotated[float, Meta(gt=0, description="an older scan stops the robot"), Unit("s")] = 0.25
-        command_timeout: Annotated[float, Meta(gt=0, description="an older command stops the robot"), Unit("s")] = 0.5
-        rate: Annotated[float, Meta(gt=0, le=1000, description="decisions per second"), Unit("Hz")] = 50.0
+        scan_timeout: Annotated[float, Meta(ge=0.01, le=10, description="an older scan stops the robot"), Unit("s")] = (
+            0.25
+        )
+        command_timeout: Annotated[
+            float, Meta(ge=0.01, le=10, description="an older command stops the robot"), Unit("s")
+        ] = 0.5
+        rate: Annotated[float, Meta(ge=1, le=1000, description="decisions per second"), Unit("Hz")] = 50.0
 
     parameters: Parameters
 

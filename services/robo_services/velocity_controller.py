@@ -21,7 +21,7 @@ class VelocityController(Node):
 
         linear_velocity: Annotated[float, Meta(ge=-5, le=5, description="forward velocity"), Unit("m/s")] = 0.5
         angular_velocity: Annotated[float, Meta(ge=-10, le=10, description="yaw rate"), Unit("rad/s")] = 0.2
-        publish_rate: Annotated[float, Meta(gt=0, le=1000, description="commands per second"), Unit("Hz")] = 10.0
+        publish_rate: Annotated[float, Meta(ge=0.1, le=1000, description="commands per second"), Unit("Hz")] = 10.0
         max_linear_velocity: Annotated[float, Meta(ge=0, description="limit"), Unit("m/s")] = 1.0
         max_angular_velocity: Annotated[float, Meta(ge=0, description="limit"), Unit("rad/s")] = 2.0
         max_linear_acceleration: Annotated[float, Meta(gt=0, description="limit"), Unit("m/s²")] = 1.0

@@ -111,3 +111,28 @@ def test_a_process_ends_quietly_while_threads_of_its_own_are_in_zenoh(endpoint: 
             node.send_signal(signal.SIGINT)
             output, _ = node.communicate(timeout=PATIENCE)
             assert (node.returncode, output) == (0, "")
+
+
+MORTAL = """\
+import threading
+import robo
+
+class Mortal(robo.Node):
+    def on_start(self) -> None:
+        threading.Thread(target=self.watch, name="camera", daemon=True).start()
+
+    def watch(self) -> None:
+        raise OSError("no more frames")
+
+if __name__ == "__main__":
+    robo.run(Mortal)
+"""
+
+
+def test_a_node_whose_own_thread_dies_fails(endpoint: str, tmp_path: Path) -> None:
+    (tmp_path / "mortal.py").write_text(MORTAL)
+    with program("mortal.py", "--listen", endpoint, cwd=tmp_path) as node:
+        output, _ = node.communicate(timeout=PATIENCE)
+        assert node.returncode == 1
+        assert "ERROR mortal: the thread camera died; the node ends\nTraceback" in output
+        assert output.count("OSError: no more frames") == 1

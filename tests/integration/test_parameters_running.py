@@ -252,3 +252,32 @@ def test_a_set_waits_for_the_callback_that_runs(session: zenoh.Session, other: z
         for i in range(10):
             assert ask(other, "set", {"speed": i / 10 + 1})["successful"]
         assert node.status.callback_errors == 0
+
+
+def test_a_rate_that_no_timer_can_keep_is_refused(session: zenoh.Session, other: zenoh.Session) -> None:
+    class Ticker(Node):
+        class Parameters(robo.Parameters):
+            rate: float = 100.0
+            period: float = 0.01
+
+        parameters: Parameters
+        beat = Publisher(String, "beat")
+
+        def on_start(self) -> None:
+            self.create_timer(lambda: self.parameters.period, lambda: None)
+
+        @timer(rate="rate")
+        def tick(self) -> None:
+            self.beat.publish(String())
+
+    with Ticker(namespace="r1", session=session) as node:
+        beats = Inbox(other, "r1/beat")
+        for name, said in (("rate", ": rate: a timer's rate of"), ("period", " refuses: a timer's period of")):
+            for value in (0, -1, 1e-300, 1e300):
+                with pytest.raises(ParameterError, match=f"^/r1/ticker{said} .*: use 1e-"):
+                    node.set_parameters({name: value})
+        assert node.parameters == Ticker.Parameters()
+        beats.forget()
+        beats.wait_for(2)
+    with pytest.raises(ParameterError, match=r"^/r1/ticker: rate: a timer's rate of 0\.0 Hz"):
+        Ticker(namespace="r1", session=session, parameters={"rate": 0}).start()

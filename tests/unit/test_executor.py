@@ -1,9 +1,14 @@
+import math
 import threading
 import time
 from functools import partial
 
+import pytest
+
+from robo.clock import Clock
 from robo.endpoints import slots
-from robo.executor import TimerLoop, Turn
+from robo.errors import ContractError
+from robo.executor import TimerLoop, Turn, checked_period, period_of
 from robo.qos import KEEP_ALL
 from robo_messages import Image, LaserScan, Odometry, PointCloud2, Twist
 from tests.support import eventually
@@ -110,3 +115,39 @@ def test_channels_have_room_that_fits_the_type() -> None:
     assert slots(LaserScan, 1) == 256
     assert slots(Image, 3) == slots(PointCloud2, 3) == 3
     assert slots(Image, KEEP_ALL) == 16
+
+
+@pytest.mark.parametrize("period", [0, -1.0, math.nan, math.inf, 1e300, 1e-300, "1"])
+def test_periods_that_cannot_be_waited_for_are_refused(period: float) -> None:
+    with pytest.raises(ContractError, match="use 1e-06 to 1e\\+09 s"):
+        checked_period(period)
+    with pytest.raises(ContractError, match="use 1e-09 to 1e\\+06 Hz"):
+        period_of(period)
+
+
+def test_a_thread_that_dies_is_told_and_leaves_the_turn_to_others() -> None:
+    died: list[BaseException] = []
+    told = threading.Event()
+
+    def on_death(error: BaseException) -> None:
+        died.append(error)
+        told.set()
+
+    def on_error(error: BaseException) -> None:
+        raise error
+
+    def fail() -> None:
+        raise ZeroDivisionError
+
+    turn = Turn(on_death)
+    loop = TimerLoop("t", lambda: 0.001, turn, fail, on_error)
+    loop.start()
+    assert told.wait(5)
+    assert isinstance(died[0], ZeroDivisionError)
+    assert turn.try_acquire(False)
+
+
+def test_no_wait_is_too_long_for_a_clock() -> None:
+    woken = threading.Event()
+    woken.set()
+    assert Clock().wait(woken, math.inf)

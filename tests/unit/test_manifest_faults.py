@@ -145,7 +145,7 @@ def test_each_mistake_is_one_message(text: str, message: str) -> None:
 def test_a_parameter_out_of_range_says_the_range() -> None:
     (found,) = mistakes(node("service: robo_services.position_tracker, params: {log_rate: -1}"))
     assert found.startswith(
-        "m.yaml:1:86: position_tracker: log_rate = -1: expected float > 0.0 (reports per second, Hz; > 0 and <= 1000)"
+        "m.yaml:1:86: position_tracker: log_rate = -1: expected float >= 0.001 (reports per second, Hz; 0.001 to 1000)"
     )
     Path("p.yaml").write_text("/**:\n  ros__parameters:\n    log_rate: fast\n")
     (found,) = mistakes(node("service: robo_services.position_tracker, params: p.yaml"))

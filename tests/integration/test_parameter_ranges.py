@@ -1,0 +1,79 @@
+"""No value that a shipped node accepts ends one of its threads."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from robo import Node, ParameterError
+from robo.contract import contract_of
+from robo.parameters import ParameterInfo
+from robo_services.carmen_player import CarmenPlayer
+from robo_services.diff_drive_sim import DiffDriveSim
+from robo_services.position_tracker import PositionTracker
+from robo_services.safety_monitor import SafetyMonitor
+from robo_services.velocity_controller import VelocityController
+from tests.support import eventually
+
+SHIPPED = [CarmenPlayer, DiffDriveSim, PositionTracker, SafetyMonitor, VelocityController]
+
+
+def ends(info: ParameterInfo) -> Iterator[float]:
+    """The least and the largest value that a parameter's declaration lets through, and the nearest ones to 0."""
+    limits = {key: float(value) for key, value in info.constraints.items() if key != "pattern"}
+    whole = info.type == "int"
+    yield limits.get("ge", math.nextafter(limits["gt"], math.inf) if "gt" in limits else -(2**63) if whole else -1e308)
+    yield limits.get("le", math.nextafter(limits["lt"], 0) if "lt" in limits else 2**63 - 1 if whole else 1e308)
+    if not whole:
+        yield from (5e-324, 1e-300, 1e-12)
+
+
+def ends_of(cls: type[Node], *, read_only: bool) -> list[tuple[ParameterInfo, float]]:
+    numbers = [i for i in contract_of(cls).parameters if i.type in ("int", "float") and i.read_only == read_only]
+    return [(info, int(value) if info.type == "int" else value) for info in numbers for value in ends(info)]
+
+
+@pytest.fixture
+def given(tmp_path: Path) -> dict[type[Node], dict[str, object]]:
+    """What nodes need to run at all."""
+    (tmp_path / "log").write_text("ODOM 1 2 0 0 0 0 100.0 robot 0.1\nODOM 1 2 0 0 0 0 100.2 robot 0.2\n")
+    return {CarmenPlayer: {"log": str(tmp_path / "log"), "delay": 3600}}
+
+
+def runs(node: Node) -> None:
+    """It runs callbacks, and none of them has raised."""
+    ticked: list[bool] = []
+    timer = node.create_timer(0.001, lambda: ticked.append(True))
+    eventually(lambda: len(ticked) >= 2 or node.stopping, "callbacks run")
+    timer.stop(0)
+    assert (node.exit_code, node.status.callback_errors) == (0, 0)
+
+
+@pytest.mark.parametrize("cls", SHIPPED)
+def test_no_value_that_is_accepted_while_it_runs_ends_a_thread(
+    session: zenoh.Session, given: dict[type[Node], dict[str, object]], cls: type[Node]
+) -> None:
+    with cls(session=session, parameters=given.get(cls)) as node:
+        for info, value in ends_of(cls, read_only=False):
+            try:
+                node.set_parameters({info.name: value})
+            except ParameterError:
+                continue
+            runs(node)
+            node.set_parameters({info.name: info.default})
+            runs(node)
+
+
+@pytest.mark.parametrize("cls", SHIPPED)
+def test_no_value_that_is_accepted_at_the_start_ends_a_thread(
+    session: zenoh.Session, given: dict[type[Node], dict[str, object]], cls: type[Node]
+) -> None:
+    for info, value in ends_of(cls, read_only=True):
+        try:
+            node = cls(session=session, parameters={**given.get(cls, {}), info.name: value})
+        except ParameterError:
+            continue  # it is refused before anything runs
+        with node:
+            runs(node)
