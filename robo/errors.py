@@ -4,6 +4,7 @@
     ├── InvalidName           a node, topic or namespace name that breaks the rules
     ├── ParameterError        a value that a node's parameters refuse
     ├── ParameterFileError    a parameter file that cannot be read or understood
+    ├── UnreadableFile        a file that somebody named and that is missing, too large or no file at all
     ├── ContractError         a node class that does not say clearly what it does
     ├── EngineError           a container engine that cannot be reached, or refuses
     ├── NetworkError          the Zenoh network cannot be reached or opened
@@ -37,6 +38,15 @@ class ParameterError(RoboError, ValueError):
 
 class ParameterFileError(RoboError):
     """A parameter file is missing or has mistakes; the message has a line for each."""
+
+
+class UnreadableFile(RoboError):
+    """A file that somebody named cannot be read; the message says why and not which."""
+
+    def __init__(self, text: str, *, missing: bool = False) -> None:
+        super().__init__(text)
+        self.missing = missing
+        """Whether there is nothing of its name."""
 
 
 class ContractError(RoboError, TypeError):

@@ -18,9 +18,11 @@ from pathlib import Path
 import msgspec
 
 from robo import names
-from robo.errors import ParameterFileError
+from robo.brief import shown
+from robo.errors import ParameterFileError, UnreadableFile
+from robo.files import read_text
 from robo.suggestions import hint
-from robo.yaml_tree import Entry, Items, Map, Position, Problem, Scalar, Tree, parse, plain, repeated, shown
+from robo.yaml_tree import Entry, Items, Map, Position, Problem, Scalar, Tree, parse, plain, repeated
 
 ROS_KEY = "ros__parameters"
 
@@ -126,11 +128,10 @@ def read(text: str, path: str | Path, problems: list[Problem]) -> ParameterFile:
 
 def _text_of(path: str | Path) -> str:
     try:
-        return Path(path).read_text(encoding="utf-8")
-    except FileNotFoundError:
-        hint = _similar(Path(path))
-        raise ParameterFileError(f"parameter file {path} does not exist{hint}") from None
-    except (OSError, UnicodeDecodeError, ValueError) as error:
+        return read_text(path)
+    except UnreadableFile as error:
+        if error.missing:
+            raise ParameterFileError(f"parameter file {path} does not exist{_similar(Path(path))}") from None
         raise ParameterFileError(f"parameter file {path} cannot be read: {error}") from None
 
 

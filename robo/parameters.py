@@ -16,6 +16,7 @@ from typing import Annotated, Any, TypeVar
 
 import msgspec
 
+from robo.brief import brief, shown
 from robo.errors import ContractError, ParameterError
 from robo.suggestions import suggest
 
@@ -145,21 +146,22 @@ def _changed(current: P, changes: Mapping[str, object], owner: str, *, read_only
     for name, value in _flattened(changes, leaves):
         hint = leaves.get(name)
         if name not in leaves:
-            mistakes.append(f"{owner} has no parameter {name!r}; {suggest(name, leaves, 'it has')}")
+            mistakes.append(f"{owner} has no parameter {shown(name)}; {suggest(name, leaves, 'it has')}")
             continue
         if NON_FINITE in _extras(hint):
             value = _from_json(value)
-        shown = repr(value) if len(repr(value)) <= 60 else f"{repr(value)[:57]}…"
         try:
             new: object = msgspec.convert(value, hint)
         except (msgspec.ValidationError, OverflowError, RecursionError, TypeError, ValueError) as error:
             choice = f"; use {_type_name(hint)}" if _choices(hint) else ""
-            mistakes.append(f"{owner}: {name} = {shown}: {_readable(str(error))}{choice}{_about(hint)}")
+            mistakes.append(
+                f"{owner}: {name} = {shown(value)}: {brief(_readable(str(error)), 200)}{choice}{_about(hint)}"
+            )
             continue
         if (step := _step(hint)) is not None and isinstance(new, (int, float)) and not _on_step(new, step, hint):
-            mistakes.append(f"{owner}: {name} = {shown}: expected a multiple of {step:g}{_about(hint)}")
+            mistakes.append(f"{owner}: {name} = {shown(value)}: expected a multiple of {step:g}{_about(hint)}")
         elif not _finite(new) and NON_FINITE not in _extras(hint):
-            mistakes.append(f"{owner}: {name} = {shown}: expected a finite number{_about(hint)}")
+            mistakes.append(f"{owner}: {name} = {shown(value)}: expected a finite number{_about(hint)}")
         elif read_only and READ_ONLY in _extras(hint) and new != _get(current, name):
             mistakes.append(f"{owner}: {name} is read-only; start the node with another value")
         else:

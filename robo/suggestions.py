@@ -6,6 +6,9 @@ MOST_LISTED = 24
 _LEAST_PART = 3
 """From how many letters on a part of a name stands for it."""
 
+LONGEST = 200
+"""Nothing is close to a text that is longer, and to find that out would take long."""
+
 
 def closest(wanted: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
     """The name that comes closest, if one does: it is written alike, or begins or ends with what was named.
@@ -15,6 +18,8 @@ def closest(wanted: str, known: Iterable[str], cutoff: float = 0.6) -> str | Non
         known: what there is.
         cutoff: from 0, anything is close, to 1, only the same is.
     """
+    if len(wanted) > LONGEST:
+        return None
     import difflib  # only mistakes need it
 
     names = list(known)

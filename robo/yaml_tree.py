@@ -11,6 +11,8 @@ from typing import Any, NamedTuple, TypeVar
 import msgspec
 import yaml
 
+from robo.brief import brief, shown
+
 _INT = re.compile(r"[-+]?[0-9]+\Z")
 _BASED_INT = re.compile(r"0x[0-9a-fA-F]+\Z|0o[0-7]+\Z")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?\Z")
@@ -27,6 +29,8 @@ _TAGS = (None, "!", "tag:yaml.org,2002:str", "tag:yaml.org,2002:seq", "tag:yaml.
 
 _OPEN, _CLOSE = "\ue000", "\ue001"
 _PLACEHOLDER = re.compile(r"\$\{([^{}\n]*)\}")
+
+_LINE_END = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
 T = TypeVar("T")
 
@@ -60,8 +64,18 @@ class Problem(NamedTuple):
     position: Position
     text: str
 
+    @property
+    def message(self) -> str:
+        """The text, cut where a file has put something very long into it."""
+        return brief(self.text)
+
     def __str__(self) -> str:
-        return f"{self.position}: {self.text}"
+        return f"{self.position}: {self.message}"
+
+
+def lines_of(text: str) -> list[str]:
+    r"""The lines of a text as positions count them: YAML has more line ends than `\n`."""
+    return _LINE_END.split(text)
 
 
 class Scalar(msgspec.Struct, frozen=True):
@@ -157,12 +171,6 @@ def kind(tree: Tree) -> str:
     return "nothing" if tree.value is None else shown(tree.value)
 
 
-def shown(value: object) -> str:
-    """A value as a message shows it: cut where it is long."""
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}…"
-
-
 def repeated(tree: Tree) -> Iterator[Problem]:
     """The keys that stand twice in one map, anywhere in a tree."""
     if isinstance(tree, Items):
@@ -194,14 +202,14 @@ def parse(
         The tree; None where the text is no YAML at all. An empty document is an empty map.
     """
     name = str(file)
-    if placeholders:
-        # Characters that mean nothing to YAML stand in for the braces: positions stay what they are.
-        text = _PLACEHOLDER.sub(f"${_OPEN}\\1{_CLOSE}", text)
     if len(text) > MAX_LENGTH:
         problems.append(
             Problem(Position(name, 1, 1), f"longer than {MAX_LENGTH:,} characters; is this the right file?")
         )
         return None
+    if placeholders:
+        # Characters that mean nothing to YAML stand in for the braces: positions stay what they are.
+        text = _PLACEHOLDER.sub(f"${_OPEN}\\1{_CLOSE}", text)
     builder = _Builder(name, problems, keep_repeated=keep_repeated)
     try:
         # Events, not PyYAML's own tree: that one descends without a limit and crashes on deep files.

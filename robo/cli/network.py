@@ -5,7 +5,8 @@ from pathlib import Path
 
 import msgspec
 
-from robo.errors import UsageError
+from robo.errors import UnreadableFile, UsageError
+from robo.files import read_text
 from robo.session import Network, zenoh_config
 
 
@@ -23,14 +24,16 @@ def router_network(listen: Sequence[str], connect: Sequence[str], file: Path | N
 
 
 def _read(file: Path) -> dict[str, object]:
-    import yaml
+    from robo.yaml_tree import Map, Problem, parse, plain
 
+    problems: list[Problem] = []
     try:
-        tree = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{file} cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    except yaml.YAMLError as error:
-        raise UsageError(f"{file} is neither YAML nor JSON: {error}") from None
-    if not isinstance(tree, dict):
+        tree = parse(read_text(file), file, problems)
+    except UnreadableFile as error:
+        raise UsageError(f"{file} cannot be read: {error}") from None
+    if problems:
+        raise UsageError("\n".join(map(str, problems)))
+    settings = plain(tree) if isinstance(tree, Map) else None
+    if not isinstance(settings, dict):
         raise UsageError(f"{file}: expected a map of Zenoh's settings, for example downsampling: [...]")
-    return tree
+    return settings

@@ -16,6 +16,9 @@ from robo.tools.message_input import message_of
 from robo.tools.publishing import Line, Sender, flush, line_of
 from robo_messages import Message
 
+_LONGEST_LINE = 100_000_000
+"""A longer line of the input is refused, bytes."""
+
 _PROGRESS_PERIOD = 0.2
 """How often the number of messages is told, s."""
 
@@ -174,7 +177,9 @@ def _input() -> Iterator[tuple[int, str]]:
     """The lines of standard input that hold anything, with their numbers."""
     if sys.stdin.isatty():
         hint("one message a line, as JSON; Ctrl-D ends")
-    for number, raw in enumerate(sys.stdin.buffer, start=1):
+    for number, raw in enumerate(iter(lambda: sys.stdin.buffer.readline(_LONGEST_LINE + 1), b""), start=1):
+        if len(raw) > _LONGEST_LINE:
+            raise MessageError(f"line {number} of the input has more than {_LONGEST_LINE:,} bytes; one message a line")
         text = raw.decode(errors="replace").strip()
         if text:
             yield number, text

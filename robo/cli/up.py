@@ -11,7 +11,8 @@ import msgspec
 from robo import lean, log
 from robo.cli import show
 from robo.cli.background import notify_starter, start_in_background
-from robo.errors import RoboError, UsageError
+from robo.errors import RoboError, UnreadableFile, UsageError
+from robo.files import read_text
 from robo.launch import arguments, faults, reader, resolve
 from robo.launch.check import unmatched
 from robo.launch.faults import ManifestFaults
@@ -207,8 +208,8 @@ def _missing_files(found: Resolution) -> list[Problem]:
 def _arguments_of(file: Path) -> tuple[str, list[arguments.ArgumentInfo]]:
     problems: list[Problem] = []
     try:
-        manifest = reader.read(file.read_text(encoding="utf-8"), file, problems)
-    except (OSError, UnicodeDecodeError) as error:
+        manifest = reader.read(read_text(file), file, problems)
+    except UnreadableFile as error:
         raise UsageError(f"manifest {file} cannot be read: {error}") from None
     if manifest is None:
         raise ManifestFaults(problems)

@@ -14,6 +14,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_group
 
+from robo.brief import brief_lines
 from robo.cli import completion, ros2_words
 from robo.cli.reach import Reach
 from robo.errors import InvalidName, ManifestError, RoboError, UsageError
@@ -272,7 +273,7 @@ def errors() -> Iterator[None]:
 def _described(error: RoboError) -> str:
     """An error for people; the mistakes of a manifest each with their line."""
     if not isinstance(error, ManifestError) or not hasattr(error, "faults"):
-        return f"error: {error}"
+        return f"error: {brief_lines(str(error))}"
     from robo.launch.faults import as_text
 
     count = "1 mistake" if len(error.faults) == 1 else f"{len(error.faults)} mistakes"

@@ -8,12 +8,13 @@ from pathlib import Path
 import msgspec
 
 from robo import names
+from robo.brief import shown
 from robo.errors import InvalidName
 from robo.launch.expression import as_text
 from robo.launch.manifest import Arg, Manifest
 from robo.launch.substitution import BROKEN, Scope, Word, settled
 from robo.suggestions import hint, suggest
-from robo.yaml_tree import Position, shown
+from robo.yaml_tree import Position
 
 ROBOT_NAME = "robot_name"
 DEFAULT_ROBOT = "my_robot"
@@ -147,7 +148,7 @@ def _refuse_unknown(manifest: Manifest, given: Given, scope: Scope) -> None:
     for name in given.values:
         if name not in declared and name != ROBOT_NAME:
             instead = suggest(name, declared, "it has")
-            scope.complain(given.place(name), f"{manifest.file.name} has no argument {name!r}; {instead}")
+            scope.complain(given.place(name), f"{manifest.file.name} has no argument {shown(name)}; {instead}")
 
 
 def _robot_name(name: str, position: Position, scope: Scope) -> object:

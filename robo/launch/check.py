@@ -11,6 +11,7 @@ import msgspec
 
 import robo_messages
 from robo import names
+from robo.brief import shown
 from robo.launch.contracts import Endpoint
 from robo.launch.faults import in_order
 from robo.launch.plan import ProcessPlan, TopicPlan
@@ -183,7 +184,7 @@ def _unknown_remaps(resolution: Resolution) -> Iterable[Problem]:
             owner = f"{first.full_name} ({first.service or 'a command'}) has no"
         else:
             owner = f"none of {', '.join(process.full_name for process in processes)} has a"
-        yield Problem(position, f"remap {old} to {first.remap[old]}: {owner} topic {old!r}; {instead}")
+        yield Problem(position, f"remap {old} to {first.remap[old]}: {owner} topic {shown(old)}; {instead}")
 
 
 def _promise(topic: TopicPlan, by_key: Mapping[str, Sequence[End]], *, may_be_served: bool) -> Iterable[Problem]:
@@ -202,4 +203,4 @@ def _promise(topic: TopicPlan, by_key: Mapping[str, Sequence[End]], *, may_be_se
     if topic.type not in known and not any(end.type == topic.type for end in ends):
         close = closest(topic.type, known, cutoff=0.75)
         if close is not None:
-            yield Problem(position, f"{topic.key}: there is no type {topic.type!r}; did you mean {close}?")
+            yield Problem(position, f"{topic.key}: there is no type {shown(topic.type)}; did you mean {close}?")

@@ -10,10 +10,13 @@ Values are looked up, never executed. Only true and false are conditions: a text
 compared with something.
 """
 
+import math
 import operator
 import re
 from collections.abc import Callable
 from typing import Any, NamedTuple
+
+from robo.brief import shown
 
 _TOKEN = re.compile(
     r"""\s*(?:
@@ -31,6 +34,15 @@ _ORDER: dict[str, Callable[[Any, Any], bool]] = {
 }  # fmt: skip
 _WORDS = {"true": True, "false": False, "null": None}
 _MAX_DEPTH = 50
+
+MAX_LENGTH = 10_000
+"""An expression of more characters is refused."""
+
+MAX_TEXT = 100_000
+"""A text that is longer once its `${name}` are replaced is refused."""
+
+MAX_DIGITS = 300
+"""A number of more digits is refused; up to there whole numbers are compared exactly."""
 
 
 class ExpressionError(Exception):
@@ -84,11 +96,13 @@ class Condition:
         start = parser.token
         value = parser.either()
         if parser.token.kind != "end":
-            raise parser.error(f"unexpected {parser.token.text!r}")
+            raise parser.error(f"unexpected {shown(parser.token.text)}")
         return parser.truth(value, start)
 
 
 def _tokens(text: str) -> list[_Token]:
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(f"an expression of {len(text):,} characters; at most {MAX_LENGTH:,}", 0)
     tokens = []
     offset = 0
     end = len(text.rstrip())
@@ -121,7 +135,7 @@ class _Parser:
     def truth(self, value: object, at: _Token) -> bool:
         if isinstance(value, bool) or self._dry:
             return bool(value)
-        raise self.error(f"{value!r} is neither true nor false; compare it with something", at)
+        raise self.error(f"{shown(value)} is neither true nor false; compare it with something", at)
 
     def either(self) -> object:
         start = self.token
@@ -170,7 +184,7 @@ class _Parser:
             return (left == right and isinstance(left, bool) == isinstance(right, bool)) == (sign.text == "==")
         numbers = isinstance(left, (int, float)) and isinstance(right, (int, float))
         if not (numbers or (isinstance(left, str) and isinstance(right, str))):
-            raise self.error(f"{left!r} and {right!r} have no order", sign)
+            raise self.error(f"{shown(left)} and {shown(right)} have no order", sign)
         return _ORDER[sign.text](left, right)
 
     def value(self) -> object:
@@ -179,7 +193,7 @@ class _Parser:
             raise self.error("something is missing at the end")
         self._at += 1
         if token.kind == "number":
-            return float(token.text) if re.search(r"[.eE]", token.text) else int(token.text[:300])
+            return self._number(token)
         if token.kind == "text":
             return self._filled(token)
         if token.kind == "reference":
@@ -194,7 +208,18 @@ class _Parser:
             return value
         if token.text == "[":
             return self._list()
-        raise self.error(f"unexpected {token.text!r}", token)
+        raise self.error(f"unexpected {shown(token.text)}", token)
+
+    def _number(self, token: _Token) -> float:
+        digits = sum(map(str.isdigit, token.text))
+        if digits > MAX_DIGITS:
+            raise self.error(f"a number of {digits} digits; at most {MAX_DIGITS}", token)
+        if not re.search(r"[.eE]", token.text):
+            return int(token.text)
+        number = float(token.text)
+        if not math.isfinite(number):
+            raise self.error(f"{token.text} is larger than any number here", token)
+        return number
 
     def _list(self) -> list[object]:
         self._deeper()
@@ -213,7 +238,7 @@ class _Parser:
             return item in container
         if isinstance(container, str) and isinstance(item, str):
             return item in container
-        raise self.error(f"{item!r} cannot be in {container!r}; use a list or a text", at)
+        raise self.error(f"{shown(item)} cannot be in {shown(container)}; use a list or a text", at)
 
     def _known(self, name: str, token: _Token) -> object:
         try:
@@ -224,7 +249,17 @@ class _Parser:
 
     def _filled(self, token: _Token) -> str:
         """A text, with the `${name}` in it replaced: who comes from a shell writes '${mode}' == 'fast'."""
-        return _REFERENCE.sub(lambda match: as_text(self._known(match[1], token)), token.text[1:-1])
+        left = MAX_TEXT
+
+        def filled(match: re.Match[str]) -> str:
+            nonlocal left
+            text = as_text(self._known(match[1], token))
+            left -= len(text)
+            if left < 0:
+                raise self.error(f"a text of more than {MAX_TEXT:,} characters, once its ${{name}} are replaced", token)
+            return text
+
+        return _REFERENCE.sub(filled, token.text[1:-1])
 
     def _accept(self, text: str) -> bool:
         if self.token.text == text and self.token.kind != "text":
@@ -234,7 +269,7 @@ class _Parser:
 
     def _expect(self, text: str) -> None:
         if not self._accept(text):
-            raise self.error(f"expected {text!r}, not {self.token.text!r}")
+            raise self.error(f"expected {text!r}, not {shown(self.token.text)}")
 
     def _deeper(self) -> None:
         self._depth += 1

@@ -2,10 +2,13 @@
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from pathlib import Path
 
-from robo.errors import ManifestError
-from robo.yaml_tree import Problem
+from robo.errors import ManifestError, UnreadableFile
+from robo.files import read_bytes
+from robo.yaml_tree import Problem, lines_of
+
+MOST_SHOWN = 100
+"""People are shown no more than so many mistakes at once."""
 
 
 class ManifestFaults(ManifestError):
@@ -27,12 +30,15 @@ def in_order(problems: Iterable[Problem]) -> tuple[Problem, ...]:
 def as_text(problems: Iterable[Problem]) -> str:
     """Problems for people: place, text, and the line with a mark below."""
     read = lru_cache(_lines)  # for this report: the files may be others the next time
-    return "\n".join(_with_excerpt(problem, read(problem.position.file)) for problem in problems)
+    found = list(problems)
+    texts = [_with_excerpt(problem, read(problem.position.file)) for problem in found[:MOST_SHOWN]]
+    more = [f"… and {len(found) - MOST_SHOWN:,} more"] if len(found) > MOST_SHOWN else []
+    return "\n".join([*texts, *more])
 
 
 def as_notes(problems: Iterable[Problem], label: str) -> str:
     """What is worth a line and no more."""
-    return "\n".join(f"{problem.position}: {label}: {problem.text}" for problem in problems)
+    return "\n".join(f"{problem.position}: {label}: {problem.message}" for problem in problems)
 
 
 def as_data(problems: Iterable[Problem]) -> list[dict[str, object]]:
@@ -42,7 +48,7 @@ def as_data(problems: Iterable[Problem]) -> list[dict[str, object]]:
             "file": problem.position.file,
             "line": problem.position.line,
             "column": problem.position.column,
-            "message": problem.text,
+            "message": problem.message,
         }
         for problem in problems
     ]
@@ -62,6 +68,6 @@ def _with_excerpt(problem: Problem, lines: Sequence[str]) -> str:
 
 def _lines(file: str) -> list[str]:
     try:
-        return Path(file).read_text(encoding="utf-8", errors="replace").split("\n")
-    except (OSError, ValueError):
+        return lines_of(read_bytes(file).decode("utf-8", errors="replace"))
+    except UnreadableFile:
         return []

@@ -4,6 +4,7 @@ import os
 import re
 from pathlib import Path
 
+from robo.brief import shown
 from robo.errors import ManifestError
 from robo.suggestions import suggest
 
@@ -34,7 +35,7 @@ def find_manifest(name: str, beside: Path | None = None) -> Path:
             return Path(path)
     known = sorted({p.name for folder in folders[1:] if folder.is_dir() for p in folder.glob("*.yaml")})
     looked = ", ".join(dict.fromkeys(str(folder) for folder in folders))
-    raise ManifestError(f"there is no manifest {name!r}; {suggest(name, known, 'there are')} (looked in {looked})")
+    raise ManifestError(f"there is no manifest {shown(name)}; {suggest(name, known, 'there are')} (looked in {looked})")
 
 
 _BEGINS = re.compile(rb"^(?:groups|nodes|include) *:", re.MULTILINE)

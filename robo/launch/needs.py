@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 import msgspec
 
 from robo import names
+from robo.brief import shown
 from robo.launch.manifest import Until
 from robo.launch.substitution import Scope
 from robo.suggestions import closest
@@ -57,7 +58,7 @@ def resolve(
             found = [full] if full in known else by_key.get((namespace, key), ())
             if not found and key not in left_out:
                 problems.append(
-                    Problem(need.node.position, f"needs {text!r}: there is no node {full}{_hint(full, known)}")
+                    Problem(need.node.position, f"needs {shown(text)}: there is no node {full}{_hint(full, known)}")
                 )
             for name in found:
                 resolved[one.full_name][name] = need.until

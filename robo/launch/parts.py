@@ -12,12 +12,13 @@ from typing import Any, Literal, TypeVar
 import msgspec
 
 from robo import names
+from robo.brief import shown
 from robo.errors import InvalidName
 from robo.launch import language
 from robo.launch.manifest import Log, Node, Restart, Settings, Topic, Variable
 from robo.launch.plan import LogPlan, ReadyPlan, RestartPlan, StopPlan, TopicPlan
 from robo.launch.substitution import BROKEN, Scope
-from robo.yaml_tree import Entry, Items, Position, Problem, Scalar, shown
+from robo.yaml_tree import Entry, Items, Position, Problem, Scalar
 
 T = TypeVar("T")
 

@@ -9,6 +9,7 @@ from typing import TypeVar, get_args
 
 import msgspec
 
+from robo.brief import shown
 from robo.launch import language
 from robo.launch.manifest import (
     Arg,
@@ -79,7 +80,7 @@ class _Reader:
         for entry in tree:
             if entry.key not in known:
                 instead = suggest(entry.key, sorted(known), "it may hold")
-                self.complain(entry.position, f"unknown key {entry.key!r} in {what}; {instead}")
+                self.complain(entry.position, f"unknown key {shown(entry.key)} in {what}; {instead}")
         return {entry.key: entry.value for entry in tree if entry.key in known and not _empty(entry.value)}
 
     def named(self, parts: Parts, key: str, read: Callable[[Entry], T | None]) -> tuple[T, ...]:
@@ -139,7 +140,7 @@ class _Reader:
         if scalar.value in values or _is_substituted(scalar):
             return True
         instead = hint(str(scalar.value), values, f"; use {_either(values)}")
-        self.complain(scalar.position, f"{key}: {scalar.value!r} is not known{instead}")
+        self.complain(scalar.position, f"{key}: {shown(scalar.value)} is not known{instead}")
         return False
 
     def condition(self, parts: Parts) -> Condition:
@@ -150,7 +151,7 @@ class _Reader:
     def arg(self, entry: Entry) -> Arg | None:
         what = f"argument {entry.key}"
         if not is_word(entry.key):
-            self.complain(entry.position, f"{what!r}: use letters, digits and _, not starting with a digit")
+            self.complain(entry.position, f"{shown(what)}: use letters, digits and _, not starting with a digit")
         elif entry.key in RESERVED:
             self.complain(entry.position, f"{what}: this name is taken, ${{{entry.key}}} has a meaning of its own")
         if isinstance(entry.value, Items):
@@ -199,7 +200,7 @@ class _Reader:
         )
 
     def group(self, entry: Entry) -> Group | None:
-        what = f"group {entry.key!r}"
+        what = f"group {shown(entry.key)}"
         self.check_word(entry, "group")
         tree = self.map_of(entry, what)
         if tree is None:
@@ -222,7 +223,7 @@ class _Reader:
         )
 
     def node(self, entry: Entry) -> Node | None:
-        what = f"node {entry.key!r}"
+        what = f"node {shown(entry.key)}"
         tree = self.map_of(entry, f"{what}, which has a service or a run")
         if tree is None:  # others may need it: it is there, though nothing is known of it
             return self._node(entry, Map((), entry.value.position), {})
@@ -239,7 +240,7 @@ class _Reader:
 
     def override(self, entry: Entry) -> Node | None:
         """What is different about a node of an included manifest."""
-        what = f"override of {entry.key!r}"
+        what = f"override of {shown(entry.key)}"
         tree = self.map_of(entry, what)
         return None if tree is None else self._node(entry, tree, self.fields(tree, what, language.NODE))
 
@@ -331,7 +332,7 @@ class _Reader:
     def variable(self, entry: Entry) -> Variable | None:
         what = f"env {entry.key}"
         if not entry.key or "=" in entry.key or "\0" in entry.key:
-            self.complain(entry.position, f"{what!r} is no name of a variable")
+            self.complain(entry.position, f"{shown(what)} is no name of a variable")
             return None
         if not isinstance(entry.value, Map):
             value = self.single(entry.value, what)
@@ -360,7 +361,7 @@ class _Reader:
             return None
         variable, items = each[0].key, each[0].value
         if not is_word(variable) or variable in RESERVED:
-            self.complain(each[0].position, f"for_each: {variable!r} cannot be a name for its items")
+            self.complain(each[0].position, f"for_each: {shown(variable)} cannot be a name for its items")
             return None
         if not isinstance(items, Items):
             self.complain(items.position, f"for_each {variable}: expected a list, not {kind(items)}")
@@ -440,7 +441,7 @@ class _Reader:
     def check_word(self, entry: Entry, what: str) -> None:
         if not is_word(entry.key.replace("-", "_")):
             self.complain(
-                entry.position, f"{what} {entry.key!r}: use letters, digits, _ and -, not starting with a digit"
+                entry.position, f"{what} {shown(entry.key)}: use letters, digits, _ and -, not starting with a digit"
             )
 
 

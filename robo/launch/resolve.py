@@ -11,7 +11,9 @@ from typing import Any
 import msgspec
 
 from robo import names
-from robo.errors import InvalidName, ManifestError
+from robo.brief import shown
+from robo.errors import InvalidName, ManifestError, UnreadableFile
+from robo.files import read_text
 from robo.launch import arguments as args
 from robo.launch import contracts, needs, values
 from robo.launch.contracts import Answer
@@ -21,11 +23,11 @@ from robo.launch.manifest import Group, Include, Log, Loop, Manifest, Node, Rest
 from robo.launch.parts import Layer, Origin, Parts
 from robo.launch.plan import Plan, ProcessPlan, TopicPlan
 from robo.launch.reader import read
-from robo.launch.substitution import BROKEN, Scope
+from robo.launch.substitution import BROKEN, Scope, Shared
 from robo.launch.values import Assignment, Checked, Files, Said, Setting
 from robo.parameter_files import ParameterEntry
 from robo.suggestions import suggest
-from robo.yaml_tree import Entry, Items, Map, Position, Problem, Scalar, Tree, shown
+from robo.yaml_tree import Entry, Items, Map, Position, Problem, Scalar, Tree
 
 MOST_PROCESSES = 2_000
 MOST_STEPS = 20_000
@@ -166,7 +168,7 @@ class _Walk:
         self.problems: list[Problem] = []
         self.paths: list[args.PathArgument] = []
         self._manifests: dict[Path, Manifest | None] = {}
-        self._anonymous: dict[str, str] = {}
+        self._shared = Shared()
         self._files = Files(self.problems)
         self._drafts: list[_Draft] = []
         self._topics: list[TopicPlan] = []
@@ -179,14 +181,14 @@ class _Walk:
         self.problems.append(Problem(position, text))
 
     def scope(self, manifest: Manifest) -> Scope:
-        return Scope(manifest.file, {}, self.problems, self._anonymous)
+        return Scope(manifest.file, {}, self.problems, self._shared)
 
     def read(self, file: Path, asked: Position | None) -> Manifest | None:
         if file not in self._manifests:
             self._manifests[file] = None
             try:
-                text = file.read_text(encoding="utf-8")
-            except (OSError, UnicodeDecodeError) as error:
+                text = read_text(file)
+            except UnreadableFile as error:
                 self.complain(asked or Position(str(file), 1, 1), f"manifest {file} cannot be read: {error}")
                 return None
             self._manifests[file] = read(text, file, self.problems)
@@ -291,7 +293,7 @@ class _Walk:
         changed = {**override.without, **{key: node.position for key, node in override.nodes.items()}}
         for key, place in changed.items():
             if key not in override.used:
-                self.complain(place, f"{file.name} has no node {key!r}; {suggest(key, keys, 'it has')}")
+                self.complain(place, f"{file.name} has no node {shown(key)}; {suggest(key, keys, 'it has')}")
 
     def _given(self, include: Include, scope: Scope) -> args.Given:
         given = {args.ROBOT_NAME: scope.values[args.ROBOT_NAME]}
@@ -328,7 +330,7 @@ class _Walk:
 
     def _leave_out_group(self, group: Group, scope: Scope, context: _Context) -> None:
         for include in group.includes:
-            quiet = Scope(scope.file, scope.values, [], {})
+            quiet = Scope(scope.file, scope.values, [], Shared())
             name = quiet.path(include.file)
             if name:
                 try:
@@ -525,7 +527,7 @@ class _Walk:
         """Where a robot has several hosts, every process says on which it runs."""
         known = list(dict.fromkeys(name for draft in drafts for name in draft.plan.hosts))
         if host is not None and host not in known:
-            self.complain(Position(str(file), 1, 1), f"there is no host {host!r} in it; {suggest(host, known)}")
+            self.complain(Position(str(file), 1, 1), f"there is no host {shown(host)} in it; {suggest(host, known)}")
         for draft in drafts if known else ():
             if not draft.plan.hosts:
                 text = f"{draft.plan.full_name} is on no host, and others are: say hosts: {known[0]} in its group"
@@ -535,7 +537,7 @@ class _Walk:
         for name in groups:
             if not any(_in_group(path, name) for path in self._groups):
                 instead = suggest(name, self._groups, "it has")
-                self.complain(args.COMMAND_LINE, f"{file.name} has no group {name!r}; {instead}")
+                self.complain(args.COMMAND_LINE, f"{file.name} has no group {shown(name)}; {instead}")
 
     def _ask(self, drafts: Sequence[_Draft]) -> list[Answer | None]:
         """What the node classes say; None for a command."""

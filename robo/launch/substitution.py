@@ -21,11 +21,18 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 
+from robo.brief import shown
 from robo.launch.expression import ExpressionError, as_text, evaluate
 from robo.launch.manifest import Condition
 from robo.names import is_word
 from robo.suggestions import closest
-from robo.yaml_tree import Entry, Items, Position, Problem, Scalar, Tree, resolve_scalar, shown
+from robo.yaml_tree import Entry, Items, Position, Problem, Scalar, Tree, resolve_scalar
+
+MAX_TEXT = 1_000_000
+"""A text that is longer once its `${name}` are replaced is refused, characters."""
+
+MAX_FILLED = 20_000_000
+"""The texts of one launch with `${name}` in them may have so many characters in all."""
 
 _PATTERN = re.compile(r"\$\$\{|\$\{([^}]*)\}|\$\{")
 
@@ -67,23 +74,31 @@ class _BrokenOperand(Exception):
     """A condition uses a value that could not be worked out."""
 
 
+class Shared:
+    """What all scopes of one launch have in common."""
+
+    def __init__(self) -> None:
+        self.anonymous: dict[str, str] = {}
+        """By prefix, the name that `${anon:prefix}` gave."""
+        self.room = MAX_FILLED
+        """How many characters may still be written."""
+
+
 class Scope:
     """The names that can be used in one place of a manifest, and where mistakes go."""
 
-    def __init__(
-        self, file: Path, values: Mapping[str, object], problems: list[Problem], anonymous: dict[str, str]
-    ) -> None:
+    def __init__(self, file: Path, values: Mapping[str, object], problems: list[Problem], shared: Shared) -> None:
         """
         Args:
             file: the manifest.
             values: by name.
             problems: where mistakes are added.
-            anonymous: by prefix, the name that `${anon:prefix}` gave in this launch.
+            shared: of the launch.
         """
         self.file = file
         self.values = values
         self.problems = problems
-        self._anonymous = anonymous
+        self._shared = shared
 
     @property
     def folder(self) -> Path:
@@ -92,7 +107,7 @@ class Scope:
 
     def inner(self, values: Mapping[str, object]) -> "Scope":
         """This scope with more names."""
-        return Scope(self.file, {**self.values, **values}, self.problems, self._anonymous)
+        return Scope(self.file, {**self.values, **values}, self.problems, self._shared)
 
     def complain(self, position: Position, text: str) -> None:
         """Add a mistake."""
@@ -129,7 +144,7 @@ class Scope:
         if kind == "anon":
             if not is_word(rest):
                 raise KeyError(f"${{anon:{rest}}}: the prefix is a name: letters, digits and _")
-            return self._anonymous.setdefault(rest, f"{rest}_{os.urandom(4).hex()}")
+            return self._shared.anonymous.setdefault(rest, f"{rest}_{os.urandom(4).hex()}")
         raise KeyError(f"${{{kind}:…}} is not known; there are ${{env:NAME}}, ${{share:package}} and ${{anon:prefix}}")
 
     # -- values ----------------------------------------------------------------------------------
@@ -145,8 +160,23 @@ class Scope:
         pieces = [self._piece(match, scalar) for match in _PATTERN.finditer(text)]
         if BROKEN in pieces:
             return BROKEN
-        rest = iter(pieces)
-        return _PATTERN.sub(lambda _: as_text(next(rest)), text)
+        texts = [as_text(piece) for piece in pieces]
+        if not self._fits(len(text) + sum(map(len, texts)), scalar.position):
+            return BROKEN
+        rest = iter(texts)
+        return _PATTERN.sub(lambda _: next(rest), text)
+
+    def _fits(self, length: int, position: Position) -> bool:
+        """Whether a text may be written; small files can unfold to more than any machine holds."""
+        before = self._shared.room
+        self._shared.room -= length
+        if length > MAX_TEXT:
+            text = f"a text of {length:,} characters, once its ${{name}} are replaced; at most {MAX_TEXT:,}"
+            self.complain(position, text)
+        elif before >= 0 > self._shared.room:
+            text = f"the texts of this launch have more than {MAX_FILLED:,} characters, once all ${{name}} are replaced"
+            self.complain(position, text)
+        return length <= MAX_TEXT and self._shared.room >= 0
 
     def value(self, scalar: Scalar) -> object:
         """The value of a scalar with its type, BROKEN where it has a mistake."""
@@ -172,7 +202,7 @@ class Scope:
             del self.problems[problems:]
             if ".." in re.split(r"[/\\]", piece) or (match.start() and piece.startswith("/")):
                 where = scalar.place(match.start())
-                self.complain(where, f"{match.group()} is {piece!r}, which leads out of the folder that is meant")
+                self.complain(where, f"{match.group()} is {shown(piece)}, which leads out of the folder that is meant")
                 return None
         found = self.text(scalar)
         if found is not None and "\0" in found:
@@ -264,7 +294,7 @@ def _share_folder(package: str) -> Path:
     # A package of the folder one works in needs no installation.
     spec = spec or importlib.machinery.PathFinder.find_spec(package, [str(Path.cwd())])
     if spec is None or not spec.submodule_search_locations:
-        raise KeyError(f"${{share:{package}}}: there is no package {package!r}; is it installed here?")
+        raise KeyError(f"${{share:{package}}}: there is no package {shown(package)}; is it installed here?")
     folders = [Path(place) / "share" for place in spec.submodule_search_locations]
     for folder in folders:
         if folder.is_dir():

@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 import msgspec
 
 from robo import parameter_files
+from robo.brief import shown
 from robo.launch.arguments import COMMAND_LINE
 from robo.launch.contracts import Answer, typed
 from robo.launch.find import nearby
@@ -183,11 +184,11 @@ def _declared(node: Checked) -> Mapping[str, str] | None:
 
 
 def _unknown(node: Checked, name: str, setting: Setting, own: Mapping[str, str]) -> Problem:
-    return Problem(setting.name_at, f"{node.full_name} has no parameter {name!r}; {suggest(name, own, 'it has')}")
+    return Problem(setting.name_at, f"{node.full_name} has no parameter {shown(name)}; {suggest(name, own, 'it has')}")
 
 
 def _unknown_to_all(name: str, setting: Setting, declared: Collection[str]) -> Problem:
-    return Problem(setting.name_at, f"no node has a parameter {name!r}{hint(name, declared)}")
+    return Problem(setting.name_at, f"no node has a parameter {shown(name)}{hint(name, declared)}")
 
 
 def assign(

@@ -25,7 +25,8 @@ import msgspec
 from msgspec import inspect as shapes
 
 import robo_messages
-from robo.errors import ContractError
+from robo.errors import ContractError, UnreadableFile
+from robo.files import read_bytes
 from robo.suggestions import closest
 from robo.tools.message_input import field_types
 from robo_messages import Message, UnknownType
@@ -287,8 +288,8 @@ def _in_folder(folder: str) -> dict[str, Path]:
     for number, file in enumerate(_python_files(Path(folder), 0)):
         if number >= _MOST_FILES:
             break
-        with contextlib.suppress(OSError):
-            source = file.read_bytes()
+        with contextlib.suppress(UnreadableFile):
+            source = read_bytes(file)
             for name in _registered(source) if _REGISTERS.search(source) else ():
                 found.setdefault(name, file.relative_to(folder))
     return found

@@ -14,6 +14,8 @@ from pathlib import Path
 import msgspec
 
 from robo import RoboError
+from robo.errors import UnreadableFile
+from robo.files import open_regular
 from robo_messages import (
     Header,
     LaserScan,
@@ -89,9 +91,9 @@ def read(path: str | Path) -> Iterator[Record]:
         LogError: it cannot be opened.
     """
     try:
-        raw = Path(path).open("rb")  # noqa: SIM115 (closed below, after the last record)
-    except OSError as error:
-        raise LogError(f"log {path} cannot be opened: {error.strerror}") from None
+        raw = open_regular(path)
+    except UnreadableFile as error:
+        raise LogError(f"log {path} cannot be opened: {error}") from None
     with raw:
         zipped = raw.read(2) == b"\x1f\x8b"
         raw.seek(0)

@@ -15,6 +15,8 @@ import msgspec
 from msgspec import Meta
 
 from robo import RoboError, lean
+from robo.errors import UnreadableFile
+from robo.files import read_text
 from robo_services.kinematics import Pose2
 
 Segment = tuple[float, float, float, float]
@@ -78,9 +80,8 @@ def load(path: str) -> World:
     from robo.yaml_tree import Map, Problem, convert, parse  # a node without a world file carries no YAML
 
     try:
-        with open(path, encoding="utf-8") as file:
-            text = file.read()
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text(path)
+    except UnreadableFile as error:
         raise WorldError(f"world file {path} cannot be read: {error}") from None
     problems: list[Problem] = []
     tree = parse(text, path, problems)

@@ -1,6 +1,7 @@
 """Conditions of manifests."""
 
 import re
+import time
 
 import pytest
 from hypothesis import given
@@ -39,6 +40,10 @@ def holds(text: str) -> bool:
         ("empty == ''", True),
         ("-1 < 0", True),
         ("null == null", True),
+        (f"{'1' * 300} == {'1' * 300}", True),
+        (f"{'1' * 300} == {'1' * 299}2", False),
+        (f"1e300 < {'1' * 300}", False),
+        ("18446744073709551615 == 18446744073709551615", True),
     ],
 )
 def test_what_holds(text: str, expected: bool) -> None:
@@ -51,6 +56,11 @@ def test_what_holds(text: str, expected: bool) -> None:
         ("mode", "'gazebo' is neither true nor false", 0),
         ("use_sim and mode", "'gazebo' is neither", 12),
         ("use_simm", "use_simm is not defined", 0),
+        (f"{'1' * 350} == {'1' * 300}", "a number of 350 digits; at most 300", 0),
+        (f"n == 0.{'1' * 300}", "a number of 301 digits", 5),
+        ("1e400 == 2e400", "1e400 is larger than any number here", 0),
+        ("(" * 1_000_000, "an expression of 1,000,000 characters; at most 10,000", 0),
+        (f"n == {'x' * 9_000}", "is not defined", 5),
         ("n ==", "something is missing", 4),
         ("n = 3", "cannot read '= 3'", 2),
         ("(use_sim", "expected ')'", 8),
@@ -79,3 +89,12 @@ def test_any_text_is_true_false_or_refused(text: str) -> None:
     else:
         offset = 0
     assert 0 <= offset <= len(text)
+
+
+def test_a_text_that_unfolds_to_more_than_a_condition_needs_is_refused() -> None:
+    big = "x" * 60_000
+    assert evaluate("'${big}' != ''", lambda _: big)
+    begin = time.process_time()
+    with pytest.raises(ExpressionError, match="a text of more than 100,000 characters"):
+        evaluate(f"'{'${big}' * 1_000}' == ''", lambda _: big * 100)
+    assert time.process_time() - begin < 20

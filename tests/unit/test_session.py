@@ -30,7 +30,7 @@ def test_the_uplink_that_ships_is_accepted() -> None:
         ("nonsense: 1", NetworkError, "nonsense: 1 is not accepted"),
         ("downsampling: [{flows: [sideways]}]", NetworkError, "downsampling: "),
         ("[1]", UsageError, "expected a map"),
-        ("{", UsageError, "neither YAML nor JSON"),
+        ("{", UsageError, "not valid YAML"),
     ],
 )
 def test_settings_that_zenoh_does_not_know_are_told(
