@@ -1,7 +1,9 @@
 """Everything that tests send stays on free ports of loopback."""
 
+import signal
 import socket
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import hypothesis
@@ -9,6 +11,11 @@ import pytest
 import zenoh
 
 from robo.session import Network, close_session, open_session
+from tests.support import Desk
+
+# A program that a script has started in the background ignores SIGINT, and so would all that tests start.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # How long an example takes says more of the machine than of the code.
 hypothesis.settings.register_profile("robo", deadline=None)
@@ -31,6 +38,13 @@ def _logs_of_their_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Non
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         yield
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Iterator[Desk]:
+    """A folder and a network of its own, where commands work as printed."""
+    with closing(Desk(tmp_path)) as made:
+        yield made
 
 
 @pytest.fixture

@@ -1,17 +1,20 @@
 """Helpers for tests: waiting for events, and a robot as a process."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 import msgpack
 import psutil
+import pytest
 import zenoh
 
 PATIENCE = 15.0
@@ -63,30 +66,52 @@ class Inbox:
         self._subscriber.undeclare()
 
 
-class Command:
-    """A `robo` command that runs beside the test; its output is collected by a thread."""
+def plain_environment() -> dict[str, str]:
+    """This process's environment without what is said to robo in it."""
+    return {key: value for key, value in os.environ.items() if not key.startswith("ROBO_")}
 
-    def __init__(self, *arguments: str, cwd: str | None = None) -> None:
-        environment = {key: value for key, value in os.environ.items() if not key.startswith("ROBO_")}
+
+class Running:
+    """A command that runs beside the test; its output is collected by a thread.
+
+    Args:
+        command: its words.
+        cwd: where it runs.
+        env: its environment.
+        terminal: whether it runs in a terminal of its own.
+    """
+
+    def __init__(
+        self, command: Sequence[str], *, cwd: str | None = None, env: Mapping[str, str], terminal: bool = False
+    ) -> None:
+        ours, theirs = os.openpty() if terminal else os.pipe()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "robo", *arguments],
-            stdout=subprocess.PIPE,
+            command,
+            stdin=theirs if terminal else None,
+            stdout=theirs,
             stderr=subprocess.STDOUT,
-            text=True,
             cwd=cwd,
-            env=environment,
+            env=env,
+            start_new_session=terminal,
         )
+        os.close(theirs)
+        self._out = open(ours, errors="replace")  # noqa: SIM115 (closed with the command)
+        self._terminal = terminal
         self._changed = threading.Condition()
         self._lines: list[str] = []
+        self._over = False
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
     def _read(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            with self._changed:
-                self._lines.append(line.rstrip("\n"))
-                self._changed.notify_all()
+        with suppress(OSError):  # which is how a terminal tells that nobody writes any more
+            for line in self._out:
+                with self._changed:
+                    self._lines.append(line.rstrip("\n"))
+                    self._changed.notify_all()
+        with self._changed:
+            self._over = True
+            self._changed.notify_all()
 
     @property
     def output(self) -> str:
@@ -94,10 +119,17 @@ class Command:
 
     def wait_for(self, text: str, timeout: float = PATIENCE) -> str:
         """The first line that holds a text."""
+
+        def found() -> str | None:
+            return next((line for line in self._lines if text in line), None)
+
         with self._changed:
-            found = self._changed.wait_for(lambda: next((line for line in self._lines if text in line), None), timeout)
-        assert found, f"{text!r} not within {timeout} s in:\n{self.output}"
-        return found
+            self._changed.wait_for(lambda: found() is not None or self._over, timeout)
+            line = found()
+        assert line is not None, (
+            f"{self.process.args!r}: {text!r} not within {timeout} s, or before the end, in:\n{self.output}"
+        )
+        return line
 
     def wait(self, timeout: float = PATIENCE) -> int:
         """The exit code."""
@@ -106,7 +138,25 @@ class Command:
         return code
 
     def interrupt(self) -> None:
-        self.process.send_signal(signal.SIGINT)
+        """Press Ctrl-C."""
+        if self._terminal:
+            os.killpg(self.process.pid, signal.SIGINT)
+        else:
+            self.process.send_signal(signal.SIGINT)
+
+    def close(self) -> None:
+        """End it, whatever it does; nothing of it survives."""
+        if self.process.poll() is None:
+            children = self.children()
+            self.interrupt()
+            try:
+                self.wait(10)
+            except subprocess.TimeoutExpired:
+                for process in [*children, psutil.Process(self.process.pid)]:
+                    process.kill()
+                self.wait(10)
+        self._reader.join(5)
+        self._out.close()
 
     def children(self) -> list[psutil.Process]:
         """The processes that the command has started."""
@@ -123,6 +173,13 @@ class Command:
         raise AssertionError(f"no child process of {part!r}")
 
 
+class Command(Running):
+    """A `robo` command that runs beside the test."""
+
+    def __init__(self, *arguments: str, cwd: str | None = None) -> None:
+        super().__init__([sys.executable, "-m", "robo", *arguments], cwd=cwd, env=plain_environment())
+
+
 @contextmanager
 def robo(*arguments: str, cwd: str | None = None) -> Iterator[Command]:
     """Run a `robo` command; whatever happens, nothing of it survives the test."""
@@ -130,17 +187,7 @@ def robo(*arguments: str, cwd: str | None = None) -> Iterator[Command]:
     try:
         yield command
     finally:
-        if command.process.poll() is None:
-            children = command.children()
-            command.interrupt()
-            try:
-                command.wait(10)
-            except subprocess.TimeoutExpired:
-                for process in [*children, psutil.Process(command.process.pid)]:
-                    process.kill()
-                command.wait(10)
-        assert command.process.stdout is not None
-        command.process.stdout.close()
+        command.close()
 
 
 def run_robo(*arguments: str, timeout: float = 30.0) -> "subprocess.CompletedProcess[str]":
@@ -148,3 +195,82 @@ def run_robo(*arguments: str, timeout: float = 30.0) -> "subprocess.CompletedPro
     return subprocess.run(
         [sys.executable, "-m", "robo", *arguments], capture_output=True, text=True, timeout=timeout, check=False
     )
+
+
+_ENDLESS = (
+    (r"robo up\b", r" -d\b|--dry-run|--show-args"),
+    (r"robo (router|keeper|top)\b", r"--print-config|--once"),
+    (r"robo run\b", ""),
+    (r"robo topic (echo|hz|bw|delay|loss|plot)\b", r"--once|--count|--duration"),
+    (r"robo topic pub\b.* -r\b", r"--times"),
+    (r"robo param watch\b", ""),
+    (r"robo events\b", ""),
+    (r"robo logs\b.* -f\b", ""),
+    (r"robo\b.* --watch\b", ""),
+)
+
+
+def is_endless(line: str) -> bool:
+    """Whether what a line of the shell starts goes on until Ctrl-C."""
+    words = line.rpartition("&&")[2]
+    if "--help" in words:
+        return False
+    return any(re.search(verb, words) and not (ends and re.search(ends, words)) for verb, ends in _ENDLESS)
+
+
+class Desk:
+    """A folder and a network of its own, so that commands work on it as printed, with robo's usual port.
+
+    Args:
+        folder: where commands run.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._environment = plain_environment() | {
+            "NO_COLOR": "1",
+            "XDG_STATE_HOME": str(folder / ".state"),
+            "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+        }
+        self._terminals: list[Running] = []
+        with ExitStack() as undo:
+            script = "ip link set lo up && echo there && exec sleep infinity"
+            self._network = Running(["unshare", "--net", "sh", "-c", script], env=self._environment)
+            undo.callback(self._network.close)
+            try:
+                self._network.wait_for("there")
+            except AssertionError:
+                pytest.skip(f"no network of its own can be made here: {self._network.output}")
+            undo.pop_all()
+
+    def start(self, line: str) -> Running:
+        """Type a line into a terminal of its own."""
+        where = f"--net=/proc/{self._network.process.pid}/ns/net"
+        command = ["nsenter", where, "bash", "-o", "pipefail", "-c", line]
+        terminal = Running(command, cwd=str(self.folder), env=self._environment, terminal=True)
+        self._terminals.append(terminal)
+        return terminal
+
+    def run(self, line: str, *, ends: bool | None = None, timeout: float = 60.0) -> tuple[int, str]:
+        """Type a line and wait for its end.
+
+        Args:
+            line: what the shell runs.
+            ends: whether it ends by itself; Ctrl-C ends what does not, once it has printed something.
+            timeout: s.
+
+        Returns:
+            The exit code, 0 where Ctrl-C ended it as it should; and what was printed.
+        """
+        by_itself = ends if ends is not None else not is_endless(line)
+        terminal = self.start(line)
+        if not by_itself:
+            terminal.wait_for("", timeout)
+            terminal.interrupt()
+        code = terminal.wait(timeout)
+        return 0 if not by_itself and code == 130 else code, terminal.output
+
+    def close(self) -> None:
+        """Press Ctrl-C in every terminal, and give up the network."""
+        for terminal in [*self._terminals, self._network]:
+            terminal.close()

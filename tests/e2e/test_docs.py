@@ -1,0 +1,73 @@
+"""What the documentation tells its readers to type works, in its order, as printed."""
+
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.pages import PAGES, ROOT, Block, blocks
+from tests.support import Desk, Running, is_endless
+
+INSTALL = re.compile(r"^python3 -m venv \.venv && \.venv/bin/pip install -q \S+ && ")
+"""It is installed here: that takes a minute, and CI does it before the tests."""
+
+pytestmark = pytest.mark.timeout(300)
+
+
+class Reader:
+    """Types what stands in a page."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        (desk.folder / ".venv").symlink_to(sys.prefix)
+
+    def follow(self, block: Block) -> None:
+        """Do what a block says."""
+        if block.mark == "not run":
+            return
+        if block.mark == "file":
+            file = self._desk.folder / block.about
+            file.parent.mkdir(exist_ok=True)
+            file.write_text(block.text)
+        elif block.language == "python":
+            (self._desk.folder / "snippet.py").write_text(block.text)
+            self._type("python snippet.py", [])
+        for command, output in block.commands():
+            line = INSTALL.sub("", command)
+            if re.search(r"\brobo (up|router)\b", line) and is_endless(line):
+                self._leave(self._desk.start(line), ends=block.mark == "Ctrl-C after each")
+            else:
+                self._type(line, output)
+
+    def _leave(self, terminal: Running, *, ends: bool) -> None:
+        """Wait until it runs, and let it run in its terminal, or end it."""
+        terminal.wait_for(" at tcp/")
+        if ends:
+            terminal.interrupt()
+            assert terminal.wait() == 130, terminal.output
+            assert "Traceback" not in terminal.output
+            assert "FATAL" not in terminal.output
+
+    def _type(self, line: str, output: list[str]) -> None:
+        if " jq " in line and shutil.which("jq") is None:
+            return
+        fails = any(text.startswith("error: ") for text in output)
+        code, said = self._desk.run(line, ends=fails or not is_endless(line))
+        assert (code != 0) == fails, f"{line} ended with {code}\n{said}"
+        assert "Traceback" not in said, f"{line}\n{said}"
+        for wanted in output if fails or not is_endless(line) else ():
+            assert _blurred(wanted) in _blurred(said), f"{line}\n{said}"
+
+
+def _blurred(text: str) -> str:
+    """A text without its numbers."""
+    return re.sub(r"\d+(\.\d+)?", "0", text)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_a_page_works_from_top_to_bottom(page: Path, desk: Desk) -> None:
+    reader = Reader(desk)
+    for block in blocks(page):
+        reader.follow(block)
