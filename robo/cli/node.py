@@ -68,12 +68,17 @@ def print_info(name: str, reach: Reach, *, json: bool) -> int:
 
 
 def _lines(info: NodeInfo) -> list[str]:
+    stuck = info.running_for > nodes.LONG_CALLBACK
     facts = [
         ("class", info.class_name),
         ("process", f"{info.pid} on {info.host}"),
         ("state", info.state or ""),
         ("restarts", "" if info.restarts is None else str(info.restarts)),
         ("uptime", "" if info.uptime is None else duration(info.uptime)),
+        (
+            "callback",
+            f"{info.running} has been running for {duration(info.running_for)}; all others wait" if stuck else "",
+        ),
         ("load", "" if info.load is None else f"{info.load:.1%} of the time in callbacks"),
         ("cpu", "" if info.cpu is None else f"{info.cpu:.1f}% of a core"),
         ("memory", "" if info.memory is None else data_size(info.memory)),

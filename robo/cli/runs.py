@@ -60,7 +60,8 @@ def _row(status: ProcessStatus) -> tuple[str, ...]:
         "-" if status.memory is None else f"{status.memory / 1e6:.0f}M",
         _rate(status.published),
         _rate(status.received),
-        status.reason,
+        status.reason
+        or (f"{status.running} has been running for {duration(status.running_for)}" if status.running else ""),
     )
 
 
@@ -135,8 +136,14 @@ def _explained(found: Explanation) -> list[str]:
     if found.next_start is not None:
         lines.append(f"  starts again in {found.next_start:.1f} s")
     lines += [f"  waits for {need}" for need in found.unmet_needs]
+    if status.running:
+        lines.append(
+            f"  its callback {status.running} has been running for {duration(status.running_for)}; all others wait"
+        )
     for entry in found.inputs:
-        if entry.received == 0:
+        if status.running:
+            pass  # what has come waits for that callback: the input is not to blame
+        elif entry.received == 0:
             lines.append(f"  has received nothing on {entry.topic} for {duration(entry.age)}")
         elif entry.age > _STALE:
             lines.append(f"  has received nothing on {entry.topic} for {duration(entry.age)}, {entry.received} before")

@@ -142,8 +142,11 @@ def _nodes(nodes: Sequence[NodeFigures], most: int, width: int) -> Table:
     table = _table(width, "NODE", "STATE", "CPU", "MEMORY", "RESTARTS", *(("UPTIME", "PID", "HOST") if wide else ()))
     rows: list[tuple[RenderableType, ...]] = []
     # Where not all have room, those with something wrong come first.
-    for node in sorted(nodes, key=lambda node: node.state == "ready") if len(nodes) > most else nodes:
-        state = Text(node.state, style=_STATES.get(node.state, "yellow"))
+    for node in (
+        sorted(nodes, key=lambda node: node.state == "ready" and not node.running) if len(nodes) > most else nodes
+    ):
+        held = f", in {node.running} for {duration(node.running_for)}" if node.running else ""
+        state = Text(node.state + held, style="yellow" if held else _STATES.get(node.state, "yellow"))
         restarts = Text(_or_dash(node.restarts, str), style="yellow" if node.restarts else "")
         more = (_or_dash(node.uptime, duration), _or_dash(node.pid, str), node.host) if wide else ()
         cpu = _or_dash(node.cpu, lambda value: f"{value:.1f}%")

@@ -504,6 +504,7 @@ class Member:
         cpu, memory = self._measure()
         running = self.running
         published, received = self._rates if self._fresh() else ({}, {})
+        held = self._late.status if self._late is not None and running else None
         return ProcessStatus(
             robot=robot,
             group=self.plan.group,
@@ -519,6 +520,8 @@ class Member:
             received=received,
             run=run,
             host=host,
+            running=held.running if held is not None else "",
+            running_for=held.running_for if held is not None else 0.0,
         )
 
     def explain(self, status: ProcessStatus, unmet: list[str]) -> Explanation:
@@ -544,8 +547,6 @@ class Member:
             inputs=inputs,
             callback_errors=seen.callback_errors if seen is not None else 0,
             next_start=max(0.0, self.next_start - now) if self.next_start is not None else None,
-            running=self._late.status.running if self._late is not None and self.running else "",
-            running_for=self._late.status.running_for if self._late is not None and self.running else 0.0,
         )
 
     def measure(self) -> None:

@@ -54,6 +54,10 @@ class ProcessStatus(msgspec.Struct, frozen=True, kw_only=True):
     received: dict[str, float]
     run: str
     host: str
+    running: str = ""
+    """The callback that holds up all others of the node; empty while none does."""
+    running_for: float = 0.0
+    """How long it had been running when the node last said so, s."""
 
     @property
     def name(self) -> ProcessName:
@@ -97,10 +101,6 @@ class Explanation(msgspec.Struct, frozen=True, kw_only=True):
     callback_errors: int
     next_start: float | None
     """In how many seconds it is started again."""
-    running: str = ""
-    """The callback that holds up all others of the node; empty while none does."""
-    running_for: float = 0.0
-    """How long it had been running when the node last said so, s."""
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):

@@ -15,6 +15,8 @@ from robo.supervisor.status import ProcessStatus
 from robo.tools import runs
 from robo.tools.replies import read, samples
 
+LONG_CALLBACK = 1.0
+"""A callback that runs for longer holds up its node, s."""
 LOAD_WINDOW = 0.5
 """Over how long load and rates are measured, s."""
 
@@ -83,6 +85,10 @@ class NodeInfo(msgspec.Struct, frozen=True):
     load: float | None
     """Part of the time that its callbacks take, 0 to 1."""
     callback_errors: int | None
+    running: str
+    """The callback that ran when it was asked; empty where none did."""
+    running_for: float
+    """How long it had been running, s. All others of the node wait for it."""
     state: str | None
     """As its supervisor says it; None for a node that has none."""
     restarts: int | None
@@ -218,6 +224,8 @@ def _info(
         uptime=after.uptime if after is not None else None,
         load=min(1.0, (after.busy - before.busy) / span) if before is not None and after is not None else None,
         callback_errors=after.callback_errors if after is not None else None,
+        running=after.running if after is not None else "",
+        running_for=after.running_for if after is not None else 0.0,
         state=supervised.state if supervised is not None else None,
         restarts=supervised.restarts if supervised is not None else None,
         cpu=supervised.cpu if supervised is not None else None,

@@ -7,6 +7,7 @@ import psutil
 import zenoh
 
 from robo.discovery import NodeToken, hostname
+from robo.node_status import NodeStatus
 from robo.supervisor.status import ProcessStatus
 from robo.tools import nodes, runs, topics
 from robo.tools.meters import Meter
@@ -16,6 +17,8 @@ STALE_PERIODS = 5.0
 """A topic is stale when its last message is so many times older than what is usual between two."""
 LEAST_STALE = 1.0
 """A younger message is never stale, s."""
+_STATUS_TIMEOUT = 0.2
+"""How long a node that no supervisor runs may take to tell how it is, s."""
 _SMOOTHING = 0.2
 """How much the newest time between two messages counts for what is usual."""
 
@@ -36,6 +39,10 @@ class NodeFigures(msgspec.Struct, frozen=True):
     """None for a node that no supervisor runs."""
     uptime: float | None
     """s."""
+    running: str = ""
+    """The callback that holds up all others of the node; empty while none does."""
+    running_for: float = 0.0
+    """How long it has been running, s."""
 
 
 class TopicFigures(msgspec.Struct, frozen=True):
@@ -171,12 +178,13 @@ class Watch:
     def _nodes(self) -> list[NodeFigures]:
         processes = runs.processes(self._session, timeout=self._timeout)
         found = {status.node: _supervised(status) for status in processes}
-        for token in nodes.list_nodes(self._session, self._timeout):
-            if token.full_name not in found:
-                found[token.full_name] = self._alone(token)
+        alone = [token for token in nodes.list_nodes(self._session, self._timeout) if token.full_name not in found]
+        asked = nodes.all_status(self._session, min(self._timeout, _STATUS_TIMEOUT)) if alone else {}
+        for token in alone:
+            found[token.full_name] = self._alone(token, asked.get(token.full_name))
         return [found[name] for name in sorted(found) if self._is_wanted(name.strip("/"))]
 
-    def _alone(self, token: NodeToken) -> NodeFigures:
+    def _alone(self, token: NodeToken, status: NodeStatus | None) -> NodeFigures:
         """A node that no supervisor runs: the figures of its process, if it is on this machine."""
         cpu, memory = None, None
         if token.host == hostname():
@@ -185,7 +193,10 @@ class Watch:
                 cpu, memory = process.cpu_percent(), process.memory_info().rss
             except psutil.Error:
                 self._usage.pop(token.pid, None)
-        return NodeFigures(token.full_name, "ready", "", token.pid, token.host, cpu, memory, None, None)
+        figures = NodeFigures(token.full_name, "ready", "", token.pid, token.host, cpu, memory, None, None)
+        if status is None or status.running_for < nodes.LONG_CALLBACK:
+            return figures
+        return msgspec.structs.replace(figures, running=status.running, running_for=status.running_for)
 
 
 def _supervised(status: ProcessStatus) -> NodeFigures:
@@ -199,4 +210,6 @@ def _supervised(status: ProcessStatus) -> NodeFigures:
         status.memory,
         status.restarts,
         status.uptime,
+        status.running,
+        status.running_for,
     )

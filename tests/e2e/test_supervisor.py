@@ -140,12 +140,21 @@ groups:
 
 HANGING = """\
 import time
-from robo import Node, timer
+from robo import Node, subscribe, timer
+from robo_messages import Odometry
 
 class Hanging(Node):
     @timer(rate=10.0)
     def work(self) -> None:
         time.sleep(600)
+"""
+
+
+HANGING_INPUT = """\
+    @subscribe("odom")
+    def on_odometry(self, odometry: Odometry) -> None:
+        pass
+
 """
 
 
@@ -192,7 +201,34 @@ groups:
     with robo("up", file, "--listen", endpoint, cwd=str(tmp_path)) as launch:
         assert launch.wait(30) == 1
         assert re.search(r"hanging failed: hangs: no sign of life for 1\.\d s; work does not return", launch.output)
-        assert 'hanging.py", line 7 in work' in launch.output
+        assert 'hanging.py", line 8 in work' in launch.output
+
+
+def test_tools_name_the_callback_that_holds_up_a_node(endpoint: str, tmp_path: Path) -> None:
+    (tmp_path / "hanging.py").write_text(HANGING.replace("    @timer", HANGING_INPUT + "    @timer"))
+    file = write(
+        tmp_path,
+        """
+groups:
+  g:
+    nodes:
+      base: {service: robo_services.diff_drive_sim}
+      hanging: {service: hanging, watchdog: 600}
+""",
+    )
+    with robo("up", file, "--listen", endpoint, cwd=str(tmp_path)) as launch:
+        launch.wait_for("is ready")
+        eventually(lambda: processes(endpoint)["/hanging"]["running"] == "work", "its heart names the callback")
+        why = run_robo("why", "hanging", "--connect", endpoint).stdout
+        assert re.search(r"its callback work has been running for \d+\.\ds; all others wait", why)
+        assert "received nothing" not in why
+        assert re.search(r"/hanging .* work has been running for", run_robo("ps", "--connect", endpoint).stdout)
+        info = run_robo("node", "info", "hanging", "--connect", endpoint).stdout
+        assert re.search(r"callback +work has been running for \d+\.\ds; all others wait\n  load +100\.0%", info)
+        seen = json.loads(run_robo("top", "--once", "--json", "--connect", endpoint).stdout)
+        assert [(node["node"], node["running"]) for node in seen["nodes"]] == [("/base", ""), ("/hanging", "work")]
+        table = run_robo("top", "--once", "--connect", endpoint).stdout
+        assert "ready, in work for" in table
 
 
 QUIET = """\
