@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 import msgspec
 
 from robo.columns import aligned
+from robo.terminal import visible
 
 SYSTEM_TYPES = frozenset({"system/Log", "system/ParameterEvent", "system/Clock"})
 """Types of the topics that every node has; nobody needs to be at their other end."""
@@ -152,7 +153,7 @@ def _mermaid(graph: Graph) -> str:
         bad += [f"s{i}"] if service.problems else []
     if bad:
         lines += ["  classDef problem stroke:#c00,stroke-width:2px", f"  class {','.join(bad)} problem"]
-    return "\n".join(lines)
+    return "\n".join(map(visible, lines))
 
 
 def _dot(graph: Graph) -> str:
@@ -168,7 +169,7 @@ def _dot(graph: Graph) -> str:
         )
         lines += [f"  {_quoted(name)} -> {_quoted(service.key)} [style=dashed];" for name in service.clients]
         lines += [f"  {_quoted(service.key)} -> {_quoted(name)} [style=dashed];" for name in service.servers]
-    return "\n".join([*lines, "}"])
+    return "\n".join([*map(visible, lines), "}"])
 
 
 def _label(key: str, types: Sequence[str], problems: Sequence[str]) -> str:

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from robo.errors import UsageError
+from robo.terminal import visible_but_colours
 from robo_messages import Log, Time
 
 LEVELS = {"debug": 10, "info": 20, "warn": 30, "warning": 30, "error": 40, "fatal": 50}
@@ -136,6 +137,8 @@ class ConsoleFormatter(logging.Formatter):
             shown = f"\x1b[{_COLOURS[level]}m{shown}\x1b[0m"
         if self._supervised:
             return f"{shown} {text}"
+        # As a supervisor does it for its nodes.
+        text = "\n".join(visible_but_colours(line, colour=self._colour) for line in text.split("\n"))
         stamp = time.strftime("%H:%M:%S", time.localtime(record.created))
         name = record.name.removeprefix(f"{ROOT}.")
         return f"{stamp}.{int(record.msecs):03d} {shown} {name}: {text}"

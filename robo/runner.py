@@ -17,6 +17,7 @@ from robo.errors import RoboError
 from robo.node import Node, exit_code_of
 from robo.parameter_server import Said
 from robo.session import Mode, Network, close_session, open_session
+from robo.terminal import visible
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -68,9 +69,10 @@ def report(error: BaseException) -> int:
         return exit_code_of(error)
     if isinstance(error, RoboError):
         # Under a supervisor the first word of a line is its level.
-        print(f"ERROR {error}" if log.is_supervised() else f"error: {error}", file=sys.stderr)
+        text = f"ERROR {error}" if log.is_supervised() else f"error: {error}"
     else:
-        traceback.print_exception(error)
+        text = "".join(traceback.format_exception(error)).rstrip("\n")
+    print(visible(text, keep="\n\t"), file=sys.stderr)
     return 1
 
 

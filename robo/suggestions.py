@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable
 
+from robo.terminal import visible
+
 MOST_LISTED = 24
 _LEAST_PART = 3
 """From how many letters on a part of a name stands for it."""
@@ -32,7 +34,7 @@ def closest(wanted: str, known: Iterable[str], cutoff: float = 0.6) -> str | Non
 
 def suggest(wanted: str, known: Iterable[str], there: str = "there is") -> str:
     """`did you mean odom?`, or what there is: the end of a message about a name that is unknown."""
-    names = list(dict.fromkeys(known))
+    names = [visible(name) for name in dict.fromkeys(known)]
     close = closest(wanted, names)
     if close is not None:
         return f"did you mean {close}?"
@@ -43,4 +45,4 @@ def suggest(wanted: str, known: Iterable[str], there: str = "there is") -> str:
 def hint(wanted: str, known: Iterable[str], otherwise: str = "") -> str:
     """`; did you mean odom?`, or something else: for what may be added to a message that says enough."""
     close = closest(wanted, known)
-    return f"; did you mean {close}?" if close is not None else otherwise
+    return f"; did you mean {visible(close)}?" if close is not None else otherwise

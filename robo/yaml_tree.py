@@ -12,6 +12,7 @@ import msgspec
 import yaml
 
 from robo.brief import brief, shown
+from robo.terminal import visible
 
 _INT = re.compile(r"[-+]?[0-9]+\Z")
 _BASED_INT = re.compile(r"0x[0-9a-fA-F]+\Z|0o[0-7]+\Z")
@@ -148,6 +149,18 @@ def convert(tree: Tree, type_: type[T], problems: list[Problem]) -> T | None:
         where = locate(tree, path.rstrip("`"))
         problems.append(Problem(where, f"{path.rstrip('`').lstrip('.') or 'value'}: {text.replace('`', '').lower()}"))
         return None
+
+
+def as_yaml(value: object, **style: Any) -> str:
+    """Plain data as YAML in their order, with control characters and those that turn a text's direction escaped.
+
+    `style` is more for PyYAML.
+    """
+    for every in (True, False):
+        text: str = yaml.safe_dump(value, sort_keys=False, width=120, allow_unicode=every, **style)
+        if visible(text, keep="\n") == text:
+            break
+    return text
 
 
 def locate(tree: Tree, path: str) -> Position:

@@ -16,6 +16,9 @@ def main() -> None:
         from robo.cli.run import hand_over
 
         hand_over(sys.argv[2:])
+    from robo import terminal
+
+    terminal.guard()
     if sys.argv[1:2] == ["health"]:
         from robo.health import main as check_health  # it runs every few seconds
 

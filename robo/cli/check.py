@@ -4,10 +4,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import msgspec
-
 import robo_messages
-from robo.cli.up import is_manifest, print_json
+from robo.cli.json_text import document
+from robo.cli.up import is_manifest
 from robo.errors import ManifestError, UsageError
 from robo.graph import FORMATS, draw
 from robo.launch import faults, resolve
@@ -55,7 +54,7 @@ def run_check(words: Sequence[str], *, robot_name: str | None, json: bool, graph
         if drawing is not None:
             print(drawing)
     if json:
-        print_json({"faults": faults.as_data(found), "notes": faults.as_data(notes)})
+        print(document({"faults": faults.as_data(found), "notes": faults.as_data(notes)}))
     else:
         _report(names, found, notes, to_stderr=graph is not None)
     return 1 if found else 0
@@ -99,4 +98,4 @@ def print_schema(name: str) -> None:
             schema = robo_messages.json_schema(name)
         except robo_messages.UnknownType as error:
             raise UsageError(f"{error.args[0]}; or write manifest") from None
-    print(msgspec.json.format(msgspec.json.encode(schema)).decode())
+    print(document(schema))

@@ -101,10 +101,12 @@ def _live(ctx: typer.Context, incomplete: str, find: "Callable[[zenoh.Session], 
     from robo.cli.connection import connect_to_robot
     from robo.cli.reach import Reach
     from robo.errors import RoboError
+    from robo.terminal import visible
 
     given: dict[str, Any] = ctx.params
     with suppress(RoboError):
         reach = Reach.of(given.get("connect") or (), given.get("robot_name"), TIMEOUT)
         with connect_to_robot(reach) as session:
-            return sorted(name for name in find(session) if name.startswith(incomplete))
+            # A name with control characters, which a shell would print, is a stranger's.
+            return sorted(name for name in find(session) if name.startswith(incomplete) and name == visible(name))
     return []

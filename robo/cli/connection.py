@@ -3,17 +3,18 @@
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import msgspec
 
 from robo import tcp
+from robo.cli.json_text import to_json
 from robo.cli.reach import Reach
-from robo.codec import jsonable
 from robo.columns import aligned
 from robo.discovery import NodeToken
 from robo.errors import NetworkError
 from robo.session import Network, open_session, zenoh_config
+from robo.terminal import own, visible
 from robo.tools import nodes
 
 import zenoh  # isort: skip  (after robo.session, which sets how Zenoh starts its threads)
@@ -83,18 +84,24 @@ def nodes_of(session: zenoh.Session, reach: Reach) -> list[NodeToken]:
 
 
 def print_line(text: str) -> None:
-    """A line of data, at once."""
+    """A line of data, at once; a newline in it is no way to begin another."""
+    print(visible(text, keep="\t"), flush=True)
+
+
+def print_lines(lines: Iterable[str]) -> None:
+    """Lines of data, each as `print_line` has it."""
+    for line in lines:
+        print_line(line)
+
+
+def print_text(text: str) -> None:
+    """Data of several lines, at once."""
     print(text, flush=True)
-
-
-def to_json(value: object) -> str:
-    """An object as a line of JSON."""
-    return msgspec.json.encode(jsonable(msgspec.to_builtins(value))).decode()
 
 
 def print_json(value: object) -> None:
     """An object as a line of JSON, at once."""
-    print_line(to_json(value))
+    print_text(to_json(value))
 
 
 def print_table(rows: Sequence[Sequence[str]]) -> None:
@@ -105,19 +112,20 @@ def print_table(rows: Sequence[Sequence[str]]) -> None:
 
 def paint(text: str, code: str) -> str:
     """Text in a colour, where a terminal shows it and nobody has said NO_COLOR."""
-    return f"\x1b[{code}m{text}\x1b[0m" if sys.stdout.isatty() and not os.environ.get("NO_COLOR") else text
+    shows = sys.stdout.isatty() and not os.environ.get("NO_COLOR")
+    return own(f"\x1b[{code}m") + text + own("\x1b[0m") if shows else text
 
 
 def clear_screen() -> None:
     """Begin again at the top, on a terminal."""
     if sys.stdout.isatty():
-        print("\x1b[H\x1b[J", end="")
+        print(own("\x1b[H\x1b[J"), end="")
 
 
 def hint(text: str) -> None:
     """Talk for people who wait, beside the data."""
     if sys.stderr.isatty():
-        print(text, file=sys.stderr)
+        note(text)
 
 
 def note(text: str) -> None:

@@ -1,9 +1,8 @@
 """`robo doctor`: printing what the checks find."""
 
-import sys
 from collections.abc import Sequence
 
-from robo.cli.connection import print_json, print_line
+from robo.cli.connection import paint, print_json, print_line
 from robo.tools import doctor
 
 _MARKS = {"ok": ("ok", "32"), "note": ("note", "33"), "fault": ("FAULT", "31")}
@@ -22,8 +21,7 @@ def examine(*, kill_test: bool, json: bool, connect: Sequence[str]) -> int:
             print_json(finding)
             continue
         word, colour = _MARKS[finding.verdict]
-        mark = f"\x1b[{colour}m{word:5}\x1b[0m" if sys.stdout.isatty() else f"{word:5}"
-        print_line(f"{mark} {finding.check:10} {finding.message}")
+        print_line(f"{paint(f'{word:5}', colour)} {finding.check:10} {finding.message}")
         if finding.fix:
             print_line(f"{'':16} {finding.fix}")
     return 1 if faults else 0

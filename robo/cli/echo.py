@@ -6,10 +6,12 @@ import sys
 import time
 from collections.abc import Sequence
 
-from robo.cli.connection import connect_to_robot, note, to_json
+from robo.cli.connection import connect_to_robot, note
+from robo.cli.json_text import to_json
 from robo.cli.reach import Reach
 from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
 from robo.errors import UsageError
+from robo.terminal import visible
 from robo.tools.fields import Field, Filter, Missing, cell, flattened, truncated
 from robo.tools.records import Received, read
 from robo.tools.stream import Stream
@@ -84,10 +86,10 @@ class _Printer:
             chosen = self._chosen(received)
         except (Missing, UsageError) as error:
             if self._one_topic:
-                raise UsageError(f"{received.arrival.key} ({received.type or 'no type'}): {error}") from None
+                raise UsageError(visible(f"{received.arrival.key} ({received.type or 'no type'}): {error}")) from None
             if received.arrival.key not in self._lacking:  # of many topics, some may have other fields
                 self._lacking.add(received.arrival.key)
-                note(f"{received.arrival.key} ({received.type or 'no type'}) is left out: {error}")
+                note(visible(f"{received.arrival.key} ({received.type or 'no type'}) is left out: {error}"))
             return False
         write = sys.stdout.write
         if options.form == "json":
@@ -109,15 +111,14 @@ class _Printer:
     def _text(self, received: Received, chosen: object) -> str:
         """As YAML, with a head of comments; a single field alone on its line."""
         if isinstance(chosen, dict) and len(self._options.fields) == 1 and self._options.form == "text":
-            return f"{cell(next(iter(chosen.values())))}\n"
-        import yaml
+            return f"{visible(cell(next(iter(chosen.values()))))}\n"
+        from robo.yaml_tree import as_yaml
 
-        head = f"# {received.arrival.key}  {received.type or 'type not said'}\n"
+        head = visible(f"# {received.arrival.key}  {received.type or 'type not said'}") + "\n"
         if received.error:
-            return f"{head}# cannot be read: {received.error}\n---\n"
+            return f"{head}# cannot be read: {visible(received.error)}\n---\n"
         plain = chosen if self._options.form == "yaml" else _short_bytes(chosen)
-        body = yaml.safe_dump(plain, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
-        return f"{head}{body}---\n"
+        return f"{head}{as_yaml(plain, default_flow_style=None)}---\n"
 
     def _csv(self, received: Received, chosen: object) -> str:
         values = dict(chosen.items() if self._options.fields and isinstance(chosen, dict) else flattened(chosen))

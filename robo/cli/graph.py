@@ -1,9 +1,10 @@
 """`robo graph`: drawing what runs."""
 
 from robo import graph
-from robo.cli.connection import amount, connect_to_robot, note, print_line
+from robo.cli.connection import amount, connect_to_robot, note, print_text
 from robo.cli.reach import Reach
 from robo.errors import UsageError
+from robo.terminal import escaped_json, visible
 from robo.tools import graph as tools
 
 
@@ -21,8 +22,9 @@ def print_graph(reach: Reach, *, form: str, hide_system: bool) -> None:
         found = tools.of_robot(found, reach.namespace)
     if hide_system:
         found = graph.without_system(found)
-    print_line(graph.draw(found, form))
+    drawing = graph.draw(found, form)
+    print_text(escaped_json(drawing) if form == "json" else drawing)
     problems = [topic.key for topic in found.topics if topic.problems]
     problems += [service.key for service in found.services if service.problems]
     if problems:
-        note(f"{amount(len(problems), 'key')} to look at: {', '.join(problems)}")
+        note(f"{amount(len(problems), 'key')} to look at: {', '.join(map(visible, problems))}")

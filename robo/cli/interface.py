@@ -3,7 +3,8 @@
 import msgspec
 
 import robo_messages
-from robo.cli.connection import note, paint, print_json, print_line, print_table
+from robo.cli.connection import note, paint, print_json, print_line, print_table, print_text
+from robo.cli.json_text import document
 from robo.errors import MessageError
 from robo.tools import interfaces
 from robo.tools.interfaces import FieldInfo
@@ -36,11 +37,11 @@ def print_type(name: str, *, json: bool, json_schema: bool, ros: bool) -> None:
     except robo_messages.UnknownType as error:
         raise MessageError(error.args[0]) from None
     if ros:
-        print_line(ros_text(name))
+        print_text(ros_text(name))
     elif json_schema:
         schemas = [robo_messages.json_schema(type_) for type_ in types]
         whole = schemas[0] if len(schemas) == 1 else dict(zip(("request", "response"), schemas, strict=True))
-        print_line(msgspec.json.format(msgspec.json.encode(whole)).decode())
+        print_text(document(whole))
     elif json:
         for type_ in types:
             print_json(interfaces.describe(type_))

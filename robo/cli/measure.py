@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from robo.cli.connection import connect_to_robot, data_size, note, print_json, print_line
 from robo.cli.reach import Reach
 from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
+from robo.terminal import visible
 from robo.tools.meters import Bandwidth, Delay, Loss, Measure, Meter, Rate, Window
 from robo.tools.stream import Stream
 
@@ -80,7 +81,7 @@ class _Measuring:
                 (print_json if self._json else _print_figures)(figures)
             elif now - self._heard.setdefault(key, now) >= SILENT:
                 self._heard[key] = now
-                note(f"{key}: no messages for {SILENT:g} s")
+                note(f"{visible(key)}: no messages for {SILENT:g} s")
         return found
 
 

@@ -44,7 +44,8 @@ def _print(seen: Network, reach: Reach) -> None:
     for link in seen.links:
         print_line(f"  {link.src} → {link.dst}")
     for router in seen.routers:
-        print_line(f"\n{paint(seen.names.get(router.zid, 'router'), '1')}  zenoh {router.version}  {router.zid}")
+        print_line("")
+        print_line(f"{paint(seen.names.get(router.zid, 'router'), '1')}  zenoh {router.version}  {router.zid}")
         print_line(f"  listens at {', '.join(router.locators) or 'nowhere'}")
         for one in sorted(router.sessions, key=lambda one: (one.whatami, seen.names.get(one.zid, ""))):
             who = "this command" if one.zid == seen.zid else seen.names.get(one.zid, f"zenoh:{one.zid}")

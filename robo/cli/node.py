@@ -1,6 +1,5 @@
 """`robo node`: printing which nodes there are, and all about one."""
 
-import os
 from collections.abc import Sequence
 
 import msgspec
@@ -14,7 +13,9 @@ from robo.cli.connection import (
     paint,
     print_json,
     print_line,
+    print_lines,
     print_table,
+    print_text,
 )
 from robo.cli.reach import Reach
 from robo.cli.runs import duration
@@ -61,7 +62,7 @@ def print_info(name: str, reach: Reach, *, json: bool) -> int:
     if json:
         print_json(info)
     else:
-        print_line("\n".join(_lines(info)))
+        print_lines(_lines(info))
     if info.problem:
         note(f"error: {info.problem}")
     return 1 if info.problem else 0
@@ -135,5 +136,5 @@ def print_contract(service: str, *, json: bool) -> None:
         return
     print_line(paint(f"{node_class.__module__}:{node_class.__qualname__}", "1"))
     if contract.description:
-        print_line(f"{contract.description}{os.linesep}")
-    print_line(contract_text(contract))
+        print_text(f"{contract.description}\n")
+    print_text(contract_text(contract))

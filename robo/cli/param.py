@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import zenoh
 
-from robo.cli.connection import clock_time, connect_to_robot, hint, nodes_of, note, print_json, print_line
+from robo.cli.connection import clock_time, connect_to_robot, hint, nodes_of, note, print_json, print_line, print_text
 from robo.cli.reach import Reach
 from robo.discovery import NodeToken
 from robo.errors import NodeUnreachable, UsageError
@@ -91,7 +91,7 @@ def dump(node: str | None, reach: Reach, *, every: bool, file: Path | None) -> N
         found, silent = _read(session, node, reach)
     text = parameters.to_yaml(found)
     if file is None:
-        print_line(text.rstrip())
+        print_text(text.rstrip())
     else:
         try:
             file.write_text(text, encoding="utf-8")

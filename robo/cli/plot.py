@@ -6,14 +6,16 @@ import time
 from collections import deque
 from collections.abc import Sequence
 
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
 from robo.cli.connection import connect_to_robot
 from robo.cli.reach import Reach
+from robo.cli.screen import Screen
 from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
 from robo.errors import UsageError
+from robo.terminal import visible
 from robo.tools.chart import Chart, Point
 from robo.tools.fields import Field, Missing, flattened
 from robo.tools.records import Received, read
@@ -42,7 +44,7 @@ def plot(name: str, fields: Sequence[str], reach: Reach, *, window: float, durat
         stream = Stream(session, [key])
         tell_who_is_waited_for(session, [key], reach)
         end = time.monotonic() + (duration if duration is not None else math.inf if live else window)
-        console = Console()
+        console = Screen()
         if not live:
             window = duration or window
             for arrival in stream.until(end):
@@ -116,10 +118,10 @@ class _Curves:
             width=width,
             height=height,
         )
-        legend = Text(f"{self._key}  {self._type}  ", overflow="ellipsis", no_wrap=True)
+        legend = Text(visible(f"{self._key}  {self._type}  "), overflow="ellipsis", no_wrap=True)
         for number, (path, points) in enumerate(self._points.items()):
             last = f" {points[-1][1]:.4g}" if points else ""
-            legend.append(f"{path}{last}  ", style=_COLOURS[number % len(_COLOURS)])
+            legend.append(visible(f"{path}{last}  "), style=_COLOURS[number % len(_COLOURS)])
         rows = []
         for row in chart.rows:
             line = Text(no_wrap=True)

@@ -11,6 +11,7 @@ import robo_messages
 from robo.cli.connection import amount, connect_to_robot, hint, note
 from robo.cli.reach import Reach
 from robo.errors import MessageError
+from robo.terminal import own
 from robo.tools import interfaces, topics
 from robo.tools.message_input import message_of
 from robo.tools.publishing import Line, Sender, flush, line_of
@@ -169,7 +170,8 @@ class _Count:
             self._tell("\n")
 
     def _tell(self, ending: str) -> None:
-        sys.stderr.write(f"\r\x1b[Kpublished {amount(self.sent, 'message')}{self._where}{ending}")
+        begin = own("\r\x1b[K")
+        sys.stderr.write(f"{begin}published {amount(self.sent, 'message')}{self._where}{ending}")
         sys.stderr.flush()
 
 

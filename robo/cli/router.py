@@ -1,13 +1,11 @@
 """`robo router`: a router by itself, for several robots or hosts to meet at."""
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import msgspec
-
 from robo import tcp
-from robo.cli.connection import note
+from robo.cli.connection import note, print_text
+from robo.cli.json_text import document
 from robo.cli.network import router_network
 from robo.names import nested
 from robo.router import route
@@ -33,4 +31,4 @@ def print_config(*, name: str, listen: Sequence[str], connect: Sequence[str], co
     """Print the configuration by which `zenohd` does the same."""
     network = router_network(listen, connect, config, name=name)
     tree = nested(settings_of(network) | settings_by_path(network.more), "/")
-    sys.stdout.write(f"{msgspec.json.format(msgspec.json.encode(tree)).decode()}\n")
+    print_text(document(tree))

@@ -11,6 +11,7 @@ from robo.cli.connection import (
     paint,
     print_json,
     print_line,
+    print_lines,
     print_table,
 )
 from robo.cli.reach import Reach
@@ -70,8 +71,7 @@ def _rate(topics: dict[str, float]) -> str:
 
 
 def _painted(state: str) -> str:
-    # As wide as the longest state, so that colours do not shift the columns.
-    return paint(f"{state:10}", COLOURS.get(state, "0"))
+    return paint(state, COLOURS[state]) if state in COLOURS else state
 
 
 def command(verb: str, names: Sequence[str], reach: Reach, *, json: bool) -> None:
@@ -124,7 +124,7 @@ def why(names: Sequence[str], reach: Reach, *, json: bool) -> None:
         if json:
             print_json(explanation)
         else:
-            print("\n".join(_explained(explanation)))
+            print_lines(_explained(explanation))
 
 
 def _explained(found: Explanation) -> list[str]:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import TypeVar
 
 from rich import box
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
@@ -19,6 +19,8 @@ from rich.text import Text
 from robo.cli.connection import connect_to_robot, data_size, print_json
 from robo.cli.reach import Reach
 from robo.cli.runs import duration
+from robo.cli.screen import Screen
+from robo.terminal import visible
 from robo.tools.top import NodeFigures, Snapshot, TopicFigures, Watch
 
 T = TypeVar("T")
@@ -55,12 +57,12 @@ def _print(snapshot: Snapshot, *, json: bool) -> None:
     if json:
         print_json(snapshot)
     else:
-        console = Console()
+        console = Screen()
         console.print(render(snapshot, console.width, height=None))
 
 
 def _show(system: Watch, interval: float) -> None:
-    console = Console()
+    console = Screen()
     with _keys() as pressed, Live(console=console, screen=True, auto_refresh=False) as display:
         snapshot = system.look()
         due = time.monotonic() + interval / 2  # something to see soon
@@ -148,9 +150,9 @@ def _nodes(nodes: Sequence[NodeFigures], most: int, width: int) -> Table:
         held = f", in {node.running} for {duration(node.running_for)}" if node.running else ""
         state = Text(node.state + held, style="yellow" if held else _STATES.get(node.state, "yellow"))
         restarts = Text(_or_dash(node.restarts, str), style="yellow" if node.restarts else "")
-        more = (_or_dash(node.uptime, duration), _or_dash(node.pid, str), node.host) if wide else ()
+        more = (_or_dash(node.uptime, duration), _or_dash(node.pid, str), _word(node.host)) if wide else ()
         cpu = _or_dash(node.cpu, lambda value: f"{value:.1f}%")
-        rows.append((node.node, state, cpu, _or_dash(node.memory, data_size), restarts, *more))
+        rows.append((_word(node.node), state, cpu, _or_dash(node.memory, data_size), restarts, *more))
     return _rows(table, rows, most)
 
 
@@ -159,12 +161,17 @@ def _topics(topics: Sequence[TopicFigures], most: int, width: int) -> Table:
     table = _table(width, "TOPIC", *(("TYPE", "PUB", "SUB") if wide else ()), "RATE", "AGE", "BANDWIDTH", "LOST")
     rows: list[tuple[RenderableType, ...]] = []
     for topic in sorted(topics, key=lambda topic: not topic.stale) if len(topics) > most else topics:
-        kind = Text(" ≠ ".join(topic.types) or "-", style="red" if len(topic.types) > 1 else "")
+        kind = Text(visible(" ≠ ".join(topic.types)) or "-", style="red" if len(topic.types) > 1 else "")
         more = (kind, str(topic.publishers), str(topic.subscribers)) if wide else ()
         age = Text(_or_dash(topic.age, _age), style="bold red" if topic.stale else "")
         lost = Text(str(topic.lost), style="yellow" if topic.lost else "dim")
-        rows.append((topic.key, *more, f"{topic.rate:.1f} Hz", age, data_size(topic.bandwidth, "B/s"), lost))
+        rows.append((_word(topic.key), *more, f"{topic.rate:.1f} Hz", age, data_size(topic.bandwidth, "B/s"), lost))
     return _rows(table, rows, most)
+
+
+def _word(text: str) -> Text:
+    """What others say: in one line, and with brackets as they are."""
+    return Text(visible(text))
 
 
 def _age(seconds: float) -> str:

@@ -6,11 +6,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import msgspec
-
 from robo import lean, log
 from robo.cli import show
 from robo.cli.background import notify_starter, start_in_background
+from robo.cli.json_text import document
 from robo.errors import RoboError, UnreadableFile, UsageError
 from robo.files import read_text
 from robo.launch import arguments, faults, reader, resolve
@@ -65,7 +64,7 @@ def run_up(
     if show_args:
         description, args = _arguments_of(file)
         if json:
-            print_json(args)
+            print(document(args))
         else:
             print(show.arguments_text(file, description, args))
         return 0
@@ -88,7 +87,7 @@ def run_up(
         problems = (*problems, *_missing_programs(found, search_path()), *_missing_files(found))
     if problems:
         if json:
-            print_json({"faults": faults.as_data(problems)})
+            print(document({"faults": faults.as_data(problems)}))
             return 1
         raise ManifestFaults(problems)
     warnings = [*found.loose, *found.warnings, *(problem for problem, _ in unmatched(found))]
@@ -96,7 +95,7 @@ def run_up(
         print(faults.as_notes(warnings, "warning"), file=sys.stderr)
     if dry_run:
         if json:
-            print_json(show.plan_data(found.plan))
+            print(document(show.plan_data(found.plan)))
         else:
             print(show.plan_text(found.plan))
         return 0
@@ -164,12 +163,6 @@ def assignment(text: str) -> Assignment:
     if not (assign and left):
         raise UsageError(f"-p {text}: write NODE.NAME:=VALUE, for example velocity_controller.linear_velocity:=0.3")
     return Assignment(left, Word(value))
-
-
-def print_json(value: object) -> None:
-    """Data for programs, on a terminal easy to read too."""
-    sys.stdout.buffer.write(msgspec.json.format(msgspec.json.encode(value)) + b"\n")
-    sys.stdout.buffer.flush()
 
 
 def _missing_programs(found: Resolution, search: str) -> list[Problem]:

@@ -260,7 +260,7 @@ def errors() -> Iterator[None]:
     try:
         yield
     except RoboError as error:
-        typer.echo(_described(error), err=True)
+        print(_described(error), file=sys.stderr)
         raise typer.Exit(2 if isinstance(error, (UsageError, InvalidName)) else 1) from None
     except KeyboardInterrupt:
         raise typer.Exit(130) from None

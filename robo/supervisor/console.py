@@ -1,10 +1,15 @@
-"""What a launch shows: one line per event, with time, node and colour."""
+"""What a launch shows: one line per event, with time, node and colour.
+
+Nothing that a process prints reaches the terminal as a control character, but for its colours where there are colours.
+"""
 
 import os
 import sys
 import time
 from collections.abc import Iterable
 from typing import TextIO
+
+from robo.terminal import behind_the_door, visible, visible_but_colours
 
 _NODE_COLOURS = ("36", "32", "35", "34", "33", "96", "92", "95", "94", "93")
 _LEVEL_COLOURS = {"DEBUG": "2", "WARN": "33", "ERROR": "31", "FATAL": "1;31"}
@@ -15,7 +20,7 @@ class Console:
     """Writes the lines of all nodes to one stream. Colour only on a terminal, and never with NO_COLOR."""
 
     def __init__(self, nodes: Iterable[str], stream: TextIO | None = None, *, colour: bool | None = None) -> None:
-        self._stream = stream if stream is not None else sys.stdout
+        self._stream = stream if stream is not None else behind_the_door(sys.stdout)
         self._colour = self._stream.isatty() and "NO_COLOR" not in os.environ if colour is None else colour
         names = list(nodes)
         self._width = max(map(len, [SELF, *names]))
@@ -25,22 +30,24 @@ class Console:
 
     def line(self, node: str, text: str, *, at: float | None = None) -> None:
         """Show one line of a node's output; `at` is its time, s since the epoch, by default now."""
-        self._write(node, self._with_level(text), at)
+        self._write(node, self._with_level(visible_but_colours(text, colour=self._colour)), at)
 
     def say(self, text: str) -> None:
         """Show what the supervisor itself has to say."""
-        self._write(SELF, text)
+        for line in text.split("\n"):
+            self._write(SELF, visible(line, keep="\t"))
 
     def warn(self, text: str) -> None:
         """Show what went wrong."""
-        self._write(SELF, self._painted(text, _LEVEL_COLOURS["ERROR"]))
+        for line in text.split("\n"):
+            self._write(SELF, self._painted(visible(line, keep="\t"), _LEVEL_COLOURS["ERROR"]))
 
     def _write(self, node: str, text: str, at: float | None = None) -> None:
         if not self._open:
             return
         now = time.time() if at is None else at
         stamp = time.strftime("%H:%M:%S", time.localtime(now)) + f".{int(now * 1000) % 1000:03d}"
-        name = self._painted(f"{node:{self._width}} |", self._colours.get(node, "0"))
+        name = self._painted(f"{visible(node):{self._width}} |", self._colours.get(node, "0"))
         try:
             self._stream.write(f"{self._painted(stamp, '2')} {name} {text}\n")
             self._stream.flush()

@@ -13,6 +13,7 @@ from typing import BinaryIO
 import msgspec
 
 from robo.log import LEVEL_NAMES, LEVELS, level_of
+from robo.terminal import escaped_json
 
 LARGEST = 10_000_000
 """A file that has grown beyond this is set aside, bytes."""
@@ -125,7 +126,7 @@ class LogFiles:
         """
         if line.node not in self._files:
             self._files[line.node] = _Rotating(self.folder / f"{line.node.replace('/', '.')}.jsonl")
-        self._files[line.node].write(msgspec.json.encode(line) + b"\n")
+        self._files[line.node].write(escaped_json(msgspec.json.encode(line).decode()).encode() + b"\n")
 
     def close(self) -> None:
         """Close all files."""

@@ -94,11 +94,10 @@ def from_file(path: str, node: NodeToken) -> tuple[dict[str, object], tuple[Prob
 
 def to_yaml(dumped: Mapping[str, Mapping[str, object]]) -> str:
     """Values by node's full name and parameter as a file that `robo up` and ROS 2 read."""
-    import yaml
+    from robo.yaml_tree import as_yaml
 
     tree = {node: {parameter_files.ROS_KEY: nested(values, ".")} for node, values in dumped.items()}
-    text: str = yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=120)
-    return text
+    return as_yaml(tree)
 
 
 def _named(names: Sequence[str]) -> dict[str, object] | None:

@@ -9,6 +9,7 @@ from robo.discovery import EndpointToken, tokens
 from robo.errors import MessageError, TopicNotFound, TopicTaken
 from robo.suggestions import suggest
 from robo.supervisor.status import ProcessStatus
+from robo.terminal import visible
 from robo.tools import admin, runs
 
 RATES_TIMEOUT = 0.2
@@ -129,9 +130,8 @@ def check_type(session: zenoh.Session, key: str, type_name: str, timeout: float 
     if ends and type_name not in {token.type_name for token in ends}:
         there = ends[0]
         verb = "publishes" if there.kind == "pub" else "subscribes"
-        raise MessageError(
-            f"{key} is no {type_name}: {there.full_name} {verb} {there.type_name} on it; --force to insist"
-        )
+        what = visible(f"{there.full_name} {verb} {there.type_name}")
+        raise MessageError(f"{key} is no {type_name}: {what} on it; --force to insist")
 
 
 def check_unpublished(session: zenoh.Session, key: str, timeout: float = 1.0) -> None:
