@@ -191,6 +191,7 @@ def ask(
         ServiceTimeout: there was no answer.
         ServiceError: the handler raised.
     """
+    begin = time.monotonic()
     replies = session.get(
         key,
         payload=request[0],
@@ -200,7 +201,6 @@ def ask(
         target=zenoh.QueryTarget.ALL_COMPLETE,
         consolidation=zenoh.ConsolidationMode.NONE,
     )
-    begin = time.monotonic()
     answer = queries.first_answer(replies)
     if isinstance(answer, Fault):
         raise ServiceError(f"service {key}: {answer.error}: {answer.message}", answer.error, answer.message)

@@ -1,6 +1,5 @@
 """Tracks where a robot is and how far it has driven."""
 
-import math
 from typing import Annotated
 
 from msgspec import Meta
@@ -8,16 +7,26 @@ from msgspec import Meta
 import robo
 from robo import KEEP_ALL, Node, Publisher, Unit, service, subscribe, timer
 from robo_messages import Odometry, Point, Trigger
-from robo_services.utils import distance
+from robo_services.odometry import Limits, OdometryTrack, fix_of
+
+TOLD_EVERY = 5.0
+"""How often the same doubt is told at most, s."""
 
 
 class PositionTracker(Node):
     """Track where the robot is and how far it has driven."""
 
     class Parameters(robo.Parameters):
-        """When to speak up."""
+        """When to speak up, and what to believe."""
 
         max_distance: Annotated[float, Meta(gt=0, description="warn beyond this distance"), Unit("m")] = 100.0
+        # Named as the base names them, so that one value for all nodes means the same for both.
+        max_linear_velocity: Annotated[
+            float, Meta(gt=0, description="of the base; odometry that jumps further is left out"), Unit("m/s")
+        ] = 10.0
+        max_angular_velocity: Annotated[
+            float, Meta(gt=0, description="of the base; odometry that turns faster is left out"), Unit("rad/s")
+        ] = 20.0
         log_rate: Annotated[float, Meta(ge=0.001, le=1000, description="reports per second"), Unit("Hz")] = 1.0
 
     parameters: Parameters
@@ -27,6 +36,7 @@ class PositionTracker(Node):
 
     def on_start(self) -> None:
         """Nothing is known yet."""
+        self._track = OdometryTrack()
         self._last: Point | None = None
         self._total = 0.0
         self._warned = False
@@ -34,14 +44,24 @@ class PositionTracker(Node):
     @subscribe("odom", depth=KEEP_ALL)
     def on_odometry(self, odometry: Odometry) -> None:
         """Add the step from the last position."""
-        here = odometry.pose.pose.position
-        if not (math.isfinite(here.x) and math.isfinite(here.y)):
-            self.logger.warning("ignored a position that is not finite", throttle=5.0)
-            return
-        if self._last is not None:
-            self._total += distance(self._last, here)
-        self._last = here
-        self.position.publish(Point(here.x, here.y, self._total))
+        p = self.parameters
+        limits = Limits(p.max_linear_velocity, p.max_angular_velocity)
+        judged = self._track.take(fix_of(odometry, self.clock.monotonic()), limits)
+        for step in judged.steps:
+            self._total += step.driven
+            self._last = Point(step.x, step.y, self._total)
+            self.position.publish(self._last)
+        if judged.doubt:
+            self.logger.warning(
+                "left out odometry that cannot be, %d messages so far: %s", self._track.left_out, judged.doubt,
+                throttle=TOLD_EVERY,
+            )  # fmt: skip
+        if judged.jump:
+            self.logger.warning(
+                "odometry begins anew, %.3f m from the last position; that counts as no distance",
+                judged.jump,
+                throttle=TOLD_EVERY,
+            )
         if self._total > self.parameters.max_distance and not self._warned:
             self._warned = True
             self.logger.warning(
@@ -58,7 +78,9 @@ class PositionTracker(Node):
     def report(self) -> None:
         """Say where the robot is."""
         if self._last is not None:
-            self.logger.info("position (%.3f, %.3f), distance %.3f m", self._last.x, self._last.y, self._total)
+            left_out = f", left out {self._track.left_out} of odometry" if self._track.left_out else ""
+            position = (self._last.x, self._last.y, self._total)
+            self.logger.info("position (%.3f, %.3f), distance %.3f m" + left_out, *position)
 
     def on_stop(self) -> None:
         """Say where it ended."""

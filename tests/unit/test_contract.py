@@ -22,7 +22,8 @@ def test_the_contract_of_a_shipped_node_is_read_without_running_it() -> None:
     assert [(p.topic, p.message_type) for p in contract.publishers] == [("current_position", Point)]
     assert [(t.rate, t.method) for t in contract.timers] == [("log_rate", "report")]
     assert [(p.name, p.default) for p in contract.parameters] == [
-        ("max_distance", 100.0), ("log_rate", 1.0), ("use_sim_time", False),
+        ("max_distance", 100.0), ("max_linear_velocity", 10.0), ("max_angular_velocity", 20.0), ("log_rate", 1.0),
+        ("use_sim_time", False),
     ]  # fmt: skip
 
 
@@ -39,7 +40,8 @@ def test_a_subclass_inherits_and_overrides() -> None:
     assert contract.name == "faster"
     assert len(contract.timers) == 1
     assert {p.name: p.default for p in contract.parameters} == {
-        "max_distance": 100.0, "log_rate": 10.0, "use_sim_time": False,
+        "max_distance": 100.0, "max_linear_velocity": 10.0, "max_angular_velocity": 20.0, "log_rate": 10.0,
+        "use_sim_time": False,
     }  # fmt: skip
 
 
