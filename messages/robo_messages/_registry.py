@@ -1,5 +1,6 @@
 """The two-way table of message types and their names, and what can be done knowing only a name."""
 
+import math
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -114,8 +115,19 @@ def decode(payload: bytes | bytearray | memoryview, type_: type[M]) -> M:
 
 
 def encode_json(msg: Message) -> bytes:
-    """A message as JSON. Bulk fields are base64 text; NaN and infinities become null."""
-    return _json_encoder.encode(msg)
+    """A message as JSON. Bulk fields are base64 text; NaN and infinities are "nan", "inf", "-inf"."""
+    text = _json_encoder.encode(msg)
+    # msgspec writes null for them, and for nothing else: only then is it done again, which takes longer.
+    return _json_encoder.encode(_as_json(msgspec.to_builtins(msg))) if b"null" in text else text
+
+
+def _as_json(value: object) -> object:
+    """Plain data with NaN and infinities as text."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else str(value)
+    if isinstance(value, dict):
+        return {key: _as_json(item) for key, item in value.items()}
+    return [_as_json(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
 def decode_json(payload: bytes | str, type_: type[M]) -> M:
@@ -128,9 +140,11 @@ def decode_json(payload: bytes | str, type_: type[M]) -> M:
 
 
 def json_schema(type_: type[Message] | str) -> dict[str, Any]:
-    """The JSON Schema of a message type, given as a class or by name.
+    """The JSON Schema of a message type, given as a class or by name. A default of NaN is "nan", as in JSON.
 
     Raises:
         UnknownType: no class is registered under that name.
     """
-    return msgspec.json.schema(find_type(type_) if isinstance(type_, str) else type_)
+    schema = _as_json(msgspec.json.schema(find_type(type_) if isinstance(type_, str) else type_))
+    assert isinstance(schema, dict)
+    return schema

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, ClassVar
 
 from msgspec import Meta, field
@@ -90,37 +91,56 @@ class JointState(Message):
 
 @message("sensor/BatteryState")
 class BatteryState(Message):
-    """The state of a battery; a number that is not measured is NaN."""
+    """The state of a battery. Voltage is always measured; another number that is not is NaN, which is its default."""
 
     POWER_SUPPLY_STATUS_UNKNOWN: ClassVar[int] = 0
     POWER_SUPPLY_STATUS_CHARGING: ClassVar[int] = 1
     POWER_SUPPLY_STATUS_DISCHARGING: ClassVar[int] = 2
     POWER_SUPPLY_STATUS_NOT_CHARGING: ClassVar[int] = 3
     POWER_SUPPLY_STATUS_FULL: ClassVar[int] = 4
+    POWER_SUPPLY_HEALTH_UNKNOWN: ClassVar[int] = 0
+    POWER_SUPPLY_HEALTH_GOOD: ClassVar[int] = 1
+    POWER_SUPPLY_HEALTH_OVERHEAT: ClassVar[int] = 2
+    POWER_SUPPLY_HEALTH_DEAD: ClassVar[int] = 3
+    POWER_SUPPLY_HEALTH_OVERVOLTAGE: ClassVar[int] = 4
+    POWER_SUPPLY_HEALTH_UNSPEC_FAILURE: ClassVar[int] = 5
+    POWER_SUPPLY_HEALTH_COLD: ClassVar[int] = 6
+    POWER_SUPPLY_HEALTH_WATCHDOG_TIMER_EXPIRE: ClassVar[int] = 7
+    POWER_SUPPLY_HEALTH_SAFETY_TIMER_EXPIRE: ClassVar[int] = 8
+    POWER_SUPPLY_TECHNOLOGY_UNKNOWN: ClassVar[int] = 0
+    POWER_SUPPLY_TECHNOLOGY_NIMH: ClassVar[int] = 1
+    POWER_SUPPLY_TECHNOLOGY_LION: ClassVar[int] = 2
+    POWER_SUPPLY_TECHNOLOGY_LIPO: ClassVar[int] = 3
+    POWER_SUPPLY_TECHNOLOGY_LIFE: ClassVar[int] = 4
+    POWER_SUPPLY_TECHNOLOGY_NICD: ClassVar[int] = 5
+    POWER_SUPPLY_TECHNOLOGY_LIMN: ClassVar[int] = 6
 
     header: Header = field(default_factory=Header)
     voltage: Float32 = 0.0
     """V."""
-    temperature: Float32 = 0.0
+    temperature: Float32 = math.nan
     """°C."""
-    current: Float32 = 0.0
+    current: Float32 = math.nan
     """A; negative while discharging."""
-    charge: Float32 = 0.0
+    charge: Float32 = math.nan
     """Ah."""
-    capacity: Float32 = 0.0
+    capacity: Float32 = math.nan
     """Ah, of the last full charge."""
-    design_capacity: Float32 = 0.0
+    design_capacity: Float32 = math.nan
     """Ah."""
-    percentage: Float32 = 0.0
+    percentage: Float32 = math.nan
     """0 to 1."""
     power_supply_status: UInt8 = 0
+    """One of POWER_SUPPLY_STATUS_…"""
     power_supply_health: UInt8 = 0
+    """One of POWER_SUPPLY_HEALTH_…"""
     power_supply_technology: UInt8 = 0
+    """One of POWER_SUPPLY_TECHNOLOGY_…"""
     present: bool = False
     cell_voltage: list[Float32] = []
-    """V, one per cell, or empty."""
+    """V, one per cell, or empty; NaN where a cell is not measured."""
     cell_temperature: list[Float32] = []
-    """°C, one per cell, or empty."""
+    """°C, one per cell, or empty; NaN where a cell is not measured."""
     location: str = ""
     serial_number: str = ""
 
@@ -186,6 +206,7 @@ class NavSatStatus(Message):
     STATUS_GBAS_FIX: ClassVar[int] = 2
 
     status: Int8 = 0
+    """One of STATUS_…"""
     service: UInt16 = 0
     """Bits: 1 GPS, 2 GLONASS, 4 COMPASS, 8 GALILEO."""
 
@@ -210,6 +231,7 @@ class NavSatFix(Message):
     position_covariance: Covariance3 = ZEROS_3X3
     """9 numbers, 3x3 row-major over east, north, up; m²."""
     position_covariance_type: UInt8 = 0
+    """One of COVARIANCE_TYPE_…"""
 
     def __post_init__(self) -> None:
         check_length("NavSatFix", "position_covariance", self.position_covariance, 9)

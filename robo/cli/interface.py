@@ -79,6 +79,6 @@ def _rows(type_: type[Message], depth: int) -> list[tuple[str, str, str]]:
 
 
 def _about(field: FieldInfo, *, shows_default: bool) -> str:
-    default = msgspec.json.encode(field.default).decode() if shows_default and field.default is not None else ""
+    default = interfaces.default_text(field.default) if shows_default and field.default is not None else ""
     short = default if len(default) <= 24 else "…"
     return "  ".join(part for part in (f"= {short}" if short and short != '""' else "", field.description) if part)

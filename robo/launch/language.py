@@ -8,11 +8,37 @@ from typing import Any, Final, NamedTuple
 Schema = dict[str, Any]
 
 
+MOST: Final = 1_000_000_000
+"""No number of a manifest is larger."""
+
+MOST_PROCESSES: Final = 2_000
+"""A launch starts no more."""
+
+
+class Limits(NamedTuple):
+    """The numbers that a key takes, the limits included."""
+
+    low: float
+    high: float = MOST
+    whole: bool = False
+
+    def hold(self, value: object) -> bool:
+        """Whether a value is such a number."""
+        kinds = int if self.whole else (int, float)
+        return isinstance(value, kinds) and not isinstance(value, bool) and self.low <= value <= self.high
+
+    def __str__(self) -> str:
+        noun = "a whole number" if self.whole else "a number"
+        return f"{noun} of at least {self.low}" if self.high == MOST else f"{noun} from {self.low} to {self.high}"
+
+
 class Key(NamedTuple):
     """A key of a map."""
 
     about: str
     schema: Schema
+    limits: Limits | None = None
+    """Of a key that takes a number: the reader refuses others, and so does the schema."""
 
 
 def _one_of(*forms: Schema) -> Schema:
@@ -38,16 +64,15 @@ TEXT: Final[Schema] = {"type": "string"}
 SCALAR: Final[Schema] = {"type": ["string", "number", "boolean", "null"]}
 CONDITION: Final[Schema] = {"type": ["boolean", "string"]}
 _LIST: Final[Schema] = {"type": "array", "items": TEXT}
+_RATE: Final[Schema] = {"type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": MOST}
+_PORT: Final[Schema] = {"type": "integer", "minimum": 1, "maximum": 65_535}
+_CPU: Final[Schema] = {"type": "integer", "minimum": 0, "maximum": 9_999}
 COMMAND: Final[Schema] = _one_of(TEXT, {"type": "array", "items": SCALAR, "minItems": 1})
 
 
-def _number(*, minimum: float) -> Schema:
-    return _one_of({"type": "number", "minimum": minimum}, PLACEHOLDER)
-
-
-def _integer(*, minimum: int, maximum: int | None = None) -> Schema:
-    limits: Schema = {"minimum": minimum} if maximum is None else {"minimum": minimum, "maximum": maximum}
-    return _one_of({"type": "integer", **limits}, PLACEHOLDER)
+def _number(about: str, low: float, high: float = MOST, *, whole: bool = False) -> Key:
+    form: Schema = {"type": "integer" if whole else "number", "minimum": low, "maximum": high}
+    return Key(about, _one_of(form, PLACEHOLDER), Limits(low, high, whole))
 
 
 ARG_TYPES: Final = ("str", "int", "float", "bool", "path", "choice")
@@ -57,6 +82,7 @@ LOG_LEVELS: Final = ("debug", "info", "warn", "error", "fatal")
 NEEDS: Final = ("started", "ready", "completed")
 READY_WHEN: Final = ("node", "started")
 STOP_SIGNALS: Final = ("INT", "TERM", "HUP", "QUIT", "USR1", "USR2", "KILL")
+SIGNAL_WORDS: Final = (*STOP_SIGNALS, *(f"SIG{name}" for name in STOP_SIGNALS))
 
 _CONDITIONS = {
     "if": Key("Only where this expression is true: use_sim and mode == 'gazebo'.", CONDITION),
@@ -69,7 +95,7 @@ _SETTINGS = {
     "env": Key("Environment variables.", _ref("env")),
     "restart": Key("When a process that ends is started again.", _ref("restart")),
     "log": Key("The least level shown, and where output goes.", _ref("log")),
-    "replicas": Key("So many of it; ${index} counts from 1.", _integer(minimum=0)),
+    "replicas": _number("So many of it; ${index} counts from 1.", 0, MOST_PROCESSES, whole=True),
     "for_each": Key("One for each item of a list: {robot: [r1, r2]}; ${robot} and ${index} differ.", _ref("for_each")),
     **_CONDITIONS,
 }
@@ -119,28 +145,28 @@ NODE: Final = {
     "prefix": Key("Words before the command: gdb -ex run --args, valgrind.", COMMAND),
     "needs": Key("Nodes that come first: {position_tracker: ready}.", _ref("needs")),
     "ready": Key("What tells that it is ready.", _ref("ready")),
-    "watchdog": Key("A node that gives no sign of life for so long hangs, s; 0 for never.", _number(minimum=0)),
+    "watchdog": _number("A node that gives no sign of life for so long hangs, s; 0 for never.", 0),
     "required": Key("Whether the launch ends with it.", CONDITION),
     "stop": Key("How it is told to end.", _ref("stop")),
-    "priority": Key("The nice value; lower runs first.", _integer(minimum=-20, maximum=19)),
+    "priority": _number("The nice value; lower runs first.", -20, 19, whole=True),
     "cpus": Key("The processors it may use: [0, 1] or 0-3.", _ref("cpus")),
     "publishes": Key("What a command publishes, for the check: {scan: sensor/LaserScan}.", _map_of(TEXT)),
     "subscribes": Key("What a command subscribes, for the check.", _map_of(TEXT)),
 }
 RESTART: Final = {
     "policy": Key("never, on-failure or always.", _words(*RESTART_POLICIES)),
-    "delay": Key("Before it is started again the first time, s.", _number(minimum=0)),
-    "backoff": Key("What each further delay is multiplied with.", _number(minimum=1)),
-    "max_delay": Key("The longest delay, s.", _number(minimum=0)),
-    "jitter": Key("The part of a delay that is left to chance, 0 to 1.", _number(minimum=0)),
-    "max": Key("More restarts than these in a window make it degraded: from then on max_delay.", _integer(minimum=0)),
-    "window": Key("The window, s.", _number(minimum=0)),
-    "reset_after": Key("After being ready for so long it is healthy: delays begin anew, s.", _number(minimum=0)),
+    "delay": _number("Before it is started again the first time, s.", 0),
+    "backoff": _number("What each further delay is multiplied with.", 1),
+    "max_delay": _number("The longest delay, s.", 0),
+    "jitter": _number("The part of a delay that is left to chance, 0 to 1.", 0, 1),
+    "max": _number("More restarts than these in a window make it degraded: from then on max_delay.", 0, whole=True),
+    "window": _number("The window, s.", 0),
+    "reset_after": _number("After being ready for so long it is healthy: delays begin anew, s.", 0),
     "propagate": Key("Whether what needs it is started again with it.", CONDITION),
 }
 STOP: Final = {
-    "signal": Key("The first signal.", _words(*STOP_SIGNALS)),
-    "timeout": Key("How long until the next, harder one, s.", _number(minimum=0)),
+    "signal": Key("The first signal.", _words(*SIGNAL_WORDS)),
+    "timeout": _number("How long until the next, harder one, s.", 0),
 }
 LOG: Final = {
     "level": Key("The least level that is shown.", _words(*LOG_LEVELS)),
@@ -149,15 +175,15 @@ LOG: Final = {
 READY: Final = {
     "when": Key("node: its liveliness token; started: its start.", _words(*READY_WHEN)),
     "log": Key("A line of output in which this pattern is found.", TEXT),
-    "port": Key("Something listens there: 8080 or host:8080.", _one_of({"type": "integer", "minimum": 1}, TEXT)),
+    "port": Key("Something listens there: 8080 or host:8080.", _one_of(_PORT, TEXT)),
     "probe": Key("A command that ends with exit code 0, tried again and again.", COMMAND),
     "topics": Key("Its topics that carry data, at the rate that is promised of them.", _one_of(TEXT, _LIST)),
-    "timeout": Key("How long it may take, s; 0 for ever. Then it has failed.", _number(minimum=0)),
+    "timeout": _number("How long it may take, s; 0 for ever. Then it has failed.", 0),
 }
 TOPIC: Final = {
     "type": Key("The message type: sensor/LaserScan.", TEXT),
-    "rate": Key("Messages per second: '>= 5', '<= 50', 10.", _one_of({"type": "number"}, TEXT)),
-    "max_age": Key("The newest message is never older, s.", _number(minimum=0)),
+    "rate": Key("Messages per second: '>= 5', '<= 50', 10.", _one_of(_RATE, TEXT)),
+    "max_age": _number("The newest message is never older, s.", 0),
     "external": Key("Whether somebody outside of this launch publishes it.", CONDITION),
 }
 PARAMS_ITEM: Final = {
@@ -177,7 +203,7 @@ SHORT_FORMS: Final[dict[str, tuple[dict[str, Key], tuple[Schema, ...]]]] = {
     "override": (NODE, ()),
     "include": (INCLUDE, (TEXT,)),
     "restart": (RESTART, (_words(*RESTART_POLICIES),)),
-    "stop": (STOP, (_words(*STOP_SIGNALS),)),
+    "stop": (STOP, (_words(*SIGNAL_WORDS),)),
     "log": (LOG, (_words(*LOG_OUTPUTS, *LOG_LEVELS),)),
     "ready": (READY, (_words(*READY_WHEN),)),
     "topic": (TOPIC, (TEXT,)),
@@ -200,6 +226,6 @@ OTHER_FORMS: Final[dict[str, Schema]] = {
         "maxProperties": 1,
         "additionalProperties": {"type": "array"},
     },
-    "cpus": _one_of({"type": "integer", "minimum": 0}, TEXT, {"type": "array", "items": {"type": "integer"}}),
+    "cpus": _one_of(_CPU, TEXT, {"type": "array", "items": _one_of(_CPU, TEXT)}),
 }
 """The parts that are not maps of known keys."""

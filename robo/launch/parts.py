@@ -15,6 +15,7 @@ from robo import names
 from robo.brief import shown
 from robo.errors import InvalidName
 from robo.launch import language
+from robo.launch.language import Key
 from robo.launch.manifest import Log, Node, Restart, Settings, Topic, Variable
 from robo.launch.plan import LogPlan, ReadyPlan, RestartPlan, StopPlan, TopicPlan
 from robo.launch.substitution import BROKEN, Scope
@@ -162,25 +163,24 @@ class Parts:
         return self._plan(
             RestartPlan,
             policy=self._word(said, "policy", language.RESTART_POLICIES),
-            delay=self._number(said, "delay"),
-            backoff=self._number(said, "backoff", 1),
-            max_delay=self._number(said, "max_delay"),
-            jitter=self._number(said, "jitter", 0, 1),
-            max=self._whole(said, "max"),
-            window=self._number(said, "window"),
-            reset_after=self._number(said, "reset_after"),
+            delay=self._number(said, language.RESTART, "delay"),
+            backoff=self._number(said, language.RESTART, "backoff"),
+            max_delay=self._number(said, language.RESTART, "max_delay"),
+            jitter=self._number(said, language.RESTART, "jitter"),
+            max=self._number(said, language.RESTART, "max"),
+            window=self._number(said, language.RESTART, "window"),
+            reset_after=self._number(said, language.RESTART, "reset_after"),
             propagate=self._flag(said, "propagate"),
         )
 
     def stop(self) -> StopPlan:
         """How it is told to end."""
         said = [(layer.node.stop, layer.scope) for layer in self._layers]
-        signals = [*language.STOP_SIGNALS, *(f"SIG{name}" for name in language.STOP_SIGNALS)]
-        signal = self._word(said, "signal", signals)
+        signal = self._word(said, "signal", language.SIGNAL_WORDS)
         return self._plan(
             StopPlan,
             signal=signal.removeprefix("SIG") if signal is not None else None,
-            timeout=self._number(said, "timeout"),
+            timeout=self._number(said, language.STOP, "timeout"),
         )
 
     def log(self, outer: Sequence[tuple[Log, Scope]]) -> LogPlan:
@@ -212,7 +212,7 @@ class Parts:
                 if (topic := scope.text(scalar)) is not None
                 and self._is_name(topic, namespace, "node", scalar.position)
             ],
-            timeout=self._number(said, "timeout"),
+            timeout=self._number(said, language.READY, "timeout"),
         )
 
     def _pattern(self, scalar: Scalar, scope: Scope) -> str | None:
@@ -236,7 +236,9 @@ class Parts:
 
     def watchdog(self, service: str | None) -> float:
         """How long it may give no sign of life, s; 0 for ever: under a debugger it stands still on purpose."""
-        seconds = self._number([(layer.node, layer.scope) for layer in self._layers], "watchdog")
+        seconds: float | None = self._number(
+            [(layer.node, layer.scope) for layer in self._layers], language.NODE, "watchdog"
+        )
         if seconds is not None:
             return seconds
         return 0.0 if service is None or self.last(lambda layer: layer.node.prefix) else WATCHDOG
@@ -244,7 +246,7 @@ class Parts:
     def priority(self) -> int | None:
         """The nice value."""
         written = self.last(lambda layer: layer.node.priority)
-        return self._as_number(*written, "priority", -20, 19, whole=True) if written else None
+        return self.number(*written, language.NODE, "priority") if written else None
 
     def cpus(self) -> tuple[int, ...]:
         """The processors it may use, sorted."""
@@ -259,10 +261,11 @@ class Parts:
             text = scope.text(item)
             for part in text.split(",") if text is not None else ():
                 match = _CPUS.fullmatch(part)
-                if match is None:
+                some = range(int(match[1]), int(match[2] or match[1]) + 1) if match is not None else ()
+                if not some:
                     self._complain(item.position, f"cpus: {shown(text)} is no processor; write [0, 1] or 0-3")
                     break
-                found |= set(range(int(match[1]), int(match[2] or match[1]) + 1))
+                found |= set(some)
         return tuple(sorted(found))
 
     def topic(self, topic: Topic, scope: Scope, namespace: str) -> TopicPlan | None:
@@ -273,7 +276,7 @@ class Parts:
             self._complain(topic.position, f"topic {topic.name}: private names are a node's; write it whole")
             return None
         low, high = self._rate(topic.rate, scope)
-        age = self._as_number(topic.max_age, scope, "max_age", 0, None) if topic.max_age is not None else None
+        age = self.number(topic.max_age, scope, language.TOPIC, "max_age") if topic.max_age is not None else None
         return TopicPlan(
             key=names.resolve(topic.name, namespace=namespace, node="node"),
             type=scope.text(topic.type) if topic.type is not None else None,
@@ -347,34 +350,24 @@ class Parts:
         self._complain(written[0].position, f"{field}: {shown(text)} is not known; use {', '.join(allowed)}")
         return None
 
-    def _number(
-        self, said: Sequence[tuple[Any, Scope]], field: str, low: float = 0, high: float | None = None
-    ) -> float | None:
+    def _number(self, said: Sequence[tuple[Any, Scope]], keys: Mapping[str, Key], field: str) -> Any:
         written = self._value(said, field)
-        return self._as_number(*written, field, low, high) if written else None
+        return self.number(*written, keys, field) if written else None
 
     def _flag(self, said: Sequence[tuple[Any, Scope]], field: str) -> bool | None:
         written = self._value(said, field)
         return written[1].truth(written[0], default=False) if written else None
 
-    def _whole(self, said: Sequence[tuple[Any, Scope]], field: str) -> int | None:
-        written = self._value(said, field)
-        number = self._as_number(*written, field, 0, None, whole=True) if written else None
-        return int(number) if number is not None else None
-
-    def _as_number(
-        self, scalar: Scalar, scope: Scope, what: str, low: float, high: float | None, *, whole: bool = False
-    ) -> Any:
+    def number(self, scalar: Scalar, scope: Scope, keys: Mapping[str, Key], field: str) -> Any:
+        """A number within the limits of its key; None where it is none, which is a mistake."""
         value = scope.value(scalar)
+        limits = keys[field].limits
+        assert limits is not None
         if value is BROKEN:
             return None
-        kinds = int if whole else (int, float)
-        ceiling = high if high is not None else 1e9
-        if isinstance(value, kinds) and not isinstance(value, bool) and low <= value <= ceiling:
+        if limits.hold(value):
             return value
-        limits = f"from {low} to {high}" if high is not None else f"of at least {low}"
-        noun = "a whole number" if whole else "a number"
-        self._complain(scalar.position, f"{what}: expected {noun} {limits}, not {shown(value)}")
+        self._complain(scalar.position, f"{field}: expected {limits}, not {shown(value)}")
         return None
 
     def _rate(self, scalar: Scalar | None, scope: Scope) -> tuple[float | None, float | None]:

@@ -413,8 +413,11 @@ class _Reader:
 
     def log(self, parts: Parts) -> Log:
         tree = parts.get("log")
-        key = "level" if isinstance(tree, Scalar) and tree.value in language.LOG_LEVELS else "output"
-        inner = self._short(parts, "log", key, language.LOG)
+        if isinstance(tree, Scalar):
+            if not self._is_one_of(tree, "log", (*language.LOG_LEVELS, *language.LOG_OUTPUTS)):
+                return Log()
+            return Log(level=tree) if tree.value in language.LOG_LEVELS else Log(output=tree)
+        inner = self._short(parts, "log", "output", language.LOG)
         return Log(
             self.one_of(inner, "level", language.LOG_LEVELS),
             self.one_of(inner, "output", language.LOG_OUTPUTS),

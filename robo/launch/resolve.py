@@ -19,6 +19,7 @@ from robo.launch import contracts, needs, values
 from robo.launch.contracts import Answer
 from robo.launch.faults import ManifestFaults, in_order
 from robo.launch.find import find_manifest
+from robo.launch.language import GROUP, MOST_PROCESSES
 from robo.launch.manifest import Group, Include, Log, Loop, Manifest, Node, Restart, Topic
 from robo.launch.parts import Layer, Origin, Parts
 from robo.launch.plan import Plan, ProcessPlan, TopicPlan
@@ -29,7 +30,6 @@ from robo.parameter_files import ParameterEntry
 from robo.suggestions import suggest
 from robo.yaml_tree import Entry, Items, Map, Position, Problem, Scalar, Tree
 
-MOST_PROCESSES = 2_000
 MOST_STEPS = 20_000
 """Groups, includes and nodes that a launch may unfold to, counted with their repetitions."""
 
@@ -305,14 +305,8 @@ class _Walk:
         if loop is None:
             yield scope
         elif loop.count is not None:
-            count = scope.value(loop.count)
-            if isinstance(count, bool) or not isinstance(count, int) or not 0 <= count <= MOST_PROCESSES:
-                if count is not BROKEN:
-                    self.complain(
-                        loop.count.position,
-                        f"replicas: expected a number from 0 to {MOST_PROCESSES}, not {shown(count)}",
-                    )
-                count = 1
+            count = Parts([], self.problems).number(loop.count, scope, GROUP, "replicas")
+            count = 1 if count is None else count
             for index in range(1, count + 1):
                 yield scope.inner({"index": index})
         else:

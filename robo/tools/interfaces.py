@@ -11,6 +11,7 @@ import functools
 import importlib
 import importlib.util
 import inspect
+import math
 import os
 import re
 import sys
@@ -190,6 +191,13 @@ def inner_types(type_: type[Message]) -> dict[str, type[Message]]:
         if isinstance(inner, shapes.StructType) and issubclass(inner.cls, Message):
             found[field.encode_name] = inner.cls
     return found
+
+
+def default_text(value: object) -> str:
+    """A default as JSON has it, but for NaN and infinities, which stand as they are."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return msgspec.json.encode(value).decode()
 
 
 def _default(field: Any) -> object:

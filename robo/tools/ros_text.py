@@ -1,6 +1,5 @@
 """Message types as ROS writes them: the text of a `.msg` or `.srv` file."""
 
-import msgspec
 from msgspec import inspect
 
 import robo_messages
@@ -78,4 +77,4 @@ def _type(info: inspect.Type) -> str:
 def _default(value: object, info: inspect.Type) -> str:
     """A default other than ROS's own zero."""
     single = isinstance(value, (bool, int, float, str)) and not isinstance(info, inspect.StructType)
-    return f" {msgspec.json.encode(value).decode()}" if single and value else ""
+    return f" {interfaces.default_text(value)}" if single and value else ""

@@ -1,19 +1,23 @@
 """Wiring faults, each with both of its ends."""
 
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
+import yaml
 
 import robo_messages
 from robo.graph import Topic
 from robo.launch import language, resolve
 from robo.launch.check import Findings, check, ends_of
 from robo.launch.graph import graph_of
+from robo.launch.language import Limits
 from robo.launch.schema import manifest_schema
 from robo.yaml_tree import parse, plain
 
 ROOT = Path(__file__).parents[2]
+SCHEMA = jsonschema.Draft202012Validator(manifest_schema())
 SHIPPED = sorted(path.name for path in (ROOT / "launch").glob("*.yaml"))
 
 
@@ -176,6 +180,52 @@ def test_shipped_manifests_fit_the_published_schema(name: str) -> None:
 def test_the_schema_refuses_what_the_reader_refuses(tree: object) -> None:
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(tree, manifest_schema())
+
+
+NUMBERS: list[tuple[str, str, Limits]] = [
+    (part, key, said.limits)
+    for part, (keys, _) in language.SHORT_FORMS.items()
+    for key, said in keys.items()
+    if said.limits is not None and part != "override"
+] + [
+    ("ready", "port", Limits(1, 65_535, whole=True)),
+    ("node", "cpus", Limits(0, 9_999, whole=True)),
+]  # fmt: skip
+
+
+def with_number(part: str, key: str, value: object) -> dict[str, Any]:
+    """A manifest in which one number of one part is this."""
+    node: dict[str, Any] = {"run": "x", "name": "a${index}"} if key == "replicas" else {"run": "x"}
+    group: dict[str, Any] = {"nodes": {"a": node}}
+    if part == "group":
+        group |= {"nodes": {}, "groups": {}, key: value}
+    elif part == "node":
+        node[key] = value
+    elif part == "topic":
+        group["topics"] = {"odom": {key: value}}
+    else:
+        node[part] = {key: value}
+    return {"groups": {"g": group}}
+
+
+@pytest.mark.parametrize(("part", "key", "limits"), NUMBERS)
+def test_the_schema_and_the_reader_have_the_same_limits(part: str, key: str, limits: Limits) -> None:
+    refused: list[object] = [limits.low - 1, limits.high + 1, -1e300, 1e300]
+    refused += [limits.low + 0.5] if limits.whole else [limits.low - 0.001, limits.high * 1.001]
+    accepted = [limits.low, min(limits.low + 1, limits.high), limits.high]
+    for value in [*accepted, *refused]:
+        tree = with_number(part, key, value)
+        Path("m.yaml").write_text(yaml.safe_dump(tree))
+        mistakes = [str(problem) for problem in resolve.resolve(Path("m.yaml"), {}).problems]
+        errors = [error.message for error in SCHEMA.iter_errors(tree)]
+        assert bool(mistakes) == bool(errors) == (value in refused), (value, mistakes, errors)
+
+
+@pytest.mark.parametrize(("rate", "fits"), [(0.001, True), (999_999_999, True), (0, False), (-1, False), (1e9, False)])
+def test_the_schema_and_the_reader_agree_on_rates(rate: float, fits: bool) -> None:
+    tree = with_number("topic", "rate", rate)
+    Path("m.yaml").write_text(yaml.safe_dump(tree))
+    assert (not resolve.resolve(Path("m.yaml"), {}).problems, SCHEMA.is_valid(tree)) == (fits, fits)
 
 
 def test_every_key_is_described() -> None:
