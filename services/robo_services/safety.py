@@ -28,6 +28,8 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True):
     """A scan older than this is as good as none, s."""
     command_timeout: float
     """A command older than this is as good as none, s."""
+    laser: bool = True
+    """Whether there is one. False says that nobody is to look for obstacles; everything else still counts."""
 
 
 class Seen(msgspec.Struct, frozen=True, kw_only=True):
@@ -66,12 +68,13 @@ def decide(seen: Seen, limits: Limits) -> Decision:
     scan, command = seen.scan, seen.command
     if seen.emergency_stop:
         return _stop("emergency_stop", "emergency stop, until reset_emergency_stop is called")
-    if scan is None:
-        return _stop("no_scan", "no laser scan so far")
-    if not seen.scan_age <= limits.scan_timeout:  # so that NaN is stale too
-        return _stop("stale_scan", f"the last laser scan is {seen.scan_age:.2f} s old")
-    if not is_usable(scan):
-        return _stop("invalid_scan", "the laser scan holds no valid range")
+    if limits.laser:
+        if scan is None:
+            return _stop("no_scan", "no laser scan so far")
+        if not seen.scan_age <= limits.scan_timeout:  # so that NaN is stale too
+            return _stop("stale_scan", f"the last laser scan is {seen.scan_age:.2f} s old")
+        if not is_usable(scan):
+            return _stop("invalid_scan", "the laser scan holds no valid range")
     if command is None:
         return _stop("no_command", "no command so far")
     if not is_finite(command):
@@ -83,6 +86,9 @@ def decide(seen: Seen, limits: Limits) -> Decision:
     speed = math.hypot(command.linear.x, command.linear.y)
     if speed == 0.0:
         return Decision("clear", "clear", "no linear motion", command)  # a turn on the spot hits nothing
+    if scan is None or not limits.laser:
+        scale = min(1.0, limits.max_speed / speed)
+        return Decision("clear", "no_laser", "no laser: nobody looks for obstacles", _scaled(command, scale))
     direction = math.atan2(command.linear.y, command.linear.x)
     nearest = nearest_in_sector(scan, direction, limits.sector)
     if nearest is None:

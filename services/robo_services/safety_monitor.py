@@ -6,9 +6,12 @@ from typing import Annotated
 from msgspec import Meta
 
 import robo
-from robo import Node, Publisher, Unit, service, subscribe, timer
+from robo import READ_ONLY, Node, Publisher, Unit, service, subscribe, timer
 from robo_messages import DiagnosticStatus, KeyValue, LaserScan, Odometry, Trigger, Twist
 from robo_services.safety import Action, Decision, Limits, Seen, decide
+
+PATIENCE = 3.0
+"""Without any scan for so long after the start, it says what may be done, s."""
 
 _LEVELS: dict[Action, int] = {
     "clear": DiagnosticStatus.OK,
@@ -43,6 +46,9 @@ class SafetyMonitor(Node):
             float, Meta(ge=0.01, le=10, description="an older command stops the robot"), Unit("s")
         ] = 0.5
         rate: Annotated[float, Meta(ge=1, le=1000, description="decisions per second"), Unit("Hz")] = 50.0
+        laser: Annotated[
+            bool, Meta(description="false for a base without one: obstacles do not stop it, all else does"), READ_ONLY
+        ] = True
 
     parameters: Parameters
 
@@ -59,6 +65,8 @@ class SafetyMonitor(Node):
         self._emergency_stop = False
         self._last: Decision | None = None
         self._last_state = -math.inf
+        self._begin = self.clock.monotonic()
+        self._advised = False
 
     @subscribe("cmd_vel_raw", depth=1)
     def on_command(self, twist: Twist) -> None:
@@ -109,6 +117,7 @@ class SafetyMonitor(Node):
             sector=p.sector,
             scan_timeout=p.scan_timeout,
             command_timeout=p.command_timeout,
+            laser=p.laser,
         )
         decision = decide(seen, limits)
         self.command.publish(decision.twist)
@@ -125,6 +134,13 @@ class SafetyMonitor(Node):
             values = [KeyValue("action", decision.action), KeyValue("reason", decision.reason)]
             self.state.publish(DiagnosticStatus(_LEVELS[decision.action], self.full_name, decision.text, values=values))
         self._last = decision
+        if decision.reason == "no_scan" and not self._advised and now - self._begin > PATIENCE:
+            self._advised = True
+            self.logger.warning(
+                "still no laser scan on %s, so the robot stands: start what publishes it or, where the base has no "
+                "laser, set laser to false (docs/own_base.md)",
+                self.resolve("scan"),
+            )
 
     def on_stop(self) -> None:
         """Leave the robot standing."""

@@ -5,9 +5,11 @@ import time
 from itertools import pairwise
 
 import msgpack
+import pytest
 import zenoh
 
 from robo.discovery import wait_for_nodes
+from robo_services import safety_monitor
 from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.safety_monitor import SafetyMonitor
 from robo_services.velocity_controller import VelocityController
@@ -71,6 +73,37 @@ def test_the_monitor_passes_slows_stops_and_fails_closed(session: zenoh.Session,
         reaches(0.4, 5.0)
         reaches(0.0, 5.0, None)  # whoever commands has died
         state.wait_until(lambda ms: ms[-1]["values"][1]["value"] == "stale_command", "it names the silence")
+
+
+def test_a_monitor_that_gets_no_scan_says_what_may_be_done(
+    session: zenoh.Session, other: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(safety_monitor, "PATIENCE", 0.1)
+    log = Inbox(other, "r1/log")
+    with SafetyMonitor(namespace="r1", session=session):
+        log.wait_until(
+            lambda ms: any("still no laser scan on r1/scan" in m["msg"] for m in ms), "where, and what may be done"
+        )
+
+
+def test_a_base_without_a_laser_drives_and_obeys_the_emergency_stop(
+    session: zenoh.Session, other: zenoh.Session
+) -> None:
+    with SafetyMonitor(namespace="r1", parameters={"laser": False}, session=session):
+        out = Inbox(other, "r1/cmd_vel")
+
+        def reaches(wanted: float) -> None:
+            out.forget()
+
+            def there() -> bool:
+                other.put("r1/cmd_vel_raw", msgpack.packb({"linear": {"x": 0.4}}))
+                return bool(out.samples) and speed(out.messages[-1]) == wanted
+
+            eventually(there, f"{wanted} m/s without any scan")
+
+        reaches(0.4)
+        assert list(other.get("r1/emergency_stop"))
+        reaches(0.0)
 
 
 def test_the_simulated_robot_stops_before_a_wall(

@@ -78,6 +78,10 @@ def test_real_robot_yaml_drives_slower_and_needs_its_safety_monitor() -> None:
     topics = {topic.key: topic for topic in shipped("real_robot.yaml").topics}
     assert topics["r1/scan"].external
     assert (topics["r1/scan"].min_rate, topics["r1/scan"].max_age) == (5.0, 0.5)
+    blind = shipped("real_robot.yaml", base_service="robo_services.diff_drive_sim", laser=Word("false"))
+    (scan,) = (topic for topic in blind.topics if topic.key.endswith("/scan"))
+    assert (scan.external, scan.min_rate, scan.max_age) == (True, None, None)
+    assert by_name(blind)["/r1/safety_monitor"].parameters["laser"].value is False
 
 
 def test_an_argument_without_a_default_has_to_be_given() -> None:

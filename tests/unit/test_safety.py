@@ -36,7 +36,7 @@ def test_a_free_way() -> None:
     assert (decision.action, decision.twist) == ("clear", drive(0.4, turn=0.2))
 
 
-@pytest.mark.parametrize(
+DOUBTS = pytest.mark.parametrize(
     ("changes", "reason"),
     [
         ({"scan": None}, "no_scan"),
@@ -54,6 +54,23 @@ def test_a_free_way() -> None:
         ({"speed": math.nan}, "overspeed"),
     ],
 )
+
+
+@DOUBTS
+def test_a_base_without_a_laser_is_stopped_by_all_but_obstacles(changes: dict[str, object], reason: str) -> None:
+    blind = msgspec.structs.replace(LIMITS, laser=False)
+    seen = Seen(command=drive(2.0), command_age=0.01, speed=0.0)
+    decision = decide(seen, blind)
+    assert (decision.action, decision.reason, decision.twist) == ("clear", "no_laser", drive(1.0))
+    near = msgspec.structs.replace(seen, scan=scan(rest=0.1), scan_age=0.01)
+    assert decide(near, blind).action == "clear"
+    if not reason.endswith("_scan"):
+        stopped = decide(msgspec.structs.replace(seen, **changes), blind)
+        assert (stopped.action, stopped.reason) == ("stop", reason)
+    assert decide(msgspec.structs.replace(seen, emergency_stop=True), blind).reason == "emergency_stop"
+
+
+@DOUBTS
 def test_doubt_stops_and_says_why(changes: dict[str, object], reason: str) -> None:
     seen = Seen(command=drive(), command_age=0.01, scan=scan(), scan_age=0.01, speed=0.0)
     decision = decide(msgspec.structs.replace(seen, **changes), LIMITS)
