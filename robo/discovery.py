@@ -4,6 +4,7 @@ A token is a key that vanishes with its session, however that ends. Its last fiv
 that it can be read whatever the namespace's length; `/` within a chunk is written `%`:
 
     @robo/<namespace>/node/<node>/<class>/<pid>/<host>%<run>
+    @robo/<namespace>/claim/<node>/<robot>/<pid>/<host>%<run>
     @robo/<namespace>/pub/<node>/<type>/<depth>/<topic key>
     @robo/<namespace>/sub/<node>/<type>/<depth>/<topic key>
     @robo/<namespace>/srv/<node>/<type>/0/<service key>
@@ -19,7 +20,7 @@ Anybody may declare any key: what does not spell a token to the letter is none.
 import os
 import threading
 from collections.abc import Iterable
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 import msgspec
 import zenoh
@@ -39,6 +40,8 @@ _MOST_DIGITS = 9
 class NodeToken(msgspec.Struct, frozen=True):
     """A node that is ready."""
 
+    ALL: ClassVar[str] = f"{PREFIX}/**/node/*/*/*/*"
+
     namespace: str
     node: str
     class_name: str
@@ -56,6 +59,31 @@ class NodeToken(msgspec.Struct, frozen=True):
         """The token's key expression."""
         parts = (self.class_name, str(self.pid), names.join(self.host, self.run))
         return names.join(PREFIX, self.namespace, "node", self.node, *map(_mangle, parts))
+
+
+class ClaimToken(msgspec.Struct, frozen=True):
+    """A node that a process is going to run, or runs: nobody else may."""
+
+    ALL: ClassVar[str] = f"{PREFIX}/**/claim/*/*/*/*"
+
+    namespace: str
+    node: str
+    robot: str
+    """What the run is called; empty for a node that is run alone."""
+    pid: int
+    """Of the process that starts the node."""
+    host: str
+    run: str
+
+    @property
+    def full_name(self) -> str:
+        """The node's, for example `/r1/position_tracker`."""
+        return "/" + names.join(self.namespace, self.node)
+
+    def key(self) -> str:
+        """The token's key expression."""
+        parts = (self.robot, str(self.pid), names.join(self.host, self.run))
+        return names.join(PREFIX, self.namespace, "claim", self.node, *map(_mangle, parts))
 
 
 class EndpointToken(msgspec.Struct, frozen=True):
@@ -80,7 +108,10 @@ class EndpointToken(msgspec.Struct, frozen=True):
         return names.join(PREFIX, self.namespace, self.kind, self.node, *map(_mangle, parts))
 
 
-def parse_token(key: str) -> NodeToken | EndpointToken | None:
+Token = NodeToken | ClaimToken | EndpointToken
+
+
+def parse_token(key: str) -> Token | None:
     """The token that a key spells; None for a key that is no token of robo's."""
     chunks = key.split("/")
     if len(chunks) < 6 or chunks[0] != PREFIX or not all(map(names.is_word, (*chunks[1:-5], chunks[-4]))):
@@ -91,10 +122,10 @@ def parse_token(key: str) -> NodeToken | EndpointToken | None:
     number = parse_number(b)
     if number is None or not (a + c).isprintable():
         return None
-    found: NodeToken | EndpointToken | None = None
-    if kind == "node":
+    found: Token | None = None
+    if kind in ("node", "claim"):
         host, _, run = c.partition("/")
-        found = NodeToken(namespace, node, a, number, host, run)
+        found = (NodeToken if kind == "node" else ClaimToken)(namespace, node, a, number, host, run)
     for end in ENDPOINT_KINDS:
         if kind == end:
             found = EndpointToken(namespace, node, end, a, number, c)
@@ -115,7 +146,7 @@ def tokens(session: zenoh.Session, timeout: float) -> list[NodeToken | EndpointT
     """
     replies = session.liveliness().get(ALL_TOKENS, timeout=timeout)
     found = [parse_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]
-    return [token for token in found if token is not None]
+    return [token for token in found if isinstance(token, NodeToken | EndpointToken)]
 
 
 def status_key(namespace: str, node: str) -> str:

@@ -13,14 +13,17 @@ import msgspec
 
 from robo import heartbeat, log
 from robo.discovery import wait_for_nodes
-from robo.errors import RoboError
+from robo.errors import RoboError, RunError
 from robo.node import Node, exit_code_of
 from robo.parameter_server import Said
+from robo.run_id import RUN_VARIABLE, new_run_id
 from robo.session import Mode, Network, close_session, open_session
 from robo.terminal import visible
 
 if TYPE_CHECKING:
     from types import FrameType
+
+    from robo.claims import Claim
 
 SPEC_VARIABLE = "ROBO_NODE"
 
@@ -103,9 +106,12 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
     if threading.excepthook is threading.__excepthook__:  # who has set another one cares himself
         threading.excepthook = lambda died: _thread_died(node, died)
     network = Network.from_environment(spec.mode or "router", spec.connect, spec.listen)
+    claim = _claim_name(node.full_name, network)
     session = open_session(msgspec.structs.replace(network, name=node.full_name))
     failure: BaseException | None = None
     try:
+        if claim is not None:
+            claim.hold(session)
         unseen = wait_for_nodes(session, spec.needs, timeout=5.0)
         if unseen:
             node.logger.warning("starting although it does not see %s", ", ".join(sorted(unseen)))
@@ -119,6 +125,8 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
         failure = error
         raise
     finally:
+        if claim is not None:
+            claim.close()
         if not close_session(session):  # and so Python would wait for Zenoh at exit
             end_process(node.exit_code if failure is None else report(failure))
     atexit.register(_end_with_threads, node.exit_code)
@@ -128,6 +136,25 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
 def _thread_died(node: Node, died: threading.ExceptHookArgs) -> None:
     if died.exc_type is not SystemExit and died.exc_value is not None:  # with that a thread ends as it wants to
         node.thread_died(died.exc_value)
+
+
+def _claim_name(full_name: str, network: Network) -> "Claim | None":
+    """Claim the name of a node that nobody has launched; the names of others are claimed by who has launched them.
+
+    Raises:
+        RunError: another node has the name.
+        PortTaken: its port is held by a program that is no Zenoh router.
+    """
+    if network.mode != "router" or RUN_VARIABLE in os.environ:
+        return None
+    from robo import claims
+
+    claim = claims.Claim(network, "", [full_name], new_run_id())
+    taken = claim.take()
+    if taken:
+        claim.close()
+        raise RunError(f"{claims.told(taken)}; stop it, or choose another --robot-name or --name")
+    return claim
 
 
 def _end_with_threads(code: int) -> None:

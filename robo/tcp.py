@@ -11,7 +11,20 @@ def address_of(endpoint: str) -> tuple[str, int] | None:
     """Host and port of a Zenoh endpoint over TCP; None for another kind."""
     protocol, _, rest = endpoint.partition("/")
     host, _, port = rest.partition("?")[0].partition("#")[0].rpartition(":")
-    return (host.strip("[]"), int(port)) if protocol == "tcp" and port.isdigit() and int(port) < 65536 else None
+    return (
+        (host.strip("[]"), int(port))
+        if protocol == "tcp" and port.isdecimal() and port.isascii() and int(port) < 65536
+        else None
+    )
+
+
+def nearby(endpoint: str) -> str | None:
+    """An endpoint to listen at, as this machine itself would dial it; None for another kind than TCP."""
+    address = address_of(endpoint)
+    if address is None:
+        return None
+    host = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(address[0])
+    return endpoint if host is None else f"tcp/{host}:{address[1]}"
 
 
 def tried(endpoints: Sequence[str], within: float) -> Iterator[tuple[str, OSError | None]]:
@@ -48,3 +61,29 @@ def tried(endpoints: Sequence[str], within: float) -> Iterator[tuple[str, OSErro
 def answering(endpoints: Sequence[str], within: float) -> Iterator[str]:
     """Those of some endpoints where somebody answers in time; as `tried`."""
     return (endpoint for endpoint, wrong in tried(endpoints, within) if wrong is None)
+
+
+def reason(error: OSError) -> str:
+    """Why an endpoint cannot be reached, in words."""
+    match error:
+        case ConnectionRefusedError():
+            return "nobody listens there"
+        case TimeoutError():
+            return "no answer"
+        case socket.gaierror():
+            return "there is no host of that name"
+        case _:
+            return f"it cannot be reached ({error.strerror or error})"
+
+
+def listener(port: int) -> str:
+    """Who listens at a port of this machine, as ` by process 17 (python3)`; empty where that cannot be known."""
+    import psutil
+
+    try:
+        for one in psutil.net_connections("tcp"):
+            if one.status == psutil.CONN_LISTEN and one.laddr and one.laddr[1] == port and one.pid is not None:
+                return f" by process {one.pid} ({psutil.Process(one.pid).name()})"
+    except psutil.Error:
+        pass
+    return ""

@@ -46,6 +46,8 @@ def print_nodes(reach: Reach, *, json: bool) -> None:
     else:
         rows = [(token.full_name, token.class_name, str(token.pid), token.host) for token in found]
         print_table([("NODE", "CLASS", "PID", "HOST"), *rows])
+    for same in nodes.twins(found):
+        note(f"warning: {same}; stop one of them")
 
 
 def print_info(name: str, reach: Reach, *, json: bool) -> int:

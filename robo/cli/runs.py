@@ -3,6 +3,8 @@
 import time
 from collections.abc import Sequence
 
+import msgspec
+
 from robo.cli.connection import (
     clear_screen,
     clock_time,
@@ -15,8 +17,9 @@ from robo.cli.connection import (
     print_table,
 )
 from robo.cli.reach import Reach
+from robo.discovery import NodeToken
 from robo.supervisor.status import Event, Exit, Explanation, ProcessStatus
-from robo.tools import runs
+from robo.tools import nodes, runs
 
 COLOURS = {"ready": "32", "completed": "32", "degraded": "33", "restarting": "33", "starting": "36", "failed": "31"}
 _STALE = 2.0
@@ -33,6 +36,7 @@ def print_processes(reach: Reach, *, json: bool, watch: bool, interval: float) -
         while True:
             waits = reach.robot is not None or watch
             found = runs.processes(session, reach.robot) if waits else runs.all_processes(session)
+            found = _with_twins(found, nodes.list_nodes(session))
             if watch and not json:
                 clear_screen()
             if json:
@@ -43,6 +47,17 @@ def print_processes(reach: Reach, *, json: bool, watch: bool, interval: float) -
             if not watch:
                 return
             time.sleep(interval)
+
+
+def _with_twins(found: Sequence[ProcessStatus], there: Sequence[NodeToken]) -> list[ProcessStatus]:
+    """The processes, with a word on those that are not alone in what they do."""
+    twins = {same.node: str(same) for same in nodes.twins(there)}
+    return [
+        msgspec.structs.replace(one, reason="; ".join(filter(None, (one.reason, twins[one.node].partition(" ")[2]))))
+        if one.node in twins
+        else one
+        for one in found
+    ]
 
 
 _HEAD = ("ROBOT", "GROUP", "NODE", "STATE", "PID", "RESTARTS", "UPTIME", "CPU", "MEMORY", "OUT", "IN", "REASON")

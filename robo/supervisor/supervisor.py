@@ -22,8 +22,8 @@ from pathlib import Path
 import msgspec
 import zenoh
 
-from robo import discovery, names, tcp
-from robo.discovery import NodeToken
+from robo import claims, discovery, names
+from robo.discovery import ClaimToken, NodeToken
 from robo.errors import NetworkError
 from robo.heartbeat import WATCH_VARIABLE
 from robo.launch.plan import Plan, ProcessPlan, StopPlan, TopicPlan
@@ -63,8 +63,6 @@ gives single processes more."""
 _HURRY = 0.5
 """How long processes have after a second Ctrl-C, s."""
 
-_ANSWERS_WITHIN = 0.5
-"""How long a start waits for a site that may know of another run of the robot, s."""
 _STARTING = 2.0
 """For how long nobody's processor time is measured, s: that would take a tenth of what a start takes."""
 
@@ -141,7 +139,7 @@ class Supervisor:
                 endpoints=list(router.listen),
             )
         )
-        self._logs_work = True
+        self._logs_work = False
         self.changes = Changes()
         self._members = {p.full_name: Member(p, label_of(plan, p), self) for p in plan.processes}
         self._elsewhere: dict[str, set[NodeToken]] = {}
@@ -152,6 +150,11 @@ class Supervisor:
         self._lives: dict[str, asyncio.Task[None]] = {}
         self._chores: set[asyncio.Task[None]] = set()
         self._tended: list[asyncio.Task[None]] = []
+        self._claim = claims.Claim(router, plan.robot, [p.full_name for p in plan.processes], self._run_id)
+        self._claimed: dict[str, zenoh.LivelinessToken] = {}
+        """By full name, what keeps others from running a node of that name."""
+        self._settled = False
+        """Whether others see these."""
         self._session: zenoh.Session | None = None
         self._router = Child(lambda _, line: self._console.line(SUPERVISOR, f"router: {line}"))
         self._topics: TopicWatch | None = None
@@ -183,13 +186,16 @@ class Supervisor:
         loop = asyncio.get_running_loop()
         self._take_signals(loop)
         try:
-            self._begin_logs()
             if orphans.leftovers():
                 ended = await asyncio.to_thread(orphans.end_leftovers)
                 self._warn(f"ended {len(ended)} processes that an earlier run had left behind: {ended}")
-            if await self._runs_already():
+            refusal = await asyncio.to_thread(self._refusal)
+            if refusal is not None:
+                for line in refusal.splitlines():
+                    self._warn(line)
                 self._finish(1)
                 return 1
+            self._begin_logs()
             await self._start_router()
             self._tend(self._keep_router(), "the router")
             self._phase("router started")
@@ -198,6 +204,7 @@ class Supervisor:
             if await self._join(loop):
                 self._event("up", "")
                 self._tell_of_the_fallen()
+                self._tend(self._settle(), "the claim of names")
                 self._tend(self._look_after(), "the run")
             await self._supervise()
         except Exception as error:
@@ -222,6 +229,7 @@ class Supervisor:
                 self._warn(f"ended process {pid}, which a node had left behind")
 
         steps: list[Callable[[], Coroutine[object, object, object] | None]] = [
+            self._claim.close,
             self._stop_all,
             lambda: self._event("down", ""),
             stop_tending,
@@ -250,29 +258,37 @@ class Supervisor:
 
     # -- start -----------------------------------------------------------------------------------
 
-    async def _runs_already(self) -> bool:
-        """Whether another supervisor runs this robot, where the network can be asked before this run joins it."""
-        dialled = self._router_network.connect
-        answering = await asyncio.to_thread(lambda: tuple(tcp.answering(dialled, _ANSWERS_WITHIN)))
-        if not answering:
-            return False
+    def _refusal(self) -> str | None:
+        """Why this run may not start, where others have its names or its port, in words; else they are its own."""
         try:
-            network = Network(mode="client", connect=answering, timeout=_ANSWERS_WITHIN)
-            session = await asyncio.to_thread(open_session, network)
-        except NetworkError:
-            return False  # whoever listens there speaks no Zenoh
-        replies = session.liveliness().get(supervisors_key(self._plan.robot), timeout=_ANSWERS_WITHIN)
-        told = (parse_supervisor_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None)
-        found = [token for token in told if token is not None]
-        await asyncio.to_thread(close_session, session)
+            taken = self._claim.take()
+        except NetworkError as error:
+            return str(error)
+        replies = (
+            reply
+            for session in self._claim.sessions
+            for reply in session.liveliness().get(supervisors_key(self._plan.robot), timeout=claims.ANSWERS_WITHIN)
+        )
+        tokens = (parse_supervisor_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None)
         # Another host's part of the robot may run beside this one.
-        same = [token for token in found if not (token.part and self._plan.host and token.part != self._plan.host)]
+        mine = self._plan.host
+        same = [one for one in tokens if one is not None and not (one.part and mine and one.part != mine)]
         if same:
-            self._warn(
-                f"{self._plan.robot} runs already (process {same[0].pid} on {same[0].machine}); stop it with "
-                "`robo down` or choose another --robot-name"
-            )
-        return bool(same)
+            runs = f"{self._plan.robot} runs already (process {same[0].pid} on {same[0].machine})"
+        elif taken:
+            runs = claims.told(taken)
+        else:
+            return None
+        return f"{runs}; stop it with `robo down` or choose another --robot-name"
+
+    async def _settle(self) -> None:
+        """Hold the names until others see the tokens of this run's own session."""
+        await asyncio.to_thread(self._claim.settle, self._is_seen)
+        self._settled = True
+
+    def _is_seen(self, session: zenoh.Session) -> bool:
+        replies = session.liveliness().get(self._token_key, timeout=claims.ANSWERS_WITHIN)
+        return any(reply.ok is not None for reply in replies)
 
     async def _start_router(self) -> None:
         variables = {NETWORK_VARIABLE: msgspec.json.encode(self._router_network).decode()}
@@ -325,9 +341,12 @@ class Supervisor:
             if isinstance(token, NodeToken):
                 work = self._on_token if sample.kind == zenoh.SampleKind.PUT else self._on_token_gone
                 loop.call_soon_threadsafe(work, token)
+            elif isinstance(token, ClaimToken) and sample.kind == zenoh.SampleKind.PUT:
+                loop.call_soon_threadsafe(self._on_claim, token)
             elif token is None and parse_supervisor_token(key) is None and sample.kind == zenoh.SampleKind.PUT:
                 loop.call_soon_threadsafe(self._on_unreadable, key)
 
+        self._claimed = dict(zip(self._members, claims.declare(session, self._claim.tokens), strict=True))
         session.liveliness().declare_subscriber(discovery.ALL_TOKENS, notice, history=True)
         self._topics = TopicWatch(session, self._promises())
         verbs = {
@@ -344,7 +363,8 @@ class Supervisor:
         token = SupervisorToken(
             self._plan.robot, os.getpid(), discovery.hostname(), self._plan.host, str(session.zid())
         )
-        self._token = session.liveliness().declare_token(token.key())
+        self._token_key = token.key()
+        self._token = session.liveliness().declare_token(self._token_key)
         return True
 
     def _promises(self) -> list[TopicPlan]:
@@ -367,11 +387,23 @@ class Supervisor:
             self.changes.notify()
         elif self._is_of(member, token):
             member.notice_token(token.pid)
-        elif self._announced:
+        elif not self._yields(token):
             self._warn(f"another {token.full_name} has come up (process {token.pid} on {token.host})")
-        else:  # the newcomer gives way
-            self._warn(f"{token.full_name} runs already (process {token.pid}); stop it or choose another --robot-name")
-            self._finish(1)
+
+    def _on_claim(self, token: ClaimToken) -> None:
+        if token.full_name in self._members and token.run != self._run_id:
+            self._yields(token)
+
+    def _yields(self, token: NodeToken | ClaimToken) -> bool:
+        """Give way to another that has a node's name, where both have begun at once and it did so earlier.
+
+        One that began later has seen the claims of this run, and gives way itself.
+        """
+        if self._settled or token.run > self._run_id:
+            return False
+        self._warn(f"{claims.told([token])}; stop it with `robo down` or choose another --robot-name")
+        self._finish(1)
+        return True
 
     def _is_of(self, member: Member, token: NodeToken) -> bool:
         """Whether a token is that of a member's process, which may not even be known to have started."""
@@ -589,6 +621,7 @@ class Supervisor:
             member = self._members.get(name)
             if member is None:
                 self._members[name] = Member(new, label_of(plan, new), self)
+                self._claim_name(name)
                 self._begin_life(name)
             elif not same(member.plan, new):
                 member.take_over(new)
@@ -598,10 +631,17 @@ class Supervisor:
         for name in self._members.keys() - wanted.keys():
             self._do(self._remove(name))
 
+    def _claim_name(self, name: str) -> None:
+        if self._session is not None:
+            token = ClaimToken(*names.split(name), self._plan.robot, os.getpid(), discovery.hostname(), self._run_id)
+            (self._claimed[name],) = claims.declare(self._session, [token])
+
     async def _remove(self, name: str) -> None:
         await self._members[name].stop()
         del self._members[name]
         self._lives.pop(name).cancel()
+        if name in self._claimed:
+            self._claimed.pop(name).undeclare()
         self.changes.notify()
 
     # -- commands ------------------------------------------------------------------------------------
@@ -777,15 +817,20 @@ class Supervisor:
         try:
             self._log_files.begin()
         except OSError as error:
-            self._logs_work = False
             self._console.warn(f"no log files: {error}")
+            return
+        self._logs_work = True
+        for line in self._recent:
+            self._write(line)
 
     def _log(self, line: LogRecord) -> None:
         self._recent.append(line)
         if self._control is not None:
             self._control.publish_line(line)
-        if not self._logs_work:
-            return
+        if self._logs_work:
+            self._write(line)
+
+    def _write(self, line: LogRecord) -> None:
         try:
             self._log_files.write(line)
         except OSError as error:  # a full disk must not stop a robot

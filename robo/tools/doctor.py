@@ -17,11 +17,13 @@ from typing import Literal
 import msgspec
 import psutil
 
+from robo.claims import port_taken
 from robo.errors import NetworkError
 from robo.session import RENDEZVOUS, Network, close_session, open_session
 from robo.supervisor import orphans
 from robo.supervisor.cgroup import ControlGroup
 from robo.supervisor.log_files import log_base
+from robo.tools import nodes
 
 Verdict = Literal["ok", "note", "fault"]
 
@@ -48,6 +50,7 @@ def examine(connect: Sequence[str], *, kill_test: bool = False) -> Iterator[Find
         packages,
         lambda: port(connect),
         lambda: router(connect),
+        lambda: twins(connect),
         multicast,
         clock,
         files,
@@ -92,13 +95,8 @@ def port(connect: Sequence[str]) -> Finding:
         except OSError as error:
             if _reaches_router(connect):
                 return Finding("port", "ok", f"port {address[1]} is taken by a Zenoh router: robots join it")
-            who = _listener(address[1])
-            return Finding(
-                "port",
-                "fault",
-                f"port {address[1]} on {address[0]} is taken{who} and no Zenoh answers there ({error.strerror})",
-                "stop that program, or choose another port: robo up --listen tcp/127.0.0.1:7448",
-            )
+            fault, _, fix = port_taken(f"tcp/{address[0]}:{address[1]}").partition("\n")
+            return Finding("port", "fault", f"{fault} ({error.strerror})", fix.strip())
     return Finding("port", "ok", f"port {address[1]} on {address[0]} is free")
 
 
@@ -108,6 +106,22 @@ def router(connect: Sequence[str]) -> Finding:
     if _reaches_router(connect):
         return Finding("router", "ok", f"a router answers at {where}")
     return Finding("router", "note", f"no router answers at {where}", "robo up starts one with each robot")
+
+
+def twins(connect: Sequence[str]) -> Finding:
+    """Whether each name is that of one node."""
+    network = msgspec.structs.replace(Network.from_environment("client", connect), timeout=0.5)
+    try:
+        session = open_session(network)
+    except NetworkError:
+        return Finding("names", "ok", "no node runs, so none has the name of another")
+    there = nodes.list_nodes(session)
+    close_session(session)
+    found = nodes.twins(there)
+    if found:
+        fix = "stop one of them: they publish on the same topics, each against the other"
+        return Finding("names", "fault", "; ".join(map(str, found)), fix)
+    return Finding("names", "ok", f"each of {len(there)} nodes has a name of its own")
 
 
 def multicast() -> Finding:
@@ -266,17 +280,3 @@ def _reaches_router(connect: Sequence[str]) -> bool:
     except NetworkError:
         return False
     return True
-
-
-def _listener(number: int) -> str:
-    try:
-        connections = psutil.net_connections("tcp")
-    except psutil.Error:
-        return ""
-    for one in connections:
-        if one.status == psutil.CONN_LISTEN and one.laddr and one.laddr[1] == number and one.pid is not None:
-            try:
-                return f" by process {one.pid} ({psutil.Process(one.pid).name()})"
-            except psutil.Error:
-                return f" by process {one.pid}"
-    return ""

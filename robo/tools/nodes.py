@@ -111,6 +111,25 @@ def list_nodes(session: zenoh.Session, timeout: float = 1.0) -> list[NodeToken]:
     return sorted(found, key=lambda token: token.full_name)
 
 
+class Twins(msgspec.Struct, frozen=True):
+    """Nodes of one name: they work on one set of keys, each against the other."""
+
+    node: str
+    tokens: list[NodeToken]
+
+    def __str__(self) -> str:
+        where = ", ".join(f"process {token.pid} on {token.host}" for token in self.tokens)
+        return f"{self.node} runs {'twice' if len(self.tokens) == 2 else f'{len(self.tokens)} times'}: {where}"
+
+
+def twins(nodes: Iterable[NodeToken]) -> list[Twins]:
+    """The names that several of some nodes have."""
+    named: dict[str, list[NodeToken]] = {}
+    for token in nodes:
+        named.setdefault(token.full_name, []).append(token)
+    return [Twins(name, same) for name, same in sorted(named.items()) if len(same) > 1]
+
+
 def list_services(session: zenoh.Session, timeout: float = 1.0) -> list[ServiceInfo]:
     """Every service that somebody serves, sorted by key."""
     ends = [token for token in tokens(session, timeout) if isinstance(token, EndpointToken)]

@@ -18,7 +18,7 @@ from msgspec import Meta
 import robo
 from robo import KEEP_ALL, Node, NodeStatus, Publisher, service, subscribe, timer
 from robo.codec import unpack_attachment
-from robo.discovery import ALL_TOKENS, EndpointToken, NodeToken, parse_token, wait_for_nodes
+from robo.discovery import ALL_TOKENS, EndpointToken, NodeToken, Token, parse_token, wait_for_nodes
 from robo.errors import NetworkError
 from robo.session import Network, close_session, open_session
 from robo_messages import Image, String, Trigger, Twist, Vector3
@@ -227,7 +227,7 @@ def test_a_callback_may_end_the_node(session: zenoh.Session, other: zenoh.Sessio
 
 
 def test_tokens_tell_of_a_node_and_vanish_with_it(session: zenoh.Session, other: zenoh.Session) -> None:
-    def tokens() -> list[NodeToken | EndpointToken | None]:
+    def tokens() -> list[Token | None]:
         return [parse_token(str(r.ok.key_expr)) for r in other.liveliness().get(ALL_TOKENS, timeout=5) if r.ok]
 
     with Echo(namespace="r1", session=session):
