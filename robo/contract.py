@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 import typing
 from collections.abc import Callable
+from functools import partial
+from types import FunctionType, MethodType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import msgspec
@@ -227,6 +229,75 @@ def timer(*, rate: float | str) -> Callable[[Callable[[N], None]], Callable[[N],
     return mark
 
 
+_GENERATOR, _ASYNC = 0x20, 0x80 | 0x200  # as in `inspect`, whose import would cost each node 0.5 MB
+
+
+def check_plain(callback: Callable[..., object], name: str = "") -> None:
+    """Refuse a callback whose call would do nothing: an `async def`, or one that yields.
+
+    Args:
+        callback: a function, a method, a partial or an object to call.
+        name: what to call it; by default its own name.
+
+    Raises:
+        ContractError: it is such a one.
+    """
+    function: Any = callback
+    while (inner := _inner(function)) is not None:
+        function = inner
+    code = getattr(function, "__code__", None)
+    if code is None or not code.co_flags & (_GENERATOR | _ASYNC):
+        return
+    what = "is async" if code.co_flags & _ASYNC else "yields, so that calling it does nothing"
+    raise ContractError(
+        f"{place_of(function)}: {name or function.__name__} {what}; a callback is a plain function (def) that returns"
+        " soon: what waits belongs into main() or a thread"
+    )
+
+
+def _inner(function: Any) -> Any:
+    """What a partial, a method or an object calls; None for a function. A decorator may make an async one plain."""
+    if isinstance(function, partial):
+        return function.func
+    if isinstance(function, MethodType):
+        return function.__func__
+    if isinstance(function, (FunctionType, type)) or not callable(function):
+        return None
+    call = type(function).__call__
+    return call if isinstance(call, FunctionType) else None
+
+
+def place_of(function: Any) -> str:
+    """`file:line` of a Python function."""
+    return f"{function.__code__.co_filename}:{function.__code__.co_firstlineno}"
+
+
+def check_constructor(cls: type[Node]) -> None:
+    """Refuse a class that a process could not make a node of: its `__init__` does not take what names a node.
+
+    Raises:
+        ContractError: it is such a one.
+    """
+    for base in cls.__mro__:
+        init = vars(base).get("__init__")
+        code = getattr(init, "__code__", None)
+        if code is None:
+            continue
+        if base.__module__ == "robo.node" or code.co_flags & _TAKES_KEYWORDS:
+            return
+        takes = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+        if not set(takes) >= _GIVEN_TO_A_NODE:
+            raise ContractError(
+                f"{place_of(init)}: {base.__name__}.__init__ does not take what a node is made with; write"
+                " def __init__(self, **options) and super().__init__(**options), or do it in on_start(self)"
+            )
+        return
+
+
+_TAKES_KEYWORDS = 0x08
+_GIVEN_TO_A_NODE = {"name", "namespace", "parameters", "remappings", "sources"}
+
+
 def snake_case(class_name: str) -> str:
     """`PositionTracker` to `position_tracker`."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", class_name).lower()
@@ -237,16 +308,24 @@ def contract_of(cls: type[Node]) -> Contract:
 
     Raises:
         ContractError: a callback does not say its message type, a timer names a parameter that is
-            not there, a message type has no name, or a parameter has no default.
+            not there, a message type has no name, a parameter has no default, a callback is async, or
+            Parameters is no robo.Parameters.
     """
     publishers: list[PublisherDeclaration] = []
     subscriptions: list[SubscriptionDeclaration] = []
     timers: list[TimerDeclaration] = []
     services: list[ServiceDeclaration] = []
     clients: list[ClientDeclaration] = []
+    if not (isinstance(cls.Parameters, type) and issubclass(cls.Parameters, parameters.Parameters)):
+        raise ContractError(
+            f"{cls.__name__}.Parameters is a plain class; write class Parameters(robo.Parameters), so that its values"
+            " are checked"
+        )
     infos = tuple(parameters.describe(cls.Parameters))
     for name, member in _members(cls).items():
         mark = getattr(member, _MARK, None)
+        if mark is not None:
+            check_plain(member, f"{cls.__name__}.{name}")
         if isinstance(member, Publisher):
             _check_type(cls, name, member.message_type)
             publishers.append(PublisherDeclaration(member.topic, member.message_type, member.depth, name))

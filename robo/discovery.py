@@ -149,6 +149,19 @@ def tokens(session: zenoh.Session, timeout: float) -> list[NodeToken | EndpointT
     return [token for token in found if isinstance(token, NodeToken | EndpointToken)]
 
 
+def publishers_of(session: zenoh.Session, topic: str, timeout: float) -> list[str]:
+    """The full names of the nodes that announce to publish a topic.
+
+    Args:
+        session: who asks.
+        topic: the key expression.
+        timeout: how long to wait for routers that do not answer, s.
+    """
+    replies = session.liveliness().get(names.join(PREFIX, "**/pub/*/*/*", _mangle(topic)), timeout=timeout)
+    found = [parse_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]
+    return sorted({token.full_name for token in found if isinstance(token, EndpointToken)})
+
+
 def status_key(namespace: str, node: str) -> str:
     """Where a node answers queries about its counters; `*` asks all nodes of a namespace."""
     return names.join(PREFIX, namespace, "status", node)

@@ -12,6 +12,7 @@ import robo_messages
 from robo import codec
 from robo.discovery import EndpointKind, EndpointToken
 from robo.executor import SubscriptionLoop, Turn
+from robo.message_check import MessageCheck
 from robo.qos import KEEP_ALL
 from robo_messages import Message
 
@@ -47,7 +48,8 @@ class TopicPublisher(Endpoint, Generic[M]):
     it sends nothing: a thread of one's own need not know the moment.
 
     Raises:
-        TypeError: it is no message of the topic's type, or a field holds something that cannot be sent.
+        TypeError: it is no message of the topic's type, or a field holds something that cannot be sent or
+            (see `message_check` for when this is noticed) is of another type than declared.
     """
 
     def __init__(self, session: zenoh.Session, token: EndpointToken, message_type: type[M]) -> None:
@@ -104,12 +106,18 @@ def _fast_publish(
     # pack_attachment(1, now), pack_attachment(2, now), …: one call that runs in C from end to end, so
     # it is quick and any thread may publish.
     stamp = map(codec.pack_attachment, numbers, iter(time.time_ns, None)).__next__
+    check = MessageCheck(message_type, topic)
+    checked = -1  # the size of the last message that was looked at
 
     def publish(message: M) -> None:
+        nonlocal checked
         if message.__class__ is not message_type and not isinstance(message, message_type):
             raise TypeError(f"{topic} takes {robo_messages.type_name(message_type)}, not {type(message).__name__}")
+        payload = encode(message)
+        if len(payload) != checked:
+            checked = check(payload)
         try:
-            put(encode(message), attachment=stamp())
+            put(payload, attachment=stamp())
         except zenoh.ZError:
             if put is not _nowhere:  # undeclared between the look-up of `put` and its call
                 raise

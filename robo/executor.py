@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import monotonic
-from types import TracebackType
+from types import CoroutineType, TracebackType
 from typing import Generic, TypeVar
 
 import msgspec
@@ -143,6 +143,17 @@ def name_of(callback: Callable[..., object]) -> str:
     return getattr(function, "__name__", type(function).__name__)
 
 
+def check_outcome(outcome: object) -> None:
+    """Refuse what a callback has returned where that is a coroutine: nobody would await it.
+
+    Raises:
+        ContractError: it is one.
+    """
+    if isinstance(outcome, CoroutineType):
+        outcome.close()
+        raise ContractError("the callback returned a coroutine, which nobody awaits; let it call a plain function")
+
+
 class _Thread(threading.local):
     """What the running thread is, if it runs callbacks."""
 
@@ -216,7 +227,7 @@ class SubscriptionLoop(Generic[M]):
         decoder: TopicDecoder[M],
         depth: int,
         turn: Turn,
-        callback: Callable[[M], None],
+        callback: Callable[[M], object],
         on_error: Callable[[BaseException], None],
         on_malformed: Callable[[str], None],
     ) -> None:
@@ -276,7 +287,8 @@ class SubscriptionLoop(Generic[M]):
                 while True:
                     handled += 1
                     try:
-                        callback(decode(sample.payload.to_bytes()))
+                        if (outcome := callback(decode(sample.payload.to_bytes()))) is not None:
+                            check_outcome(outcome)
                         self.received += 1
                     except BaseException as error:  # whatever it is, it must not end this thread
                         self._handle(error, sample)
@@ -343,7 +355,7 @@ class SubscriptionLoop(Generic[M]):
             return
         self.received += 1
         try:
-            self._callback(message)
+            check_outcome(self._callback(message))
         except BaseException as error:
             self._on_error(error)
 
@@ -356,7 +368,7 @@ class TimerLoop:
         name: str,
         period: Callable[[], float],
         turn: Turn,
-        callback: Callable[[], None],
+        callback: Callable[[], object],
         on_error: Callable[[BaseException], None],
         clock: Clock | None = None,
     ) -> None:
@@ -416,7 +428,7 @@ class TimerLoop:
                     return
                 turn.running, turn.since = self._name, monotonic()
                 try:
-                    self._callback()
+                    check_outcome(self._callback())
                 except BaseException as error:
                     self._on_error(error)
                 turn.busy += monotonic() - turn.since

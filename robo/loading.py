@@ -4,6 +4,7 @@ import importlib
 import os
 import sys
 
+from robo.contract import check_constructor
 from robo.errors import ContractError
 from robo.node import Node
 from robo.suggestions import MOST_LISTED, closest, suggest
@@ -18,6 +19,8 @@ def load_node_class(service: str) -> type[Node]:
         ContractError: the module or the class is not there, or cannot be imported; says what comes close.
     """
     module_name, _, class_name = service.partition(":")
+    if module_name.endswith(".py"):
+        raise ContractError(f"service {service!r} is a file; write its module, {_spelt_as_module(module_name)}")
     here = os.getcwd()
     if here not in sys.path:
         sys.path.insert(0, here)  # services of the folder one works in need no installation
@@ -38,10 +41,10 @@ def load_node_class(service: str) -> type[Node]:
     }
     if class_name:
         if class_name in classes:
-            return classes[class_name]
+            return _checked(classes[class_name])
         raise ContractError(f"module {module_name} has no node class {class_name!r}{_among(classes)}")
     if len(classes) == 1:
-        return next(iter(classes.values()))
+        return _checked(next(iter(classes.values())))
     if not classes:
         held = _modules_of(module_name)
         instead = f"it has {', '.join(held[:MOST_LISTED])}" if held else "a node is a subclass of robo.Node"
@@ -49,6 +52,15 @@ def load_node_class(service: str) -> type[Node]:
     raise ContractError(
         f"module {module_name} defines several node classes; write one of {_options(module_name, classes)}"
     )
+
+
+def _spelt_as_module(path: str) -> str:
+    return os.path.normpath(path).removesuffix(".py").replace(os.sep, ".").lstrip(".")
+
+
+def _checked(node_class: type[Node]) -> type[Node]:
+    check_constructor(node_class)
+    return node_class
 
 
 def _options(module: str, classes: dict[str, type[Node]]) -> str:

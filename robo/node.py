@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import threading
 import time
 from collections import deque
@@ -16,7 +17,7 @@ import zenoh
 
 from robo import discovery, log, names
 from robo.clock import Clock, SimClock
-from robo.contract import Contract, contract_of
+from robo.contract import Contract, check_plain, contract_of
 from robo.discovery import NodeToken
 from robo.endpoints import TopicPublisher, TopicSubscription, endpoint_token
 from robo.errors import ContractError, ParameterError
@@ -44,6 +45,9 @@ READY_PERIOD = 0.05
 
 STOP_TIMEOUT = 2.0
 """How long `close` waits for callbacks that are running, all together, s."""
+
+MALFORMED_PERIOD = 5.0
+"""How often a topic on which malformed messages come is told of, s."""
 
 GRACE = 0.1
 """How long they have at least, where `main` took all the time, s."""
@@ -123,6 +127,7 @@ class Node:
         self._events: deque[ParameterEvent] = deque()
         self._events_lock = threading.Lock()
         self._callback_errors = 0
+        self._malformed_told: dict[str, float] = {}
         self._started_at = time.monotonic()
         self._running = False
         self._event_publisher: TopicPublisher[ParameterEvent] | None = None
@@ -278,6 +283,16 @@ class Node:
             raise RuntimeError(f"{self.full_name} has not started; use it as `with node:` or call start()")
         return self._session
 
+    def _joined(self, making: str) -> zenoh.Session:
+        """The session, for what is made on it."""
+        if self._session is None:
+            frame = sys._getframe(2)  # of the caller of create_…
+            raise ContractError(
+                f"{frame.f_code.co_filename}:{frame.f_lineno}: {making} before {self.full_name} has started; call it in"
+                " on_start(), or declare what the class always has (Publisher, @subscribe, @timer, @service, Client)"
+            )
+        return self._session
+
     def resolve(self, name: str) -> str:
         """The key expression of a topic name for this node, after namespace and remapping.
 
@@ -288,18 +303,25 @@ class Node:
 
     def create_publisher(self, message_type: type[M], topic: str, depth: int = DEFAULT_DEPTH) -> TopicPublisher[M]:
         """Make a publisher while running; for one the class always has, declare a `Publisher`."""
+        session = self._joined("create_publisher")
         token = endpoint_token(self.namespace, self.name, "pub", message_type, depth, self.resolve(topic))
-        publisher = TopicPublisher(self.session, token, message_type)
+        publisher = TopicPublisher(session, token, message_type)
         self._publishers.append(publisher)
         return publisher
 
     def create_subscription(
         self, message_type: type[M], topic: str, callback: Callable[[M], None], depth: int = DEFAULT_DEPTH
     ) -> TopicSubscription[M]:
-        """Subscribe while running; for a topic the class always reads, use `@subscribe`."""
+        """Subscribe while running; for a topic the class always reads, use `@subscribe`.
+
+        Raises:
+            ContractError: the node has not started, or the callback is async.
+        """
+        session = self._joined("create_subscription")
+        check_plain(callback)
         token = endpoint_token(self.namespace, self.name, "sub", message_type, depth, self.resolve(topic))
         subscription = TopicSubscription(
-            self.session, token, message_type, self._turn, callback, self._handler(callback), self._report_malformed
+            session, token, message_type, self._turn, callback, self._handler(callback), self._report_malformed
         )
         self._subscriptions.append(subscription)
         if self._running:
@@ -317,8 +339,9 @@ class Node:
             clock: whose seconds; by default the node's, which may be simulated.
 
         Raises:
-            ContractError: the period is not 1e-6 to 1e9 s.
+            ContractError: the period is not 1e-6 to 1e9 s, or the callback is async.
         """
+        check_plain(callback)
         ask = period if callable(period) else lambda: period
         checked_period(ask())
         timer = TimerLoop(name_of(callback), ask, self._turn, callback, self._handler(callback), clock or self.clock)
@@ -330,11 +353,15 @@ class Node:
     def create_service(
         self, request_type: type[Q], response_type: type[A], name: str, handler: Callable[[Q], A]
     ) -> ServiceServer[Q, A]:
-        """Serve while running; for a service the class always has, use `@service`."""
+        """Serve while running; for a service the class always has, use `@service`.
+
+        Raises:
+            ContractError: the node has not started, or the handler is async.
+        """
+        session = self._joined("create_service")
+        check_plain(handler)
         token = service_token(self.namespace, self.name, "srv", request_type, response_type, self.resolve(name))
-        server = ServiceServer(
-            self.session, token, request_type, response_type, self._turn, handler, self._handler(handler)
-        )
+        server = ServiceServer(session, token, request_type, response_type, self._turn, handler, self._handler(handler))
         self._services.append(server)
         return server
 
@@ -342,8 +369,9 @@ class Node:
         self, request_type: type[Q], response_type: type[A], name: str, timeout: float = DEFAULT_TIMEOUT
     ) -> ServiceClient[Q, A]:
         """Make a client of a service while running; for one the class always has, declare a `Client`."""
+        session = self._joined("create_client")
         token = service_token(self.namespace, self.name, "cli", request_type, response_type, self.resolve(name))
-        client = ServiceClient(self.session, token, request_type, response_type, timeout)
+        client = ServiceClient(session, token, request_type, response_type, timeout)
         self._clients.append(client)
         return client
 
@@ -606,7 +634,23 @@ class Node:
         self._shutdown.set()
 
     def _report_malformed(self, topic: str, count: int, reason: str) -> None:
-        self.logger.warning("dropped a malformed message on " + topic + " (%d so far): %s", count, reason, throttle=5.0)
+        now = time.monotonic()
+        if now - self._malformed_told.get(topic, float("-inf")) < MALFORMED_PERIOD:
+            return
+        self._malformed_told[topic] = now
+        # Who sends it is asked of the network: not in the thread that runs callbacks.
+        telling = threading.Thread(
+            target=self._tell_malformed, args=(self.session, topic, count, reason), name="robo-malformed", daemon=True
+        )
+        telling.start()
+
+    def _tell_malformed(self, session: zenoh.Session, topic: str, count: int, reason: str) -> None:
+        try:
+            publishers = discovery.publishers_of(session, topic, timeout=0.5)
+        except zenoh.ZError:  # the node has just left
+            publishers = []
+        origin = "; it is published there by " + (", ".join(publishers) or "no node that says so")
+        self.logger.warning("dropped a malformed message on %s (%d so far): %s%s", topic, count, reason, origin)
 
     def _answer_status(self, query: zenoh.Query, key: str) -> None:
         info = self.session.info

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NoReturn
 import msgspec
 
 from robo import heartbeat, log
+from robo.contract import check_constructor
 from robo.discovery import wait_for_nodes
 from robo.errors import RoboError, RunError
 from robo.node import Node, exit_code_of
@@ -90,6 +91,7 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
         Exception: what `on_start` raised.
     """
     log.setup()
+    check_constructor(node_class)
     node = node_class(
         name=spec.name,
         namespace=spec.namespace,

@@ -15,6 +15,7 @@ from robo.launch.find import find_manifest
 from robo.launch.graph import graph_of
 from robo.launch.schema import manifest_schema
 from robo.launch.substitution import Word
+from robo.modules import check_nothing_hides_robo
 from robo.yaml_tree import Position, Problem
 
 
@@ -27,6 +28,7 @@ def run_check(words: Sequence[str], *, robot_name: str | None, json: bool, graph
     Raises:
         UsageError: the words make no sense.
     """
+    check_nothing_hides_robo()
     names = [word for word in words if ":=" not in word]
     given: dict[str, object] = {
         name: Word(value) for name, assign, value in (word.partition(":=") for word in words) if assign

@@ -5,9 +5,12 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
+from robo.errors import UsageError
+from robo.modules import check_nothing_hides_robo, module_of
+
 USAGE = """Usage: robo run SERVICE [OPTIONS]
 
-Run one node. SERVICE is package.module, or package.module:Class.
+Run one node. SERVICE is package.module, or package.module:Class; a file of this folder works too.
 
 Options are the node's own: --robot-name NAME, --name NAME, -p NAME:=VALUE,
 --params-file FILE, -r FROM:=TO, --connect ENDPOINT, --listen ENDPOINT.
@@ -28,4 +31,13 @@ def hand_over(arguments: Sequence[str]) -> NoReturn:
     if "--ros-args" in arguments:
         print("error: leave --ros-args out: -p, -r and --params-file are options of robo run itself", file=sys.stderr)
         sys.exit(2)
-    os.execv(sys.executable, [sys.executable, "-m", "robo.node_process", *arguments])
+    service, colon, node_class = arguments[0].partition(":")
+    try:
+        check_nothing_hides_robo()
+        if service.endswith(".py"):
+            service = module_of(service)
+    except UsageError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(1)
+    words = [f"{service}{colon}{node_class}", *arguments[1:]]
+    os.execv(sys.executable, [sys.executable, "-m", "robo.node_process", *words])

@@ -68,6 +68,44 @@ def test_what_on_start_raises_is_told_once_and_counts(
         assert ("Traceback" in output) == (error.startswith("OSError"))
 
 
+@pytest.mark.parametrize("file", ["failing.py", "./failing.py", "nodes/failing.py", "failing.py:Failing"])
+def test_a_file_of_the_folder_is_run_as_its_module(endpoint: str, tmp_path: Path, file: str) -> None:
+    (tmp_path / "nodes").mkdir()
+    for folder in (tmp_path, tmp_path / "nodes"):
+        (folder / "failing.py").write_text(FAILING.format(error="SystemExit(3)"))
+    with robo("run", file, "--listen", endpoint, cwd=str(tmp_path)) as node:
+        assert node.wait() == 3
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("run", "x.py"), "error: there is no file x.py"),
+        (("run", "../x.py"), "error: there is no file ../x.py"),
+        (("check", "m.yaml"), "'failing.py' is a file; write its module, failing"),
+    ],
+)
+def test_a_file_that_is_no_service_is_told_in_a_sentence(tmp_path: Path, words: tuple[str, ...], told: str) -> None:
+    (tmp_path / "failing.py").write_text(FAILING.format(error="SystemExit(3)"))
+    (tmp_path / "m.yaml").write_text("groups: {g: {nodes: {bad: {service: failing.py}}}}")
+    with robo(*words, cwd=str(tmp_path)) as command:
+        assert command.wait() == 1
+        assert told in command.output
+        assert "Traceback" not in command.output
+
+
+@pytest.mark.parametrize("words", [("run", "failing"), ("up", "m.yaml"), ("check", "m.yaml")])
+def test_a_file_that_hides_robo_is_named(tmp_path: Path, words: tuple[str, ...]) -> None:
+    (tmp_path / "failing.py").write_text(FAILING.format(error="SystemExit(3)"))
+    (tmp_path / "m.yaml").write_text("groups: {g: {nodes: {bad: {service: failing}}}}")
+    (tmp_path / "robo.py").write_text("")
+    program = [str(Path(sys.executable).with_name("robo")), *words]
+    result = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, timeout=30, check=False)
+    assert result.returncode != 0
+    assert result.stderr.count("robo.py in this folder hides the package robo from every node") == 1
+    assert len(result.stderr.splitlines()) == 1
+
+
 def test_under_a_supervisor_it_is_told_once_too(endpoint: str, tmp_path: Path) -> None:
     (tmp_path / "failing.py").write_text(FAILING.format(error="OSError('no such device')"))
     (tmp_path / "m.yaml").write_text("groups: {g: {nodes: {bad: {service: failing, required: true}}}}")

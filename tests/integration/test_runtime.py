@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgpack
 import msgspec
@@ -19,7 +19,7 @@ import robo
 from robo import KEEP_ALL, Node, NodeStatus, Publisher, service, subscribe, timer
 from robo.codec import unpack_attachment
 from robo.discovery import ALL_TOKENS, EndpointToken, NodeToken, Token, parse_token, wait_for_nodes
-from robo.errors import NetworkError
+from robo.errors import ContractError, NetworkError
 from robo.session import Network, close_session, open_session
 from robo_messages import Image, String, Trigger, Twist, Vector3
 from robo_services.position_tracker import PositionTracker
@@ -99,11 +99,46 @@ def test_garbage_changes_nothing_but_a_counter_and_one_line(
         assert inbox.wait_for(1) == [{"data": "still here"}]
         assert node.status.malformed == {"r1/in": 18}
         eventually(lambda: node.status.received == {"r1/in": 1}, "the message is counted")
+        (record,) = log.wait_for(1)
+        assert (record["name"], record["level"]) == ("/r1/echo", 30)
+        eventually(lambda: "malformed" in caplog.text, "it is logged")
         lines = [r.getMessage() for r in caplog.records if "malformed" in r.getMessage()]
         assert len(lines) == 1
         assert "malformed message on r1/in" in lines[0]
-        (record,) = log.wait_for(1)
-        assert (record["name"], record["level"]) == ("/r1/echo", 30)
+        assert "published there by no node that says so" in lines[0]
+
+
+def test_a_publisher_of_a_wrong_field_is_told_and_a_receiver_is_told_the_publisher(
+    session: zenoh.Session, other: zenoh.Session, caplog: pytest.LogCaptureFixture
+) -> None:
+    wrong: Any = "fast"
+    with Echo(namespace="r1", session=session) as node, Echo(name="foe", namespace="r1", session=other) as foe:
+        assert not wait_for_nodes(other, ["/r1/echo"], 10)
+        publisher = foe.create_publisher(String, "in")
+        for _ in range(2):
+            with pytest.raises(TypeError, match="r1/in: data of std/String: expected str, got int"):
+                publisher.publish(String(data=5))  # type: ignore[arg-type]
+        with pytest.raises(TypeError, match=r"linear\.x of geometry/Twist: expected float, got str"):
+            foe.create_publisher(Twist, "twist").publish(Twist(Vector3(x=wrong)))
+        publisher.zenoh_publisher.put(msgpack.packb({"data": 5}))
+        eventually(lambda: "malformed" in caplog.text, "the receiver complains")
+        assert "it is published there by /r1/foe" in caplog.text
+        assert node.status.malformed == {"r1/in": 1}
+        assert publisher.published == 0
+
+
+def test_a_callback_that_returns_a_coroutine_is_an_error(
+    session: zenoh.Session, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def later() -> None:
+        """Do nothing that anybody waits for."""
+
+    with Echo(session=session) as node:
+        node.create_timer(0.001, lambda: later())  # type: ignore[arg-type]
+        eventually(lambda: node.status.callback_errors > 0, "it is noticed")
+        assert "returned a coroutine, which nobody awaits" in caplog.text
+        with pytest.raises(ContractError, match="later is async"):
+            node.create_service(Trigger.Request, Trigger.Response, "~/x", later)  # type: ignore[arg-type]
 
 
 def test_counters_can_be_asked_for_by_any_client(session: zenoh.Session, other: zenoh.Session) -> None:

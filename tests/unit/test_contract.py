@@ -1,11 +1,14 @@
-from typing import Annotated
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Annotated, Any
+from unittest.mock import MagicMock
 
 import pytest
 from msgspec import Meta
 
 import robo
-from robo import KEEP_ALL, Node, Publisher, subscribe, timer
-from robo.contract import contract_of, snake_case
+from robo import KEEP_ALL, Node, Publisher, service, subscribe, timer
+from robo.contract import check_constructor, check_plain, contract_of, snake_case
 from robo.errors import ContractError, ParameterError
 from robo.loading import load_node_class
 from robo_messages import Message, Odometry, Point, Twist
@@ -78,6 +81,76 @@ def test_a_timer_that_names_no_parameter_is_refused() -> None:
         timer(rate=0.0)
 
 
+class Caller:
+    async def __call__(self) -> None:
+        """Do nothing that anybody waits for."""
+
+
+async def _later(*_: object) -> None:
+    """Do nothing that anybody waits for."""
+
+
+def _yielding() -> Iterator[None]:
+    yield
+
+
+@pytest.mark.parametrize("callback", [_later, partial(_later, 1), Caller(), Caller().__call__, _yielding])
+def test_callbacks_whose_call_does_nothing_are_refused(callback: Callable[[], object]) -> None:
+    with pytest.raises(ContractError, match=r"test_contract\.py:\d+: .* (is async|yields)"):
+        check_plain(callback)
+
+
+@pytest.mark.parametrize("callback", [print, partial(print, 1), [].append, Caller, str, MagicMock(), lambda: None])
+def test_other_callbacks_are_fine(callback: Callable[[], object]) -> None:
+    check_plain(callback)
+
+
+@pytest.mark.parametrize("mark", [subscribe("odom"), timer(rate=1.0), service("reset")])
+def test_a_declared_callback_that_is_async_is_refused(mark: Callable[[object], object]) -> None:
+    class Waiting(Node):
+        async def work(self, _: Odometry) -> None:
+            """Do nothing that anybody waits for."""
+
+    mark(Waiting.work)
+    with pytest.raises(ContractError, match=r"test_contract\.py:\d+: Waiting\.work is async; a callback is a plain"):
+        contract_of(Waiting)
+
+
+def test_parameters_that_are_no_robo_parameters_are_refused() -> None:
+    class Plain(Node):
+        class Parameters:
+            rate = 1.0
+
+    with pytest.raises(ContractError, match=r"write class Parameters\(robo\.Parameters\)"):
+        Plain()
+
+
+def test_a_constructor_that_takes_no_options_is_refused_for_processes() -> None:
+    class Bare(Node):
+        def __init__(self) -> None:
+            super().__init__(name="bare")
+
+    class Open(Bare):
+        def __init__(self, **_: object) -> None:
+            super().__init__()
+
+    with pytest.raises(ContractError, match=r"test_contract\.py:\d+: Bare\.__init__ does not take .*on_start"):
+        check_constructor(Bare)
+    check_constructor(Open)
+    check_constructor(PositionTracker)
+    assert Bare().name == "bare"  # by hand it may be made
+
+
+def test_endpoints_made_too_early_are_refused() -> None:
+    class Early(Node):
+        def __init__(self, **options: Any) -> None:
+            super().__init__(**options)
+            self.create_publisher(Twist, "x")
+
+    with pytest.raises(ContractError, match=r"test_contract\.py:\d+: create_publisher before /early has started"):
+        Early()
+
+
 def test_depths_and_misuse() -> None:
     with pytest.raises(ContractError, match="depth -1"):
         subscribe("odom", depth=-1)
@@ -85,7 +158,7 @@ def test_depths_and_misuse() -> None:
     with pytest.raises(ContractError, match="before the node has started"):
         node.position.publish(Point())
     with pytest.raises(RuntimeError, match="has not started"):
-        node.create_publisher(Twist, "x")
+        assert node.session
 
 
 def test_a_node_checks_its_values_when_it_is_made() -> None:
@@ -113,6 +186,7 @@ def test_services_are_found_by_name() -> None:
         ("nowhere", "there is no service 'nowhere'"),
         ("robo_services.position_tracker:Tracker", "it has PositionTracker"),
         ("robo_services.utils", "defines no node class"),
+        ("./nodes/grip.py", "is a file; write its module, nodes.grip"),
         ("robo_services", "defines no node class; it has robo_services.carmen, "),
         ("position_tracker", "did you mean robo_services.position_tracker?"),
     ],

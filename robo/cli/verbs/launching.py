@@ -82,6 +82,9 @@ def up(
     Exit code: 0 ended by itself or by SIGTERM, 1 a mistake in a file or a node that failed, 2 words
     that make no sense, 130 Ctrl-C.
     """
+    from robo.modules import check_nothing_hides_robo
+
+    check_nothing_hides_robo()
     begun = None
     if not (dry_run or show_args or detach):
         from robo.supervisor.early import begin
