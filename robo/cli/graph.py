@@ -4,6 +4,7 @@ from robo import graph
 from robo.cli.connection import amount, connect_to_robot, note, print_text
 from robo.cli.reach import Reach
 from robo.errors import UsageError
+from robo.suggestions import MOST_LISTED
 from robo.terminal import escaped_json, visible
 from robo.tools import graph as tools
 
@@ -27,4 +28,6 @@ def print_graph(reach: Reach, *, form: str, hide_system: bool) -> None:
     problems = [topic.key for topic in found.topics if topic.problems]
     problems += [service.key for service in found.services if service.problems]
     if problems:
-        note(f"{amount(len(problems), 'key')} to look at: {', '.join(map(visible, problems))}")
+        more = ", …" if len(problems) > MOST_LISTED else ""
+        shown = ", ".join(map(visible, problems[:MOST_LISTED]))
+        note(f"{amount(len(problems), 'key')} to look at: {shown}{more}")

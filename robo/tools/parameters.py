@@ -41,7 +41,7 @@ def get(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ()) -> d
         NodeUnreachable: the node does not answer.
         ParameterError: it has no such parameter.
     """
-    return _ask(session, node, "get", _named(names), dict[str, object])
+    return _complete(node, names, _ask(session, node, "get", _named(names), dict[str, object]))
 
 
 def describe(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ()) -> list[Described]:
@@ -51,7 +51,8 @@ def describe(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ())
 
 def explain(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ()) -> dict[str, list[Said]]:
     """Everything that was said of parameters, from the weakest to what holds. Raises as `get`."""
-    return _ask(session, node, "explain", _named(names), dict[str, list[Said]])
+    said = _ask(session, node, "explain", _named(names), dict[str, list[Said]])
+    return _complete(node, names, {name: sources for name, sources in said.items() if sources})
 
 
 def set_all(session: zenoh.Session, node: NodeToken, changes: Mapping[str, object]) -> None:
@@ -98,6 +99,14 @@ def to_yaml(dumped: Mapping[str, Mapping[str, object]]) -> str:
 
     tree = {node: {parameter_files.ROS_KEY: nested(values, ".")} for node, values in dumped.items()}
     return as_yaml(tree)
+
+
+def _complete(node: NodeToken, names: Sequence[str], found: dict[str, T]) -> dict[str, T]:
+    """An answer that has all that was asked for: it may be a stranger's."""
+    lacking = [name for name in names if name not in found]
+    if lacking:
+        raise ParameterError(f"the answer of {node.full_name} cannot be read: it lacks {', '.join(lacking)}")
+    return found
 
 
 def _named(names: Sequence[str]) -> dict[str, object] | None:

@@ -62,6 +62,34 @@ def test_tokens_that_mean_nothing_are_told_once_and_left_out(
     assert "Traceback" not in robot.output
 
 
+def test_a_thousand_tokens_of_strangers_are_no_trouble_for_tools(
+    robot: Command, stranger: zenoh.Session, endpoint: str
+) -> None:
+    del robot
+    declared = []
+    for number in range(250):
+        name = f"q{number}"
+        ends = [f"{kind}/{name}/std%String/1/q%{number}%{kind}" for kind in ("pub", "sub", "srv")]
+        for token in (*ends, f"node/{name}/m:{name}/{number}/here"):
+            declared.append(stranger.liveliness().declare_token(f"@robo/q/{token}"))
+    for words in (
+        ["topic", "list", "-v"],
+        ["topic", "info", "q/7/pub"],
+        ["node", "list"],
+        ["service", "list"],
+        ["graph"],
+        ["top", "--once"],
+        ["net", "safety_monitor", "diff_drive_sim"],
+        ["param", "get", "safety_monitor", "rate"],
+        ["ps"],
+    ):
+        result = run_robo(*words, "--connect", endpoint)
+        assert result.returncode == 0, (words, result.stderr)
+        assert len(result.stderr) < 2_000, (words, result.stderr)
+    for one in declared:
+        one.undeclare()
+
+
 def test_answers_that_cannot_be_read_are_left_out_and_told_once(
     robot: Command, stranger: zenoh.Session, endpoint: str
 ) -> None:

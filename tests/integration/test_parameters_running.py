@@ -16,7 +16,8 @@ from msgspec import Meta
 
 import robo
 from robo import READ_ONLY, Node, ParameterError, Publisher, Unit, timer
-from robo.discovery import wait_for_nodes
+from robo.discovery import NodeToken, wait_for_nodes
+from robo.tools import parameters as tools
 from robo_messages import String
 from tests.support import Inbox
 
@@ -281,3 +282,19 @@ def test_a_rate_that_no_timer_can_keep_is_refused(session: zenoh.Session, other:
         beats.wait_for(2)
     with pytest.raises(ParameterError, match=r"^/r1/ticker: rate: a timer's rate of 0\.0 Hz"):
         Ticker(namespace="r1", session=session, parameters={"rate": 0}).start()
+
+
+def test_an_answer_that_lacks_what_was_asked_for_is_told(session: zenoh.Session, other: zenoh.Session) -> None:
+    token = NodeToken("r1", "ghost", "m:Ghost", 1, "here")
+
+    def answer(query: zenoh.Query) -> None:
+        with query:
+            query.reply(query.key_expr, msgpack.packb({"rate": []}))
+
+    served = session.declare_queryable("r1/ghost/parameters/*", answer)
+    for ask in (tools.get, tools.explain):
+        with pytest.raises(ParameterError, match="the answer of /r1/ghost cannot be read: it lacks width"):
+            ask(other, token, ["width"])
+    with pytest.raises(ParameterError, match="it lacks rate"):
+        tools.explain(other, token, ["rate"])
+    served.undeclare()
