@@ -132,17 +132,13 @@ class Claim:
             close_session(self.sessions.pop())
 
     def _meet(self, endpoint: str) -> zenoh.Session | None:
-        """A session with the router at an endpoint; None where there is none any more."""
-        end = time.monotonic() + (PATIENCE if endpoint in self._own else 0.0)
-        while True:
-            try:
-                return open_session(Network(mode="client", connect=(endpoint,), timeout=ANSWERS_WITHIN))
-            except NetworkError:
-                answers = next(tcp.answering([endpoint], ANSWERS_WITHIN), None) is not None
-                if not answers or endpoint not in self._own:
-                    return None  # it has left; or it is a site's, and the robot goes on without
-                if time.monotonic() > end:
-                    raise PortTaken(port_taken(endpoint)) from None
+        """A session with the router at an endpoint; None where there is none any more, or none at a site."""
+        if endpoint in self._own:
+            return meet(endpoint)
+        try:
+            return open_session(Network(mode="client", connect=(endpoint,), timeout=ANSWERS_WITHIN))
+        except NetworkError:
+            return None
 
     def _taken(self) -> list[Name]:
         own = {token.full_name for token in self.tokens}
@@ -163,6 +159,23 @@ class Claim:
     def _end_turn(self) -> None:
         while self._turns:
             self._turns.pop().close()
+
+
+def meet(endpoint: str) -> zenoh.Session | None:
+    """A session with the router that holds a port of this machine; None where it has just left.
+
+    Raises:
+        PortTaken: it is a program that is no Zenoh router.
+    """
+    end = time.monotonic() + PATIENCE
+    while True:
+        try:
+            return open_session(Network(mode="client", connect=(endpoint,), timeout=ANSWERS_WITHIN))
+        except NetworkError:
+            if next(tcp.answering([endpoint], ANSWERS_WITHIN), None) is None:
+                return None
+            if time.monotonic() > end:
+                raise PortTaken(port_taken(endpoint)) from None
 
 
 def declare(session: zenoh.Session, tokens: Sequence[ClaimToken]) -> list[zenoh.LivelinessToken]:

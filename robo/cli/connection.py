@@ -67,15 +67,7 @@ def _nothing_there(endpoints: Sequence[str], reach: Reach, waited: float) -> str
 
 
 def _what_is_wrong(error: OSError | None) -> str:
-    match error:
-        case None:
-            return "what listens there does not speak Zenoh"
-        case ConnectionRefusedError():
-            return "nobody listens there"
-        case TimeoutError():
-            return "no answer"
-        case _:
-            return f"cannot be reached ({error.strerror or error})"
+    return tcp.reason(error) if error is not None else "what listens there does not speak Zenoh"
 
 
 def nodes_of(session: zenoh.Session, reach: Reach) -> list[NodeToken]:

@@ -1,7 +1,5 @@
 """`robo interface`: printing message and service types."""
 
-import msgspec
-
 import robo_messages
 from robo.cli.connection import note, paint, print_json, print_line, print_table, print_text
 from robo.cli.json_text import document

@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from robo import tcp
+from robo import claims, tcp
 from robo.cli.connection import note, print_text
 from robo.cli.json_text import document
 from robo.cli.network import router_network
 from robo.names import nested
 from robo.router import route
-from robo.session import settings_by_path, settings_of
+from robo.session import close_session, settings_by_path, settings_of
 
 
 def run_router(*, name: str, listen: Sequence[str], connect: Sequence[str], config: Path | None) -> None:
@@ -21,9 +21,14 @@ def run_router(*, name: str, listen: Sequence[str], connect: Sequence[str], conf
     network = router_network(listen, connect, config, name=name)
     dials = [endpoint for endpoint in network.connect if endpoint not in network.listen]
     towards = f", linked to {', '.join(dials)}" if dials else ""
-    note(f"router {name} at {', '.join(network.listen)}{towards}; Ctrl-C stops")
-    if any(tcp.answering(network.listen, 0.1)):
-        note("another program has that port just now; this router takes it over when it is free")
+    held = list(tcp.answering([e for e in map(tcp.nearby, network.listen) if e is not None], 0.1))
+    if held:
+        other = claims.meet(held[0])
+        if other is not None:
+            close_session(other)
+        note(f"{held[0]} is another router's just now; router {name} takes it over when it is free; Ctrl-C stops")
+    else:
+        note(f"router {name} at {', '.join(network.listen)}{towards}; Ctrl-C stops")
     route(network, lambda: False, linger=0.0)
 
 

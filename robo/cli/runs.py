@@ -134,7 +134,11 @@ def why(names: Sequence[str], reach: Reach, *, json: bool) -> None:
         RoboError: there is no such robot or node.
     """
     with connect_to_robot(reach) as session:
-        found = runs.explain(session, runs.robot_of(session, reach.robot, names), names)
+        robot = runs.robot_of(session, reach.robot, names)
+        found = runs.explain(session, robot, names)
+        lost = runs.lost_sites(session, robot)
+    for site in lost if not json else ():
+        print_line(site)
     for explanation in found:
         if json:
             print_json(explanation)

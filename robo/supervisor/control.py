@@ -20,7 +20,7 @@ from robo.supervisor.status import Asked, Event, control_key, event_key, log_key
 _LONGEST = 60.0
 """How long a command may take, s."""
 
-READING = ("ps", "why", "events", "logs")
+READING = ("ps", "why", "events", "logs", "sites")
 """The verbs that only tell."""
 
 Verb = Callable[[Asked], Coroutine[Any, Any, object]]
@@ -67,7 +67,7 @@ class Control:
         payload = query.payload.to_bytes() if query.payload is not None else b""
         try:
             asked = msgspec.msgpack.decode(payload, type=Asked) if payload else Asked()
-        except msgspec.DecodeError as error:
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             reply_error(query, "UsageError", f"the request cannot be read: {error}")
             return
 

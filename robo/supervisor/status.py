@@ -118,6 +118,18 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     restarts: int
 
 
+class Site(msgspec.Struct, frozen=True):
+    """A place that a robot was told to dial."""
+
+    robot: str
+    endpoint: str
+    reached: bool
+    since: int
+    """Since when, ns since the epoch."""
+    reason: str = ""
+    """Why it is not reached; empty where that is not known yet."""
+
+
 class Asked(msgspec.Struct, frozen=True):
     """What a control verb is to be done to."""
 

@@ -39,6 +39,7 @@ from robo.supervisor.member import Changes, Member
 from robo.supervisor.process import Child, describe_exit
 from robo.supervisor.reload import FileWatch, files_of, same
 from robo.supervisor.run_environment import RunEnvironment
+from robo.supervisor.sites import Sites
 from robo.supervisor.status import (
     Asked,
     Done,
@@ -46,6 +47,7 @@ from robo.supervisor.status import (
     Explanation,
     ProcessName,
     ProcessStatus,
+    Site,
     State,
     SupervisorToken,
     parse_supervisor_token,
@@ -151,6 +153,8 @@ class Supervisor:
         self._chores: set[asyncio.Task[None]] = set()
         self._tended: list[asyncio.Task[None]] = []
         self._claim = claims.Claim(router, plan.robot, [p.full_name for p in plan.processes], self._run_id)
+        sites = [endpoint for endpoint in router.connect if endpoint not in router.listen]
+        self._sites = Sites(plan.robot, sites, self._warn, self._say)
         self._claimed: dict[str, zenoh.LivelinessToken] = {}
         """By full name, what keeps others from running a node of that name."""
         self._settled = False
@@ -196,6 +200,7 @@ class Supervisor:
                 self._finish(1)
                 return 1
             self._begin_logs()
+            self._sites.note(self._claim.unreached)
             await self._start_router()
             self._tend(self._keep_router(), "the router")
             self._phase("router started")
@@ -205,6 +210,7 @@ class Supervisor:
                 self._event("up", "")
                 self._tell_of_the_fallen()
                 self._tend(self._settle(), "the claim of names")
+                self._tend(self._watch_sites(), "the links to sites")
                 self._tend(self._look_after(), "the run")
             await self._supervise()
         except Exception as error:
@@ -286,6 +292,10 @@ class Supervisor:
         await asyncio.to_thread(self._claim.settle, self._is_seen)
         self._settled = True
 
+    async def _watch_sites(self) -> None:
+        if self._session is not None:
+            await self._sites.watch(self._session)
+
     def _is_seen(self, session: zenoh.Session) -> bool:
         replies = session.liveliness().get(self._token_key, timeout=claims.ANSWERS_WITHIN)
         return any(reply.ok is not None for reply in replies)
@@ -354,6 +364,7 @@ class Supervisor:
             "why": self._why,
             "events": self._past_events,
             "logs": self._past_output,
+            "sites": self._tell_sites,
             "stop": self._stop_some,
             "start": self._start_some,
             "restart": self._restart_some,
@@ -662,6 +673,9 @@ class Supervisor:
         wanted = Filter(since=asked.since, least=asked.level)
         found = [one for one in self._recent if (not asked.names or one.node in labels) and wanted.wants(one)]
         return found if asked.lines is None else found[-asked.lines :] if asked.lines else []
+
+    async def _tell_sites(self, _: Asked) -> list[Site]:
+        return [*self._sites.all.values()]
 
     async def _stop_some(self, asked: Asked) -> Done:
         chosen = self._chosen(asked)

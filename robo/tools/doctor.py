@@ -12,10 +12,11 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import msgspec
 import psutil
+import zenoh
 
 from robo.claims import port_taken
 from robo.errors import NetworkError
@@ -23,7 +24,9 @@ from robo.session import RENDEZVOUS, Network, close_session, open_session
 from robo.supervisor import orphans
 from robo.supervisor.cgroup import ControlGroup
 from robo.supervisor.log_files import log_base
-from robo.tools import nodes
+from robo.tools import nodes, runs
+
+T = TypeVar("T")
 
 Verdict = Literal["ok", "note", "fault"]
 
@@ -51,6 +54,7 @@ def examine(connect: Sequence[str], *, kill_test: bool = False) -> Iterator[Find
         lambda: port(connect),
         lambda: router(connect),
         lambda: twins(connect),
+        lambda: sites(connect),
         multicast,
         clock,
         files,
@@ -110,18 +114,34 @@ def router(connect: Sequence[str]) -> Finding:
 
 def twins(connect: Sequence[str]) -> Finding:
     """Whether each name is that of one node."""
-    network = msgspec.structs.replace(Network.from_environment("client", connect), timeout=0.5)
-    try:
-        session = open_session(network)
-    except NetworkError:
-        return Finding("names", "ok", "no node runs, so none has the name of another")
-    there = nodes.list_nodes(session)
-    close_session(session)
+    there = _asked(connect, nodes.list_nodes) or []
     found = nodes.twins(there)
     if found:
         fix = "stop one of them: they publish on the same topics, each against the other"
         return Finding("names", "fault", "; ".join(map(str, found)), fix)
-    return Finding("names", "ok", f"each of {len(there)} nodes has a name of its own")
+    return Finding("names", "ok", f"each of {len(there)} nodes has a name of its own" if there else "no node runs")
+
+
+def sites(connect: Sequence[str]) -> Finding:
+    """Whether robots reach the sites that they were told to dial."""
+    lost = _asked(connect, runs.lost_sites) or []
+    if lost:
+        fix = "look at the network there, or start it again with another --connect"
+        return Finding("sites", "note", "; ".join(lost), fix)
+    return Finding("sites", "ok", "no robot looks for a site that it does not reach")
+
+
+def _asked(connect: Sequence[str], ask: Callable[[zenoh.Session], T]) -> T | None:
+    """What the robots here say; None where there is none."""
+    network = msgspec.structs.replace(Network.from_environment("client", connect), timeout=0.5)
+    try:
+        session = open_session(network)
+    except NetworkError:
+        return None
+    try:
+        return ask(session)
+    finally:
+        close_session(session)
 
 
 def multicast() -> Finding:

@@ -80,7 +80,7 @@ def look(session: zenoh.Session, timeout: float) -> Network:
         routers,
         found,
         names,
-        list(_problems(routers, found, status)),
+        [*_problems(routers, found, status), *runs.lost_sites(session, timeout=timeout)],
     )
 
 

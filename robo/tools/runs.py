@@ -18,6 +18,7 @@ from robo.supervisor.status import (
     Event,
     Explanation,
     ProcessStatus,
+    Site,
     SupervisorToken,
     control_key,
     event_key,
@@ -112,6 +113,24 @@ def explain(session: zenoh.Session, robot: str, names: Sequence[str]) -> list[Ex
     if names and not found:
         raise _not_found(session, robot, names)
     return found
+
+
+def sites(session: zenoh.Session, robot: str | None = None, timeout: float = TIMEOUT) -> list[Site]:
+    """The sites that robots were told to dial, and whether they are linked to them."""
+    found: list[Site] = []
+    for sample in samples(_get(session, control_key(robot if robot is not None else "**", "sites"), Asked(), timeout)):
+        found += read(sample, list[Site]) or []
+    return found
+
+
+def lost_sites(session: zenoh.Session, robot: str | None = None, timeout: float = TIMEOUT) -> list[str]:
+    """Which robots do not reach their sites, and why, in words."""
+    return [
+        f"{one.robot} does not reach {one.endpoint}{f': {one.reason}' if one.reason else ''}, "
+        f"for {max(0.0, time.time() - one.since / 1e9):.0f} s"
+        for one in sites(session, robot, timeout)
+        if not one.reached
+    ]
 
 
 def _not_found(session: zenoh.Session, robot: str, names: Sequence[str]) -> NodeNotFound:

@@ -1,0 +1,126 @@
+"""The sites that a robot was told to dial: whether its router is linked to each, and why not."""
+
+import asyncio
+import ipaddress
+import socket
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+import msgspec
+import zenoh
+
+from robo import tcp
+from robo.supervisor.status import Site
+
+_PERIOD = 1.0
+"""How often the router is asked for its links, s."""
+_PATIENCE = 3.0
+"""How long a link may take where somebody answers, s."""
+_ANSWERS_WITHIN = 1.0
+
+
+class Link(msgspec.Struct):
+    """A link of a router, as it tells of it."""
+
+    dst: str = ""
+
+
+class Linked(msgspec.Struct):
+    """Somebody to whom a router is linked."""
+
+    whatami: str = ""
+    links: list[Link] = []
+
+
+class _Router(msgspec.Struct):
+    sessions: list[Linked] = []
+
+
+class Sites:
+    """Watches over the links of one robot's router to its sites."""
+
+    def __init__(
+        self, robot: str, endpoints: Sequence[str], warn: Callable[[str], None], say: Callable[[str], None]
+    ) -> None:
+        """`warn` and `say` are told of what changes."""
+        self.all = {endpoint: Site(robot, endpoint, reached=False, since=time.time_ns()) for endpoint in endpoints}
+        self._warn = warn
+        self._say = say
+        self._begin = time.monotonic()
+
+    def note(self, unreached: Mapping[str, OSError]) -> None:
+        """Somebody has tried to reach them already."""
+        for endpoint in self.all.keys() & unreached.keys():
+            self._change(endpoint, reached=False, reason=tcp.reason(unreached[endpoint]))
+
+    async def watch(self, session: zenoh.Session) -> None:
+        """Ask the router again and again, for as long as the run lasts.
+
+        Args:
+            session: a client of the robot's router.
+        """
+        while self.all:
+            linked = await asyncio.to_thread(_linked, session)
+            for endpoint in self.all if linked is not None else ():
+                await self._look_at(endpoint, linked or [])
+            await asyncio.sleep(_PERIOD)
+
+    async def _look_at(self, endpoint: str, linked: Sequence[Linked]) -> None:
+        before = self.all[endpoint]
+        if await asyncio.to_thread(is_among, endpoint, linked):
+            self._change(endpoint, reached=True, reason="")
+        elif before.reached or before.reason or time.monotonic() - self._begin > _PATIENCE:
+            tried = await asyncio.to_thread(lambda: dict(tcp.tried([endpoint], _ANSWERS_WITHIN)))
+            wrong = tried.get(endpoint, TimeoutError())
+            if wrong is not None:
+                self._change(endpoint, reached=False, reason=tcp.reason(wrong))
+            elif not before.reached:  # else it is just linking again
+                self._change(endpoint, reached=False, reason="what listens there does not speak Zenoh, or refuses")
+
+    def _change(self, endpoint: str, *, reached: bool, reason: str) -> None:
+        before = self.all[endpoint]
+        self.all[endpoint] = msgspec.structs.replace(
+            before, reached=reached, reason=reason, since=before.since if reached == before.reached else time.time_ns()
+        )
+        goes_on = "the robot runs without it, and links to it when it answers"
+        if reached and not before.reached:
+            self._say(f"{endpoint} is reached")
+        elif before.reached and not reached:
+            self._warn(f"{endpoint} is lost: {reason}; {goes_on}")
+        elif not reached and not before.reason:
+            self._warn(f"{endpoint} is not reached: {reason}; {goes_on}")
+
+
+def is_among(endpoint: str, linked: Sequence[Linked]) -> bool:
+    """Whether an endpoint is the far end of one of some links: the same address, or a router of the same host.
+
+    The latter where the site has dialled this robot too: then there is one link, and either end may have made it.
+    """
+    protocol, _, rest = endpoint.partition("/")
+    host, _, port = rest.partition("?")[0].partition("#")[0].rpartition(":")
+    try:
+        hosts = {str(found[4][0]).partition("%")[0] for found in socket.getaddrinfo(host.strip("[]"), None)}
+    except (OSError, UnicodeError):
+        return False
+    for other in linked:
+        for link in other.links:
+            there, _, other_port = link.dst.partition("/")[2].rpartition(":")
+            there = there.strip("[]").partition("%")[0]
+            if there in hosts and link.dst.startswith(f"{protocol}/"):
+                same_host = other.whatami == "router" and not ipaddress.ip_address(there).is_loopback
+                if other_port == port or same_host:
+                    return True
+    return False
+
+
+def _linked(session: zenoh.Session) -> list[Linked] | None:
+    """To whom the robot's router is linked; None where it does not say."""
+    for zid in session.info.routers_zid():
+        for reply in session.get(f"@/{zid}/router", timeout=_ANSWERS_WITHIN):
+            if reply.ok is None:
+                continue
+            try:
+                return msgspec.json.decode(reply.ok.payload.to_bytes(), type=_Router).sessions
+            except (msgspec.DecodeError, UnicodeDecodeError):
+                continue
+    return None
