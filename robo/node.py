@@ -224,8 +224,10 @@ class Node:
         Raises:
             ParameterError: a name is unknown, a value does not fit, is read-only, or was refused.
         """
+        wanted = {**(changes or {}), **values}
+        change(self.parameters, wanted, self.full_name)  # what is wrong with them costs callbacks no time
         with taking(self._turn, "set_parameters"):
-            self._commit({**(changes or {}), **values})
+            self._commit(wanted)
         self._publish_events()
 
     def _commit(self, changes: Mapping[str, object]) -> None:

@@ -9,7 +9,8 @@
 | `set` | `{name: value}` | `{successful, reason}`; all are set or none |
 
 One query may read several verbs of several nodes (`r1/*/parameters/get`); `set` answers a query on exactly its key.
-Requests and replies are MessagePack; JSON requests are read too and answered in JSON.
+Requests and replies are MessagePack; JSON requests are read too and answered in JSON. A request may name
+1,000 parameters and be 1,000,000 bytes long.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,6 +19,7 @@ import msgspec
 import zenoh
 
 from robo import codec, names, parameters, queries
+from robo.brief import shown
 from robo.codec import Malformed
 from robo.errors import ParameterError
 from robo.parameters import ParameterInfo, Parameters
@@ -26,6 +28,9 @@ from robo.suggestions import hint
 
 LONGEST_REQUEST = 1_000_000
 """A longer request, in bytes, is refused unread."""
+
+MOST_NAMES = 1_000
+"""A request that names more parameters is refused."""
 
 READING = ("list", "get", "describe", "explain")
 
@@ -133,14 +138,18 @@ class ParameterServer:
         for name in wanted:
             if not isinstance(name, str) or name not in self._infos:
                 owner = f"/{names.join(self._namespace, self._node)}"
-                raise ParameterError(f"{owner} has no parameter {str(name)!r}{hint(str(name), self._infos)}")
+                raise ParameterError(f"{owner} has no parameter {shown(name)}{hint(str(name), self._infos)}")
         return wanted
 
 
 def _read(payload: bytes) -> object:
     if len(payload) > LONGEST_REQUEST:
         raise Malformed(f"the request is longer than {LONGEST_REQUEST:,} bytes")
-    return codec.decode_any(payload) if payload else None
+    request = codec.decode_any(payload) if payload else None
+    named = request.get("names", request) if isinstance(request, dict) else request
+    if isinstance(named, (dict, list)) and len(named) > MOST_NAMES:
+        raise Malformed(f"the request names {len(named):,} parameters; name at most {MOST_NAMES:,}")
+    return request
 
 
 def _changes(request: object) -> dict[str, object]:

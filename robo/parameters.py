@@ -64,6 +64,9 @@ class Parameters(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
 
 P = TypeVar("P", bound=Parameters)
 
+MOST_MISTAKES = 20
+"""So many are told at once."""
+
 _CONSTRAINTS = ("gt", "ge", "lt", "le", "multiple_of", "pattern", "min_length", "max_length")
 
 
@@ -144,6 +147,9 @@ def _changed(current: P, changes: Mapping[str, object], owner: str, *, read_only
     mistakes: list[str] = []
     converted: dict[str, object] = {}
     for name, value in _flattened(changes, leaves):
+        if len(mistakes) == MOST_MISTAKES:
+            mistakes.append(f"{owner}: these are {MOST_MISTAKES} mistakes; the rest is not looked at")
+            break
         hint = leaves.get(name)
         if name not in leaves:
             mistakes.append(f"{owner} has no parameter {shown(name)}; {suggest(name, leaves, 'it has')}")

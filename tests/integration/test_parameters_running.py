@@ -17,9 +17,10 @@ from msgspec import Meta
 import robo
 from robo import READ_ONLY, Node, ParameterError, Publisher, Unit, timer
 from robo.discovery import NodeToken, wait_for_nodes
+from robo.queries import read_fault
 from robo.tools import parameters as tools
 from robo_messages import String
-from tests.support import Inbox
+from tests.support import PATIENCE, Inbox
 
 
 class Gains(msgspec.Struct, frozen=True):
@@ -298,3 +299,31 @@ def test_an_answer_that_lacks_what_was_asked_for_is_told(session: zenoh.Session,
     with pytest.raises(ParameterError, match="it lacks rate"):
         tools.explain(other, token, ["rate"])
     served.undeclare()
+
+
+def test_a_large_request_holds_up_no_callback(session: zenoh.Session, other: zenoh.Session) -> None:
+    entered, done = threading.Event(), threading.Event()
+
+    def block() -> None:
+        entered.set()
+        done.wait(PATIENCE)
+
+    with Base(namespace="r1", session=session) as node:
+        assert not wait_for_nodes(other, ["/r1/base"], 10)
+        node.create_timer(0.001, block)
+        assert entered.wait(PATIENCE)  # from here on the node's turn is held
+        try:
+            many = {f"spee{number}": number for number in range(10_000)}
+            for verb, request in (("set", many), ("get", list(many)), ("describe", {"names": list(many)})):
+                (reply,) = other.get(f"r1/base/parameters/{verb}", payload=msgpack.packb(request), timeout=5)
+                fault = read_fault(reply)
+                assert fault is not None
+                assert fault.message == "the request names 10,000 parameters; name at most 1,000"
+            fewer = dict(list(many.items())[:1000])
+            (reply,) = other.get("r1/base/parameters/set", payload=msgpack.packb(fewer), timeout=5)
+            assert reply.ok is not None
+            answer = msgpack.unpackb(reply.ok.payload.to_bytes())
+            assert not answer["successful"]
+            assert len(answer["reason"].splitlines()) == 21
+        finally:
+            done.set()
