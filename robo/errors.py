@@ -91,6 +91,9 @@ class TopicTaken(RoboError):
 class ManifestError(RoboError):
     """A launch manifest has mistakes; the message has them all, each with its position."""
 
+    of_command_line = False
+    """Whether nothing but words of the command line is at fault."""
+
 
 class NodeNotFound(RoboError, LookupError):
     """No node of this name runs, or several do."""

@@ -231,7 +231,7 @@ def parse(
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = Position(name, mark.line + 1, mark.column + 1) if mark else Position(name, 1, 1)
-        problems.append(Problem(where, f"not valid YAML: {error.problem or error}"))
+        problems.append(Problem(where, f"not valid YAML: {_why(text, where) or error.problem or error}"))
         return None
     except yaml.YAMLError as error:
         problems.append(Problem(Position(name, 1, 1), f"not valid YAML: {str(error).strip()}"))
@@ -240,6 +240,12 @@ def parse(
         problems.append(Problem(error.position, str(error)))
         return None
     return builder.root or Map((), Position(name, 1, 1))
+
+
+def _why(text: str, where: Position) -> str | None:
+    """What is at a place that YAML cannot read, where its own words do not say it."""
+    line = "".join(lines_of(text)[where.line - 1 : where.line])
+    return "a tab; indent with spaces" if line[where.column - 1 : where.column] == "\t" else None
 
 
 class _Unreadable(Exception):

@@ -190,11 +190,10 @@ def robo(*arguments: str, cwd: str | None = None) -> Iterator[Command]:
         command.close()
 
 
-def run_robo(*arguments: str, timeout: float = 30.0) -> "subprocess.CompletedProcess[str]":
+def run_robo(*arguments: str, timeout: float = 30.0, cwd: str | None = None) -> "subprocess.CompletedProcess[str]":
     """Run a `robo` command to its end."""
-    return subprocess.run(
-        [sys.executable, "-m", "robo", *arguments], capture_output=True, text=True, timeout=timeout, check=False
-    )
+    command = [sys.executable, "-m", "robo", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False, cwd=cwd)
 
 
 _ENDLESS = (

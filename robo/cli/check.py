@@ -6,16 +6,17 @@ from pathlib import Path
 
 import robo_messages
 from robo.cli.json_text import document
-from robo.cli.up import is_manifest
-from robo.errors import ManifestError, UsageError
+from robo.cli.up import manifest_file
+from robo.errors import UsageError
 from robo.graph import FORMATS, draw
-from robo.launch import faults, resolve
+from robo.launch import faults, missing, resolve
 from robo.launch.check import Findings, check, ends_of
-from robo.launch.find import find_manifest
+from robo.launch.find import names_manifest
 from robo.launch.graph import graph_of
 from robo.launch.schema import manifest_schema
 from robo.launch.substitution import Word
 from robo.modules import check_nothing_hides_robo
+from robo.supervisor.early import search_path
 from robo.yaml_tree import Position, Problem
 
 
@@ -23,7 +24,7 @@ def run_check(words: Sequence[str], *, robot_name: str | None, json: bool, graph
     """Check manifests.
 
     Returns:
-        0 where they are fine, 1 where they have faults.
+        0 where they are fine, 1 where they have faults, 2 where the command line alone is at fault.
 
     Raises:
         UsageError: the words make no sense.
@@ -35,12 +36,9 @@ def run_check(words: Sequence[str], *, robot_name: str | None, json: bool, graph
     }
     files: list[Path] = []
     for word in names:
-        if not is_manifest(word):
+        if not names_manifest(word):
             raise UsageError(f"{word!r} is no manifest and no name:=value")
-        try:
-            files.append(find_manifest(word))
-        except ManifestError as error:
-            raise UsageError(str(error)) from None
+        files.append(manifest_file(word))
     if not files:
         raise UsageError("name a manifest, for example robo check robot.yaml")
     if graph is not None and graph not in FORMATS:
@@ -59,7 +57,7 @@ def run_check(words: Sequence[str], *, robot_name: str | None, json: bool, graph
         print(document({"faults": faults.as_data(found), "notes": faults.as_data(notes)}))
     else:
         _report(names, found, notes, to_stderr=graph is not None)
-    return 1 if found else 0
+    return faults.exit_code(found) if found else 0
 
 
 def _check_one(
@@ -67,6 +65,9 @@ def _check_one(
 ) -> tuple[Findings, str | None]:
     resolution = resolve.resolve(file, given, robot=robot_name, stand_ins=True)
     findings = check(resolution)
+    # They may be there where the robot is.
+    programs = missing.programs(resolution, search_path())
+    findings = Findings(findings.faults, faults.in_order([*findings.notes, *programs]))
     absent = resolution.stood_in
     if absent:
         text = f"checked without {', '.join(absent)}; give {absent[0]}:=VALUE to check with it"

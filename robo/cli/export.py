@@ -5,13 +5,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from robo.cli.connection import note
-from robo.cli.up import DEFAULT_MANIFEST, is_manifest
+from robo.cli.up import DEFAULT_MANIFEST, manifest_file
 from robo.errors import UsageError
 from robo.export import compose, dockerfile
 from robo.export.placeholders import Placeholders
 from robo.launch import resolve, substitution
 from robo.launch.faults import ManifestFaults
-from robo.launch.find import find_manifest
+from robo.launch.find import names_manifest
 from robo.launch.plan import ProcessPlan
 from robo.launch.resolve import Resolution
 from robo.launch.substitution import Word
@@ -33,10 +33,10 @@ def export_compose(words: Sequence[str], *, robot: str | None, output: Path | No
         UsageError: the words make no sense, or the file cannot be written.
     """
     files = [word for word in words if ":=" not in word]
-    if len(files) > 1 or not all(map(is_manifest, files)):
+    if len(files) > 1 or not all(map(names_manifest, files)):
         raise UsageError("name one manifest, and arguments as name:=value")
     given = {name: Word(value) for name, assign, value in (word.partition(":=") for word in words) if assign}
-    file = find_manifest(files[0] if files else DEFAULT_MANIFEST)
+    file = manifest_file(files[0] if files else DEFAULT_MANIFEST)
     names = Placeholders()
     with substitution.environment(names.environment):
         if robot is None:

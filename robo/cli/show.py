@@ -13,8 +13,8 @@ from robo.launch.expression import as_text
 from robo.launch.plan import Plan, ProcessPlan, ReadyPlan
 
 
-def arguments_text(file: Path, description: str, args: Sequence[ArgumentInfo]) -> str:
-    """The arguments of a manifest, as `--show-args` lists them."""
+def arguments_text(file: Path, name: str, description: str, args: Sequence[ArgumentInfo]) -> str:
+    """The arguments of a manifest, as `--show-args` lists them; `name` is how the command line called it."""
     lines = [f"{file}: {description}" if description else str(file), ""]
     width = max(len(arg.name) for arg in args)
     for arg in args:
@@ -23,7 +23,7 @@ def arguments_text(file: Path, description: str, args: Sequence[ArgumentInfo]) -
         lines.append(f"  {arg.name:{width}}  {arg.type}, {default}{choices}")
         if arg.description:
             lines.append(f"  {'':{width}}  {arg.description}")
-    return "\n".join([*lines, "", f"Give them as robo up {file.name} name:=value"])
+    return "\n".join([*lines, "", f"Give them as robo up {shlex.quote(name)} name:=value"])
 
 
 def plan_data(plan: Plan) -> object:

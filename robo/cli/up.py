@@ -1,7 +1,5 @@
 """`robo up`: from words to a plan to a run."""
 
-import os
-import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,12 +8,12 @@ from robo import lean, log
 from robo.cli import show
 from robo.cli.background import notify_starter, start_in_background
 from robo.cli.json_text import document
-from robo.errors import RoboError, UnreadableFile, UsageError
+from robo.errors import ManifestError, RoboError, UnreadableFile, UsageError
 from robo.files import read_text
-from robo.launch import arguments, faults, reader, resolve
+from robo.launch import arguments, faults, missing, reader, resolve
 from robo.launch.check import unmatched
 from robo.launch.faults import ManifestFaults
-from robo.launch.find import find_manifest
+from robo.launch.find import find_manifest, names_manifest
 from robo.launch.plan import Plan
 from robo.launch.resolve import Resolution
 from robo.launch.substitution import Word
@@ -60,13 +58,13 @@ def run_up(
         raise UsageError("--wait goes with -d: in the foreground `robo up` tells when all is ready")
     if log_level is not None:
         log.level_of(log_level)
-    file = find_manifest(name)
+    file = manifest_file(name)
     if show_args:
         description, args = _arguments_of(file)
         if json:
             print(document(args))
         else:
-            print(show.arguments_text(file, description, args))
+            print(show.arguments_text(file, name, description, args))
         return 0
     if not dry_run:
         # Before node classes are looked at in a forked process, which then has Zenoh already.
@@ -84,11 +82,11 @@ def run_up(
     found = read()
     problems = found.problems
     if not dry_run:
-        problems = (*problems, *_missing_programs(found, search_path()), *_missing_files(found))
+        problems = (*problems, *missing.programs(found, search_path()), *missing.files(found))
     if problems:
         if json:
             print(document({"faults": faults.as_data(problems)}))
-            return 1
+            return faults.exit_code(problems)
         raise ManifestFaults(problems)
     warnings = [*found.loose, *found.warnings, *(problem for problem, _ in unmatched(found))]
     if warnings:
@@ -139,7 +137,7 @@ def split_words(words: Sequence[str]) -> tuple[str, list[str], dict[str, object]
         name, assign, value = word.partition(":=")
         if assign:
             given[name] = Word(value)
-        elif is_manifest(word):
+        elif names_manifest(word):
             if manifest is not None:
                 raise UsageError(f"two manifests: {manifest} and {word}; one run takes one (include joins several)")
             manifest = word
@@ -148,9 +146,16 @@ def split_words(words: Sequence[str]) -> tuple[str, list[str], dict[str, object]
     return manifest or DEFAULT_MANIFEST, groups, given
 
 
-def is_manifest(word: str) -> bool:
-    """Whether a word names a manifest, and no group: groups are named with `/` too."""
-    return word.endswith((".yaml", ".yml")) or Path(word).is_file()
+def manifest_file(word: str) -> Path:
+    """The file of a manifest that a command line names.
+
+    Raises:
+        UsageError: there is none.
+    """
+    try:
+        return find_manifest(word)
+    except ManifestError as error:
+        raise UsageError(str(error)) from None
 
 
 def assignment(text: str) -> Assignment:
@@ -163,39 +168,6 @@ def assignment(text: str) -> Assignment:
     if not (assign and left):
         raise UsageError(f"-p {text}: write NODE.NAME:=VALUE, for example velocity_controller.linear_velocity:=0.3")
     return Assignment(left, Word(value))
-
-
-def _missing_programs(found: Resolution, search: str) -> list[Problem]:
-    """Commands that are not there: better said before the rest of the robot runs."""
-    return [
-        Problem(found.positions[process.full_name], f"{process.full_name}: there is no program {program!r}")
-        for process in found.plan.processes
-        for program in process.command()[:1]
-        if shutil.which(
-            str(Path(process.cwd or ".") / program) if "/" in program else program,
-            path=process.env.get("PATH", search),
-        )
-        is None
-    ]
-
-
-def _missing_files(found: Resolution) -> list[Problem]:
-    """Paths that arguments name, processes are told of, and nothing is at."""
-    told = [
-        text
-        for process in found.plan.processes
-        for text in (
-            *process.command(),
-            *process.env.values(),
-            *(said.value for said in process.parameters.values() if isinstance(said.value, str)),
-        )
-    ]
-    missing = {
-        argument.path: Problem(argument.position, f"argument {argument.name}: there is no file {argument.path}")
-        for argument in reversed(found.paths)  # of one that is handed on, the place where it comes from
-        if not os.path.exists(argument.path) and any(argument.path in text for text in told)
-    }
-    return list(missing.values())
 
 
 def _arguments_of(file: Path) -> tuple[str, list[arguments.ArgumentInfo]]:

@@ -261,7 +261,10 @@ def errors() -> Iterator[None]:
         yield
     except RoboError as error:
         print(_described(error), file=sys.stderr)
-        raise typer.Exit(2 if isinstance(error, (UsageError, InvalidName)) else 1) from None
+        words = isinstance(error, (UsageError, InvalidName)) or (
+            isinstance(error, ManifestError) and error.of_command_line
+        )
+        raise typer.Exit(2 if words else 1) from None
     except KeyboardInterrupt:
         raise typer.Exit(130) from None
     except BrokenPipeError:

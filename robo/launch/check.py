@@ -87,10 +87,23 @@ def unmatched(resolution: Resolution) -> list[tuple[Problem, bool]]:
     present = [name.rpartition("/")[2] for name in resolution.positions]
     found = []
     for entry in resolution.unmatched:
+        others = [name for name in resolution.positions if entry.matches(*_split(name))]
+        if others:
+            text = (
+                f"{entry.pattern} means {others[0]}, which is not given this file; name it in params: of that node too"
+            )
+            found.append((Problem(entry.position, text), False))
+            continue
         meant = hint(entry.pattern.rpartition("/")[2], present)
         problem = Problem(entry.position, f"{entry.pattern} matches no node of this launch{meant}")
         found.append((problem, bool(meant) or not entry.names_one_node))
     return found
+
+
+def _split(full_name: str) -> tuple[str, str]:
+    """A full name as namespace and node."""
+    namespace, _, node = full_name.strip("/").rpartition("/")
+    return namespace, node
 
 
 def _declared(

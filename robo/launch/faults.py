@@ -5,6 +5,7 @@ from functools import lru_cache
 
 from robo.errors import ManifestError, UnreadableFile
 from robo.files import read_bytes
+from robo.launch.arguments import COMMAND_LINE
 from robo.yaml_tree import Problem, lines_of
 
 MOST_SHOWN = 100
@@ -17,6 +18,7 @@ class ManifestFaults(ManifestError):
     def __init__(self, faults: Iterable[Problem]) -> None:
         self.faults = in_order(faults)
         """By file and line, each once."""
+        self.of_command_line = exit_code(self.faults) == 2
         super().__init__("\n".join(map(str, self.faults)))
 
 
@@ -25,6 +27,11 @@ def in_order(problems: Iterable[Problem]) -> tuple[Problem, ...]:
     each = dict.fromkeys(problems)
     files = {file: index for index, file in enumerate(dict.fromkeys(p.position.file for p in each))}
     return tuple(sorted(each, key=lambda p: (files[p.position.file], p.position.line, p.position.column)))
+
+
+def exit_code(problems: Iterable[Problem]) -> int:
+    """2 where nothing but words of the command line makes no sense; else 1."""
+    return 2 if all(problem.position == COMMAND_LINE for problem in problems) else 1
 
 
 def as_text(problems: Iterable[Problem]) -> str:

@@ -2,11 +2,15 @@
 
 import os
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 from robo.brief import shown
 from robo.errors import ManifestError
+from robo.launch.packages import folders_of
 from robo.suggestions import suggest
+
+_IN_PACKAGE = re.compile(r"([A-Za-z_]\w*):(?!=)(.+)", re.ASCII)
 
 SHARE = Path(__file__).resolve().parent.parent / "share"
 """The manifests and parameter files that ship with robo."""
@@ -23,19 +27,47 @@ def find_manifest(name: str, beside: Path | None = None) -> Path:
     """The file of a manifest.
 
     Looked for as the path given (from the current folder, or from `beside` in an include), then in
-    the workspace's `launch/`, then among those that ship with robo.
+    the workspace's `launch/`, then among those that ship with robo. `PACKAGE:FILE` is looked for in
+    a Python package: in its `share/launch/`, its `launch/`, then in the package's own folder.
 
     Raises:
         ManifestError: it is nowhere; says where it was looked for and what is there.
     """
     folders = [beside or Path.cwd(), Path.cwd() / "launch", SHARE / "launch"]
-    for folder in folders:
-        path = nearby(folder / name)
-        if os.path.isfile(path):
-            return Path(path)
+    found = _first(name, folders)
+    if found is not None:
+        return found
+    within = _IN_PACKAGE.fullmatch(name)
+    if within is not None:
+        return _find_in_package(within[1], within[2])
     known = sorted({p.name for folder in folders[1:] if folder.is_dir() for p in folder.glob("*.yaml")})
     looked = ", ".join(dict.fromkeys(str(folder) for folder in folders))
     raise ManifestError(f"there is no manifest {shown(name)}; {suggest(name, known, 'there are')} (looked in {looked})")
+
+
+def names_manifest(word: str) -> bool:
+    """Whether a word of a command line names a manifest, and no group: groups are named with `/` too."""
+    return word.endswith((".yaml", ".yml")) or _IN_PACKAGE.fullmatch(word) is not None or Path(word).is_file()
+
+
+def _find_in_package(package: str, name: str) -> Path:
+    try:
+        own = folders_of(package)
+    except LookupError as error:
+        raise ManifestError(f"manifest {package}:{name}: {error}") from None
+    folders = [folder / place for folder in own for place in ("share/launch", "launch", "")]
+    found = _first(name, folders) if not os.path.isabs(name) else None
+    if found is not None:
+        return found
+    known = dict.fromkeys(f"{package}:{path.name}" for folder in folders for path in manifests_in(folder))
+    looked = ", ".join(map(str, folders))
+    instead = suggest(f"{package}:{name}", known, "it has") if known else "it has none"
+    raise ManifestError(f"package {package} has no manifest {shown(name)}; {instead} (looked in {looked})")
+
+
+def _first(name: str, folders: Iterable[Path]) -> Path | None:
+    paths = (nearby(folder / name) for folder in folders)
+    return next((Path(path) for path in paths if os.path.isfile(path)), None)
 
 
 _BEGINS = re.compile(rb"^(?:groups|nodes|include) *:", re.MULTILINE)

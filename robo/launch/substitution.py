@@ -12,8 +12,6 @@ A value that is nothing but one `${name}` takes the value with its type, so `${u
 within longer text the value becomes text.
 """
 
-import importlib.machinery
-import importlib.util
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -24,6 +22,7 @@ from pathlib import Path
 from robo.brief import shown
 from robo.launch.expression import ExpressionError, as_text, evaluate
 from robo.launch.manifest import Condition
+from robo.launch.packages import folders_of
 from robo.names import is_word
 from robo.suggestions import closest
 from robo.yaml_tree import Entry, Items, Position, Problem, Scalar, Tree, resolve_scalar
@@ -285,18 +284,11 @@ class Scope:
 
 
 def _share_folder(package: str) -> Path:
-    if not is_word(package):
-        raise KeyError(f"${{share:{package}}}: name a Python package, for example ${{share:robo}}")
     try:
-        spec = importlib.util.find_spec(package)
-    except (ImportError, ValueError):
-        spec = None
-    # A package of the folder one works in needs no installation.
-    spec = spec or importlib.machinery.PathFinder.find_spec(package, [str(Path.cwd())])
-    if spec is None or not spec.submodule_search_locations:
-        raise KeyError(f"${{share:{package}}}: there is no package {shown(package)}; is it installed here?")
-    folders = [Path(place) / "share" for place in spec.submodule_search_locations]
+        folders = [folder / "share" for folder in folders_of(package)]
+    except LookupError as error:
+        raise KeyError(f"${{share:{package}}}: {error}") from None
     for folder in folders:
         if folder.is_dir():
             return folder
-    raise KeyError(f"${{share:{package}}}: package {package!r} has no folder {folders[0]}")
+    raise KeyError(f"${{share:{package}}}: package {shown(package)} has no folder {folders[0]}")

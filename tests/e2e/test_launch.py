@@ -35,7 +35,7 @@ def test_every_mistake_is_shown_with_its_line(words: tuple[str, ...], tmp_path: 
     shown = result.stdout + result.stderr
     assert "m.yaml:4:17: unknown key 'servce' in node 'tracker'; did you mean service?" in shown
     assert "    4 |       tracker: {servce: robo_services.position_tracker}\n      |                 ^" in shown
-    assert "m.yaml:5:75: position_tracker: log_rate = -1: expected float > 0.0" in shown
+    assert "m.yaml:5:75: position_tracker: log_rate = -1: expected float >= 0.001" in shown
     assert "Traceback" not in shown
 
 
@@ -48,6 +48,50 @@ def test_mistakes_as_data(tmp_path: Path) -> None:
         assert [(f["line"], f["column"]) for f in faults] == [(4, 17), (5, 75)]
         assert faults[0]["file"].endswith("m.yaml")
         assert faults[0]["message"].startswith("unknown key 'servce'")
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (("up", "robt.yaml"), 2),
+        (("up", "robot.yaml", "worl:=x"), 2),
+        (("up", "robot.yaml", "contrl", "--dry-run", "--json"), 2),
+        (("up", "no_such_package:robot.yaml"), 2),
+        (("check", "robt.yaml"), 2),
+        (("check", "robot.yaml", "worl:=x"), 2),
+        (("export", "compose", "robt.yaml"), 2),
+        (("export", "compose", "robot.yaml", "worl:=x"), 2),
+    ],
+)
+def test_words_that_make_no_sense_are_told_by_the_exit_code(words: tuple[str, ...], code: int) -> None:
+    result = run_robo(*words)
+    assert (result.returncode, "Traceback" in result.stderr) == (code, False), result.stderr
+
+
+def test_a_check_notes_programs_that_are_not_here(tmp_path: Path) -> None:
+    file = write(
+        tmp_path, "groups: {g: {nodes: {camera: {run: camera-driver, publishes: {}, subscribes: {a: std/Bool}}}}}"
+    )
+    result = run_robo("check", file)
+    assert "m.yaml:1:22: note: /camera: there is no program 'camera-driver'" in result.stdout
+    assert run_robo("up", file).returncode == 1
+
+
+def test_a_manifest_of_a_package_is_started_checked_and_exported(tmp_path: Path) -> None:
+    (tmp_path / "batt" / "launch").mkdir(parents=True)
+    (tmp_path / "batt" / "__init__.py").write_text("")
+    (tmp_path / "batt" / "launch" / "robot.yaml").write_text(
+        "args: {speed: 1.0}\ngroups: {g: {nodes: {a: {run: 'echo ${speed}'}}}}\n"
+    )
+    folder = str(tmp_path)
+    plan = json.loads(run_robo("up", "batt:robot.yaml", "speed:=2.5", "--dry-run", "--json", cwd=folder).stdout)
+    assert plan["processes"][0]["command"] == ["echo", "2.5"]
+    assert run_robo("check", "batt:robot.yaml", cwd=folder).stdout == "batt:robot.yaml: fine\n"
+    assert "command: [echo, '1.0']" in run_robo("export", "compose", "batt:robot.yaml", cwd=folder).stdout
+    shown = run_robo("up", "batt:robot.yaml", "--show-args", cwd=folder).stdout
+    assert shown.endswith("Give them as robo up batt:robot.yaml name:=value\n")
+    shown = run_robo("up", f"{folder}/batt/launch/robot.yaml", "--show-args").stdout
+    assert shown.endswith(f"Give them as robo up {folder}/batt/launch/robot.yaml name:=value\n")
 
 
 def test_the_plan_as_data_and_as_text() -> None:

@@ -119,7 +119,7 @@ def test_ctrl_c_is_quiet(session: zenoh.Session, endpoint: str) -> None:
         (("run", "robo_services.position_traker"), "did you mean robo_services.position_tracker?"),
         (
             ("run", "robo_services.position_tracker", "-p", "log_rate:=0"),
-            "log_rate = 0: expected float > 0.0 (reports per second, Hz",
+            "log_rate = 0: expected float >= 0.001 (reports per second, Hz",
         ),
         (("run", "robo_services.position_tracker", "-r", "odom=x"), "write from:=to"),
         (("run", "robo_services.position_tracker", "--robot-name", "r-1"), "namespace 'r-1' has part 'r-1'"),

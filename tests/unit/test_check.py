@@ -128,6 +128,19 @@ def test_a_parameter_file_that_contradicts_itself_is_noted() -> None:
     assert found.faults == ()
 
 
+def test_a_parameter_file_of_another_group_is_noted() -> None:
+    Path("p.yaml").write_text("tracker: {log_rate: 1.0}\nsource: {x: 1}\n")
+    found = findings(
+        f"groups:\n  g: {{namespace: r1, nodes: {{{TRACKER}}}}}\n"
+        f"  h: {{namespace: r1, params: p.yaml, nodes: {{{SOURCE}}}}}\n"
+    )
+    assert found.faults == ()
+    assert (
+        "p.yaml:1:1: tracker means /r1/tracker, which is not given this file; name it in params: of that node too"
+        in map(str, found.notes)
+    )
+
+
 def test_promises_about_topics() -> None:
     promise = (
         "\n    topics: {odom: {type: geometry/Twist}, scan: {rate: 5}, map: {type: nav/OccupancyGird, external: true}}"

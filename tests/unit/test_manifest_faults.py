@@ -248,7 +248,68 @@ def test_where_manifests_are_looked_for(tmp_path: Path) -> None:
         find_manifest("x" * 5000)
 
 
+def package(name: str, *files: str) -> None:
+    for file in ("__init__.py", *files):
+        path = Path(name, file)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("groups: {g: {nodes: {a: {run: x}}}}\n" if file.endswith("yaml") else "raise SystemExit\n")
+
+
+def test_a_manifest_of_a_package_is_found_without_importing_it() -> None:
+    package(
+        "batt", "share/launch/robot.yaml", "launch/robot.yaml", "launch/arm.yaml", "small.yaml", "share/x/deep.yaml"
+    )
+    assert find_manifest("batt:robot.yaml") == Path("batt/share/launch/robot.yaml")
+    assert find_manifest("batt:arm.yaml") == Path("batt/launch/arm.yaml")
+    assert find_manifest("batt:small.yaml") == Path("batt/small.yaml")
+    assert find_manifest("batt:share/x/deep.yaml") == Path("batt/share/x/deep.yaml")
+    assert find_manifest("robo:robot.yaml") == find_manifest("robot.yaml")
+    plan = resolve.load(write("include: batt:arm.yaml"), {})
+    assert [process.full_name for process in plan.processes] == ["/a"]
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        (
+            "batt:robt.yaml",
+            r"package batt has no manifest 'robt.yaml'; did you mean batt:robot.yaml\? \(looked in .*batt",
+        ),
+        ("batt:robot", "did you mean batt:robot.yaml"),
+        ("batt:/etc/passwd", "package batt has no manifest '/etc/passwd'"),
+        ("bat:robot.yaml", "manifest bat:robot.yaml: there is no package 'bat'; did you mean batt"),
+        ("no_such_package:robot.yaml", "there is no package 'no_such_package'; is it installed here"),
+        ("empty:robot.yaml", "package empty has no manifest 'robot.yaml'; it has none"),
+    ],
+)
+def test_a_manifest_that_a_package_does_not_have_is_told(name: str, message: str) -> None:
+    package("batt", "share/launch/robot.yaml")
+    package("empty")
+    with pytest.raises(ManifestError, match=message):
+        find_manifest(name)
+    (found,) = mistakes(f"include: '{name}'")
+    assert found.startswith("m.yaml:1:10: ")
+
+
+def write(text: str) -> Path:
+    Path("m.yaml").write_text(text)
+    return Path("m.yaml")
+
+
+def test_mistakes_of_the_command_line_alone_are_told_from_those_of_files() -> None:
+    file = write("args: {world: x}\ngroups: {g: {nodes: {a: {run: x}}}}")
+    for arguments, groups in (({"worl": "x"}, ()), ({}, ("h",))):
+        with pytest.raises(ManifestFaults) as error:
+            resolve.load(file, arguments, groups=groups)
+        assert error.value.of_command_line
+    with pytest.raises(ManifestFaults) as error:
+        resolve.load(write("args: {world: x}\ngroups: {g: {nodes: {a: {runn: x}}}}"), {"worl": "x"})
+    assert not error.value.of_command_line
+
+
 def test_words_of_the_command_line() -> None:
+    assert split_words(["batt:robot.yaml", "g", "a:=b:c"]) == ("batt:robot.yaml", ["g"], {"a": "b:c"})
+    assert split_words(["batt:robot"])[0] == "batt:robot"
     assert split_words([]) == ("robot.yaml", [], {})
     words = ["replay.yaml", "player", "fleet/base", "log:=a b", "rate:=0"]
     assert split_words(words) == ("replay.yaml", ["player", "fleet/base"], {"log": "a b", "rate": "0"})

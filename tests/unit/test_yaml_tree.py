@@ -52,6 +52,14 @@ def test_broken_yaml_has_a_position(text: str) -> None:
     assert str(problems[0]).startswith("f.yaml:")
 
 
+@pytest.mark.parametrize(
+    ("text", "place"), [("a:\n\tb: 1\n", "2:1"), ("a:\n  b: 1\n\tc: 2\n", "3:1"), ("\t- x", "1:1")]
+)
+def test_a_tab_is_called_a_tab(text: str, place: str) -> None:
+    _, problems = read(text)
+    assert [str(problem) for problem in problems] == [f"f.yaml:{place}: not valid YAML: a tab; indent with spaces"]
+
+
 def test_alias_bombs_and_deep_nesting_end_in_an_error() -> None:
     bomb = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
         f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]\n" for i in range(1, 9)

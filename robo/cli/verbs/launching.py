@@ -77,6 +77,7 @@ def up(
 
     MANIFEST is looked for as a path, then in ./launch, then among those that ship with robo
     (robot.yaml, simulation.yaml, real_robot.yaml, replay.yaml, fleet.yaml); robot.yaml by default.
+    PACKAGE:FILE is a manifest of a Python package.
     GROUPs start only these.
 
     Exit code: 0 ended by itself or by SIGTERM, 1 a mistake in a file or a node that failed, 2 words

@@ -1,0 +1,46 @@
+"""What a launch needs of this machine and is not there: programs, and files that arguments name."""
+
+import os
+import shutil
+from pathlib import Path
+
+from robo.launch.resolve import Resolution
+from robo.yaml_tree import Problem
+
+
+def programs(found: Resolution, search: str) -> list[Problem]:
+    """Commands that are not there: better said before the rest of the robot runs.
+
+    Args:
+        found: the launch.
+        search: the folders of programs, as in `PATH`, for a process that has no `PATH` of its own.
+    """
+    return [
+        Problem(found.positions[process.full_name], f"{process.full_name}: there is no program {program!r}")
+        for process in found.plan.processes
+        for program in process.command()[:1]
+        if shutil.which(
+            str(Path(process.cwd or ".") / program) if "/" in program else program,
+            path=process.env.get("PATH", search),
+        )
+        is None
+    ]
+
+
+def files(found: Resolution) -> list[Problem]:
+    """Paths that arguments name, processes are told of, and nothing is at."""
+    told = [
+        text
+        for process in found.plan.processes
+        for text in (
+            *process.command(),
+            *process.env.values(),
+            *(said.value for said in process.parameters.values() if isinstance(said.value, str)),
+        )
+    ]
+    missing = {
+        argument.path: Problem(argument.position, f"argument {argument.name}: there is no file {argument.path}")
+        for argument in reversed(found.paths)  # of one that is handed on, the place where it comes from
+        if not os.path.exists(argument.path) and any(argument.path in text for text in told)
+    }
+    return list(missing.values())
