@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         InvalidName,
         ManifestError,
         NetworkError,
+        NotKept,
         ParameterError,
         ParameterFileError,
         RoboError,
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
         ServiceTimeout,
         UsageError,
     )
+    from robo.message_info import MessageInfo
     from robo.node import Node
     from robo.node_status import NodeStatus
     from robo.parameters import NON_FINITE, READ_ONLY, Parameters, Step, Unit
@@ -46,10 +48,12 @@ __all__ = [
     "ContractError",
     "InvalidName",
     "ManifestError",
+    "MessageInfo",
     "Network",
     "NetworkError",
     "Node",
     "NodeStatus",
+    "NotKept",
     "ParameterError",
     "ParameterFileError",
     "Parameters",
@@ -69,6 +73,7 @@ __all__ = [
 
 _HOMES = {
     "contract": ("Client", "Publisher", "service", "subscribe", "timer"),
+    "message_info": ("MessageInfo",),
     "node": ("Node",),
     "node_status": ("NodeStatus",),
     "parameters": ("NON_FINITE", "READ_ONLY", "Parameters", "Step", "Unit"),

@@ -11,7 +11,7 @@ import typing
 from collections.abc import Callable
 from functools import partial
 from types import FunctionType, MethodType
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast, overload
 
 import msgspec
 
@@ -19,6 +19,7 @@ import robo_messages
 from robo import parameters
 from robo.errors import ContractError
 from robo.executor import period_of
+from robo.message_info import MessageInfo
 from robo.qos import DEFAULT_DEPTH, DEFAULT_TIMEOUT, check_depth
 from robo_messages import Message
 
@@ -116,6 +117,10 @@ class SubscriptionDeclaration(msgspec.Struct, frozen=True):
     message_type: type[Message]
     depth: int
     method: str
+    informed: bool = False
+    """Whether the method takes a `MessageInfo` beside the message."""
+    sole_source: str | None = None
+    """The parameter that names whose messages alone count."""
 
 
 class PublisherDeclaration(msgspec.Struct, frozen=True):
@@ -172,6 +177,7 @@ class Contract(msgspec.Struct, frozen=True):
 class _SubscribeMark(msgspec.Struct):
     topic: str
     depth: int
+    sole_source: str | None
 
 
 class _TimerMark(msgspec.Struct):
@@ -182,20 +188,43 @@ class _ServiceMark(msgspec.Struct):
     service: str
 
 
-def subscribe(topic: str, *, depth: int = DEFAULT_DEPTH) -> Callable[[Callable[[N, M], None]], Callable[[N, M], None]]:
+class _Subscribing(Protocol):
+    """A method that takes a message, or a message and what is known of it."""
+
+    @overload
+    def __call__(self, method: Callable[[N, M], None]) -> Callable[[N, M], None]: ...
+    @overload
+    def __call__(self, method: Callable[[N, M, MessageInfo], None]) -> Callable[[N, M, MessageInfo], None]: ...
+
+
+def subscribe(topic: str, *, depth: int = DEFAULT_DEPTH, sole_source: str | None = None) -> _Subscribing:
     """Call this method with each message of a topic; the message type is the parameter's annotation.
+
+    A method with one parameter more gets a `MessageInfo` there: how old the message is, and whose.
 
     Args:
         topic: its name: relative, absolute or private.
         depth: keep the newest n messages while the node is busy; KEEP_ALL to lose none.
+        sole_source: the parameter, a text, that says whose messages alone count: the name of a node;
+            `plain` for plain Zenoh clients, which say no name; empty for the first node that comes.
+            Those of others are counted, told and left out.
     """
     check_depth(depth)
 
-    def mark(method: Callable[[N, M], None]) -> Callable[[N, M], None]:
-        setattr(method, _MARK, _SubscribeMark(topic, depth))
+    def mark(method: Any) -> Any:
+        setattr(method, _MARK, _SubscribeMark(topic, depth, sole_source))
         return method
 
-    return mark
+    return cast(_Subscribing, mark)
+
+
+def takes_info(callback: Callable[..., object]) -> bool:
+    """Whether a callback of a subscription takes a `MessageInfo` beside the message."""
+    code = getattr(callback, "__code__", None)
+    if code is None:
+        return False
+    given = len(getattr(callback, "__defaults__", None) or ()) + (getattr(callback, "__self__", None) is not None)
+    return bool(code.co_argcount - given >= 2)
 
 
 def service(name: str) -> Callable[[Callable[[N, Q], A]], Callable[[N, Q], A]]:
@@ -330,8 +359,19 @@ def contract_of(cls: type[Node]) -> Contract:
             _check_type(cls, name, member.message_type)
             publishers.append(PublisherDeclaration(member.topic, member.message_type, member.depth, name))
         elif isinstance(mark, _SubscribeMark):
-            message_type = _annotation(cls, name, member, "subscription's callback takes self and the message")
-            subscriptions.append(SubscriptionDeclaration(mark.topic, message_type, mark.depth, name))
+            takes = "subscription's callback takes self, the message and, if it wants, a MessageInfo"
+            message_type = _annotation(cls, name, member, takes, MessageInfo)
+            if mark.sole_source is not None and mark.sole_source not in {i.name for i in infos if i.type == "str"}:
+                raise ContractError(
+                    f"{cls.__name__}.{name}: @subscribe(sole_source={mark.sole_source!r}) names no text parameter "
+                    "of this node"
+                )
+            informed = _function(member).__code__.co_argcount == 3
+            if mark.sole_source is not None and not informed:
+                raise ContractError(f"{cls.__name__}.{name}: a sole source needs a method that takes a MessageInfo too")
+            subscriptions.append(
+                SubscriptionDeclaration(mark.topic, message_type, mark.depth, name, informed, mark.sole_source)
+            )
         elif isinstance(member, Client):
             _check_type(cls, name, member.request_type)
             _check_type(cls, name, member.response_type)
@@ -377,15 +417,24 @@ def _clean(doc: str) -> str:
     return f"{first}\n{textwrap.dedent(rest)}".strip()
 
 
-def _annotation(cls: type[Node], name: str, method: Callable[..., Any], takes: str) -> type[Message]:
-    where = f"{cls.__name__}.{name}"
+def _function(method: Callable[..., Any]) -> Any:
     function: Any = method
     while hasattr(function, "__wrapped__"):
         function = function.__wrapped__
-    names = function.__code__.co_varnames[: function.__code__.co_argcount]
-    if len(names) != 2:
+    return function
+
+
+def _annotation(
+    cls: type[Node], name: str, method: Callable[..., Any], takes: str, more: type | None = None
+) -> type[Message]:
+    """The message type that a callback takes; `more` is the type of a second parameter, if it may have one."""
+    where = f"{cls.__name__}.{name}"
+    code = _function(method).__code__
+    names = code.co_varnames[: code.co_argcount]
+    hints = _hints(where, method)
+    if len(names) != 2 and not (more is not None and len(names) == 3 and hints.get(names[2]) is more):
         raise ContractError(f"{where}: a {takes}, nothing else")
-    hint = _hints(where, method).get(names[1])
+    hint = hints.get(names[1])
     if hint is None:
         raise ContractError(f"{where}: annotate {names[1]!r} with its message type")
     return _check_type(cls, name, hint)

@@ -5,14 +5,15 @@ that it can be read whatever the namespace's length; `/` within a chunk is writt
 
     @robo/<namespace>/node/<node>/<class>/<pid>/<host>%<run>
     @robo/<namespace>/claim/<node>/<robot>/<pid>/<host>%<run>
-    @robo/<namespace>/pub/<node>/<type>/<depth>/<topic key>
+    @robo/<namespace>/pub/<node>/<type>/<depth>%<id>/<topic key>
     @robo/<namespace>/sub/<node>/<type>/<depth>/<topic key>
     @robo/<namespace>/srv/<node>/<type>/0/<service key>
     @robo/<namespace>/cli/<node>/<type>/0/<service key>
 
 `@` keeps tokens out of `**`. A node declares its node token last: who sees that token knows
 everything else about the node, so it says "ready" as well. `<run>` is the id of the run that the node
-is part of, by which a supervisor knows its own; a node that is run alone has none.
+is part of, by which a supervisor knows its own; a node that is run alone has none. `<id>` is Zenoh's id of
+the publisher, which its messages carry: by it a receiver knows whose they are.
 
 Anybody may declare any key: what does not spell a token to the letter is none.
 """
@@ -96,6 +97,8 @@ class EndpointToken(msgspec.Struct, frozen=True):
     depth: int
     topic: str
     """The key expression."""
+    id: str = ""
+    """Of a publisher: Zenoh's id of it, as `source_id` makes it."""
 
     @property
     def full_name(self) -> str:
@@ -104,7 +107,7 @@ class EndpointToken(msgspec.Struct, frozen=True):
 
     def key(self) -> str:
         """The token's key expression."""
-        parts = (self.type_name, str(self.depth), self.topic)
+        parts = (self.type_name, names.join(str(self.depth), self.id), self.topic)
         return names.join(PREFIX, self.namespace, self.kind, self.node, *map(_mangle, parts))
 
 
@@ -119,8 +122,9 @@ def parse_token(key: str) -> Token | None:
     namespace = "/".join(chunks[1:-5])
     kind, node = chunks[-5], chunks[-4]
     a, b, c = map(_unmangle, chunks[-3:])
-    number = parse_number(b)
-    if number is None or not (a + c).isprintable():
+    numeral, _, id_ = b.partition("/")
+    number = parse_number(numeral)
+    if number is None or not (a + b + c).isprintable():
         return None
     found: Token | None = None
     if kind in ("node", "claim"):
@@ -128,13 +132,23 @@ def parse_token(key: str) -> Token | None:
         found = (NodeToken if kind == "node" else ClaimToken)(namespace, node, a, number, host, run)
     for end in ENDPOINT_KINDS:
         if kind == end:
-            found = EndpointToken(namespace, node, end, a, number, c)
+            found = EndpointToken(namespace, node, end, a, number, c, id_)
     return found if found is not None and found.key() == key else None
 
 
 def parse_number(text: str) -> int | None:
     """A number as robo writes it into a key; None for anything else, `³` and a number without end included."""
     return int(text) if len(text) <= _MOST_DIGITS and text.isascii() and text.isdigit() else None
+
+
+def source_id(entity: zenoh.EntityGlobalId) -> str:
+    """Zenoh's id of a publisher as a word: `<session>:<entity>`."""
+    return f"{entity.zid}:{entity.eid}"
+
+
+def publishers_of(topic: str) -> str:
+    """The key expression of the tokens of all who publish on a topic."""
+    return names.join(PREFIX, "**/pub/*/*/*", _mangle(topic))
 
 
 def tokens(session: zenoh.Session, timeout: float) -> list[NodeToken | EndpointToken]:

@@ -3,24 +3,40 @@
 import itertools
 import time
 from collections.abc import Callable, Iterator
-from typing import Any, Generic, TypeVar, get_args, get_origin, get_type_hints
+from datetime import UTC, datetime, timedelta
+from typing import Any, Generic, Protocol, TypeVar, get_args, get_origin, get_type_hints
 
 import msgspec
 import zenoh
 
 import robo_messages
 from robo import codec
-from robo.discovery import EndpointKind, EndpointToken
+from robo.discovery import EndpointKind, EndpointToken, source_id
 from robo.executor import SubscriptionLoop, Turn
+from robo.intake import Intake
 from robo.message_check import MessageCheck
 from robo.qos import KEEP_ALL
 from robo_messages import Message
 
 M = TypeVar("M", bound=Message)
+P = TypeVar("P", bound=Message, contravariant=True)
 
 
 LONGEST_PUT = 0.2
 """How long a publisher waits, when it is undeclared, for other threads that publish, s."""
+
+
+class Publish(Protocol[P]):
+    """`publish` of a publisher."""
+
+    def __call__(self, message: P, age: float = 0.0) -> None:
+        """Send one message; it gets the next sequence number and the time of now.
+
+        Args:
+            message: what to send.
+            age: how long ago it was said, s, where it passes on what others have said: whoever receives
+                it counts its age from then.
+        """
 
 
 class Endpoint:
@@ -43,7 +59,7 @@ class Endpoint:
 class TopicPublisher(Endpoint, Generic[M]):
     """Publishes messages of one type on one topic."""
 
-    publish: Callable[[M], None]
+    publish: Publish[M]
     """Send one message; it gets the next sequence number and the time of now. Once the node has stopped
     it sends nothing: a thread of one's own need not know the moment.
 
@@ -57,9 +73,16 @@ class TopicPublisher(Endpoint, Generic[M]):
         self.zenoh_publisher = session.declare_publisher(
             token.topic, encoding=codec.encoding_of(message_type), congestion_control=control
         )
-        super().__init__(session, token)
+        super().__init__(session, msgspec.structs.replace(token, id=source_id(self.zenoh_publisher.id)))
         self._numbers = itertools.count(1)
-        self.publish, self._silence = _fast_publish(self.zenoh_publisher, message_type, token.topic, self._numbers)
+        self.publish, self._silence = _fast_publish(
+            self.zenoh_publisher, message_type, token.topic, self._numbers, session.new_timestamp().get_id()
+        )
+
+    @property
+    def id(self) -> str:
+        """Zenoh's id of it, which its messages carry: `MessageInfo.source_id` of those who receive them."""
+        return self._info.id
 
     @property
     def published(self) -> int:
@@ -95,8 +118,12 @@ def _undeclare_when_free(publisher: zenoh.Publisher) -> None:
 
 
 def _fast_publish(
-    publisher: zenoh.Publisher, message_type: type[M], topic: str, numbers: Iterator[int]
-) -> tuple[Callable[[M], None], Callable[[], None]]:
+    publisher: zenoh.Publisher,
+    message_type: type[M],
+    topic: str,
+    numbers: Iterator[int],
+    clock_id: zenoh.TimestampId,
+) -> tuple[Publish[M], Callable[[], None]]:
     """`publish`, and what makes it send nothing any more.
 
     As closures: attribute look-ups would cost a tenth of the whole call.
@@ -106,10 +133,12 @@ def _fast_publish(
     # pack_attachment(1, now), pack_attachment(2, now), …: one call that runs in C from end to end, so
     # it is quick and any thread may publish.
     stamp = map(codec.pack_attachment, numbers, iter(time.time_ns, None)).__next__
+    # The same for all: messages are counted in the attachment.
+    source = zenoh.SourceInfo(publisher.id, 0)
     check = MessageCheck(message_type, topic)
     checked = -1  # the size of the last message that was looked at
 
-    def publish(message: M) -> None:
+    def publish(message: M, age: float = 0.0) -> None:
         nonlocal checked
         if message.__class__ is not message_type and not isinstance(message, message_type):
             raise TypeError(f"{topic} takes {robo_messages.type_name(message_type)}, not {type(message).__name__}")
@@ -117,7 +146,11 @@ def _fast_publish(
         if len(payload) != checked:
             checked = check(payload)
         try:
-            put(payload, attachment=stamp())
+            if age:
+                said = zenoh.Timestamp(datetime.now(UTC) - timedelta(seconds=age), clock_id)
+                put(payload, attachment=stamp(), source_info=source, timestamp=said)
+            else:
+                put(payload, attachment=stamp(), source_info=source)
         except zenoh.ZError:
             if put is not _nowhere:  # undeclared between the look-up of `put` and its call
                 raise
@@ -129,7 +162,7 @@ def _fast_publish(
     return publish, silence
 
 
-def _nowhere(_payload: bytes, *, attachment: bytes) -> None:
+def _nowhere(_payload: bytes, **_more: object) -> None:
     """Take the place of `put` once the publisher has been undeclared."""
 
 
@@ -142,11 +175,16 @@ class TopicSubscription(Endpoint, Generic[M]):
         token: EndpointToken,
         message_type: type[M],
         turn: Turn,
-        callback: Callable[[M], None],
+        callback: Callable[..., None],
         on_error: Callable[[BaseException], None],
         on_malformed: Callable[[str, int, str], None],
+        intake: Intake | None = None,
     ) -> None:
-        """`on_error` is told what the callback raised; `on_malformed` the topic, how many there were, and why."""
+        """`on_error` is told what the callback raised; `on_malformed` the topic, how many there were, and why.
+
+        With an `intake` the callback takes what it makes of each sample as its second argument.
+        """
+        self._intake = intake
         depth = token.depth
         channel_type: Any = zenoh.handlers.FifoChannel if depth == KEEP_ALL else zenoh.handlers.RingChannel
         self._loop = SubscriptionLoop(
@@ -157,6 +195,7 @@ class TopicSubscription(Endpoint, Generic[M]):
             callback,
             on_error,
             lambda reason: on_malformed(token.topic, self._loop.malformed, reason),
+            intake.examine if intake is not None else None,
         )
         super().__init__(session, token)
 
@@ -175,6 +214,11 @@ class TopicSubscription(Endpoint, Generic[M]):
         """Messages so far that were dropped because the callback fell behind by more than `depth`."""
         return self._loop.dropped
 
+    @property
+    def refused(self) -> dict[str, int]:
+        """Messages so far that were left out because another source is the one, by sender."""
+        return self._intake.refused if self._intake is not None else {}
+
     def start(self) -> None:
         """Begin to call the callback."""
         self._loop.start()
@@ -182,6 +226,8 @@ class TopicSubscription(Endpoint, Generic[M]):
     def stop(self, timeout: float) -> bool:
         """Take no more messages in. Returns whether the callback came back within `timeout` seconds."""
         self.undeclare()
+        if self._intake is not None:
+            self._intake.close()
         return self._loop.stop(timeout)
 
 

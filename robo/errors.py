@@ -57,6 +57,10 @@ class EngineError(RoboError):
     """A container engine cannot be reached, or refuses what it was asked to do."""
 
 
+class NotKept(RoboError, OSError):
+    """What a node wants to know when it is started again cannot be written."""
+
+
 class NetworkError(RoboError, ConnectionError):
     """The Zenoh network cannot be reached or opened."""
 

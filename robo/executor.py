@@ -24,6 +24,7 @@ import zenoh
 from robo.clock import Clock
 from robo.codec import Malformed, TopicDecoder
 from robo.errors import ContractError
+from robo.message_info import MessageInfo
 from robo.qos import KEEP_ALL
 from robo_messages import Message
 
@@ -227,10 +228,12 @@ class SubscriptionLoop(Generic[M]):
         decoder: TopicDecoder[M],
         depth: int,
         turn: Turn,
-        callback: Callable[[M], object],
+        callback: Callable[..., object],
         on_error: Callable[[BaseException], None],
         on_malformed: Callable[[str], None],
+        examine: Callable[[zenoh.Sample], MessageInfo | None] | None = None,
     ) -> None:
+        """`examine` makes the callback's second argument of a sample, or None of one that does not count."""
         self._subscriber = subscriber
         # The handler apart from its subscriber: a recv() through the subscriber would block undeclare().
         self._handler = subscriber.handler
@@ -240,6 +243,8 @@ class SubscriptionLoop(Generic[M]):
         self._callback = callback
         self._on_error = on_error
         self._on_malformed = on_malformed
+        self._examine = examine
+        self._about: tuple[MessageInfo, ...] = ()
         self._name = name_of(callback)
         self._backlog: deque[zenoh.Sample] = deque()
         self.received = 0
@@ -270,6 +275,7 @@ class SubscriptionLoop(Generic[M]):
         # Every message takes this path, so what it needs is in local variables.
         recv, try_recv = self._handler.recv, self._handler.try_recv
         decode, callback = self._decoder.fast, self._callback
+        examined = self._examined if self._examine is not None else None
         turn, backlog, keep_all = self._turn, self._backlog, self._depth == KEEP_ALL
         take_turn, wait_turn, pass_turn, others = turn.try_acquire, turn.wait, turn.release, turn.waiting
         name = self._name
@@ -287,9 +293,12 @@ class SubscriptionLoop(Generic[M]):
                 while True:
                     handled += 1
                     try:
-                        if (outcome := callback(decode(sample.payload.to_bytes()))) is not None:
-                            check_outcome(outcome)
-                        self.received += 1
+                        if examined is None:
+                            if (outcome := callback(decode(sample.payload.to_bytes()))) is not None:
+                                check_outcome(outcome)
+                            self.received += 1
+                        else:
+                            self.received += examined(sample)
                     except BaseException as error:  # whatever it is, it must not end this thread
                         self._handle(error, sample)
                     if others:
@@ -320,6 +329,16 @@ class SubscriptionLoop(Generic[M]):
             if holding:
                 turn.running = ""
                 pass_turn()
+
+    def _examined(self, sample: zenoh.Sample) -> bool:
+        """Give the callback a message and what is known of it. Returns whether the message counts."""
+        assert self._examine is not None
+        info = self._examine(sample)
+        if info is None:
+            return False
+        self._about = (info,)
+        check_outcome(self._callback(self._decoder.fast(sample.payload.to_bytes()), info))
+        return True
 
     def _cut_back(self, per_message: float) -> None:
         """Keep the newest `depth` of what has piled up if the last of it would wait for more than STALE."""
@@ -355,7 +374,7 @@ class SubscriptionLoop(Generic[M]):
             return
         self.received += 1
         try:
-            check_outcome(self._callback(message))
+            check_outcome(self._callback(message, *self._about))
         except BaseException as error:
             self._on_error(error)
 

@@ -83,6 +83,11 @@ def resolve(name: str, *, namespace: str, node: str, remappings: Mapping[str, st
     return key
 
 
+def absolute(name: str, namespace: str) -> str:
+    """A node's full name as somebody in a namespace means it: `monitor` in `r1` to `/r1/monitor`."""
+    return name if name.startswith("/") else "/" + join(namespace, name)
+
+
 def key_of(name: str) -> str:
     """The key expression that somebody means who types a topic's full name, with or without its outer slashes.
 

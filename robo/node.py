@@ -17,11 +17,14 @@ import zenoh
 
 from robo import discovery, log, names
 from robo.clock import Clock, SimClock
-from robo.contract import Contract, check_plain, contract_of
+from robo.contract import Contract, check_plain, contract_of, takes_info
 from robo.discovery import NodeToken
 from robo.endpoints import TopicPublisher, TopicSubscription, endpoint_token
 from robo.errors import ContractError, ParameterError
 from robo.executor import TimerLoop, Turn, checked_period, name_of, period_of, taking
+from robo.intake import Intake
+from robo.memory import Memory
+from robo.message_info import PLAIN, MessageInfo
 from robo.node_status import NodeStatus
 from robo.parameter_server import ParameterServer, Said
 from robo.parameters import Parameters as AnyParameters
@@ -114,6 +117,8 @@ class Node:
         self.clock: Clock = SimClock() if self.parameters.use_sim_time else Clock()
         self.logger = log.NodeLogger(self.full_name[1:].replace("/", "."), lambda: self.clock.monotonic())
         self.exit_code = 0
+        self.memory = Memory()
+        """What it keeps when it is started again within a run."""
         self._remappings = dict(remappings or {})
         self._given_session = session
         self._session: zenoh.Session | None = None
@@ -312,9 +317,21 @@ class Node:
         return publisher
 
     def create_subscription(
-        self, message_type: type[M], topic: str, callback: Callable[[M], None], depth: int = DEFAULT_DEPTH
+        self,
+        message_type: type[M],
+        topic: str,
+        callback: Callable[[M], None] | Callable[[M, MessageInfo], None],
+        depth: int = DEFAULT_DEPTH,
+        sole_source: Callable[[], str] | None = None,
     ) -> TopicSubscription[M]:
         """Subscribe while running; for a topic the class always reads, use `@subscribe`.
+
+        Args:
+            message_type: what is read.
+            topic: its name: relative, absolute or private.
+            callback: takes the message and, if it has a second parameter, its `MessageInfo`.
+            depth: keep the newest n messages while the node is busy; KEEP_ALL to lose none.
+            sole_source: says whose messages alone count, as for `@subscribe`; the callback takes a `MessageInfo`.
 
         Raises:
             ContractError: the node has not started, or the callback is async.
@@ -322,8 +339,16 @@ class Node:
         session = self._joined("create_subscription")
         check_plain(callback)
         token = endpoint_token(self.namespace, self.name, "sub", message_type, depth, self.resolve(topic))
+        intake = self._intake(token.topic, sole_source) if takes_info(callback) else None
         subscription = TopicSubscription(
-            session, token, message_type, self._turn, callback, self._handler(callback), self._report_malformed
+            session,
+            token,
+            message_type,
+            self._turn,
+            callback,
+            self._handler(callback),
+            self._report_malformed,
+            intake,
         )
         self._subscriptions.append(subscription)
         if self._running:
@@ -435,7 +460,8 @@ class Node:
             handler = getattr(self, served.method)
             self.create_service(served.request_type, served.response_type, served.service, handler)
         for wanted in self.contract.subscriptions:
-            self.create_subscription(wanted.message_type, wanted.topic, getattr(self, wanted.method), wanted.depth)
+            method, sole_source = getattr(self, wanted.method), self._text_parameter(wanted.sole_source)
+            self.create_subscription(wanted.message_type, wanted.topic, method, wanted.depth, sole_source)
         for ticking in self.contract.timers:
             self.create_timer(self._period(ticking.rate), getattr(self, ticking.method))
 
@@ -554,6 +580,7 @@ class Node:
             received={s.topic: s.received for s in subscriptions},
             malformed={s.topic: s.malformed for s in subscriptions},
             dropped={s.topic: s.dropped for s in subscriptions},
+            refused={s.topic: s.refused for s in subscriptions if s.refused},
             callback_errors=self._callback_errors,
             served={s.key: s.served for s in list(self._services)},
             uptime=now - self._started_at,
@@ -611,6 +638,23 @@ class Node:
             return period_of(getattr(self.parameters, parameter))
         except ContractError as error:
             raise ParameterError(f"{self.full_name}: {parameter}: {error}") from None
+
+    def _text_parameter(self, name: str | None) -> Callable[[], str] | None:
+        return None if name is None else lambda: str(getattr(self.parameters, name))
+
+    def _intake(self, topic: str, sole_source: Callable[[], str] | None) -> Intake:
+        """What examines the messages of a topic, and tells of those that are left out."""
+
+        def wanted() -> str:
+            said = sole_source() if sole_source is not None else ""
+            return said if said in ("", PLAIN) else names.absolute(said, self.namespace)
+
+        def tell(sender: str, count: int) -> None:
+            source = {"": "the node that came first", PLAIN: "a plain Zenoh client"}.get(wanted(), wanted())
+            text = f"left out messages of {sender} on {topic}, %d so far: it takes those of %s alone"
+            self.logger.warning(text, count, source, throttle=5.0)
+
+        return Intake(self.session, topic, wanted if sole_source is not None else None, tell)
 
     def _handler(self, callback: Callable[..., object]) -> Callable[[BaseException], None]:
         """What to do with an exception of a callback: it ends neither its thread nor, unless asked, the node."""

@@ -18,6 +18,8 @@ class NodeStatus(msgspec.Struct, frozen=True):
     """Messages dropped because the callback fell behind, by topic."""
     callback_errors: int
     """Exceptions that callbacks raised."""
+    refused: dict[str, dict[str, int]] = {}
+    """Messages left out because another source is the one, by topic and sender."""
     served: dict[str, int] = {}
     """Calls answered, by service."""
     uptime: float = 0.0

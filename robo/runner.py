@@ -15,6 +15,7 @@ from robo import heartbeat, log
 from robo.contract import check_constructor
 from robo.discovery import wait_for_nodes
 from robo.errors import RoboError, RunError
+from robo.memory import Memory
 from robo.node import Node, exit_code_of
 from robo.parameter_server import Said
 from robo.run_id import RUN_VARIABLE, new_run_id
@@ -40,6 +41,8 @@ class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):
     sources: dict[str, list[Said]] = {}
     """By parameter, all that was said of it, from the weakest to what holds."""
     remappings: dict[str, str] = {}
+    memory: str = ""
+    """The file that its launch has made for what it keeps over restarts."""
     needs: tuple[str, ...] = ()
     """Full names of nodes that this one must see before it starts."""
     mode: Mode | None = None
@@ -99,6 +102,8 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
         remappings=spec.remappings,
         sources=spec.sources,
     )
+
+    node.memory = Memory.of(node.full_name, spec.memory)
 
     def stop(_number: int, _frame: "FrameType | None") -> None:
         node.shutdown(node.exit_code)

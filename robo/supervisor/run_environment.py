@@ -1,12 +1,14 @@
 """What the processes of a run find in their environment."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
 
 from robo.codec import jsonable
 from robo.launch.plan import ProcessPlan
+from robo.memory import file_name
 from robo.parameter_server import Said
 from robo.runner import SPEC_VARIABLE, NodeSpec
 
@@ -26,7 +28,7 @@ class RunEnvironment:
         """
         Args:
             base: of every process.
-            folder: for the sockets of nodes.
+            folder: for the sockets of nodes, and for what they keep over restarts.
             router: the endpoint of the robot's router.
             shows_token: whether a process, by full name, is a node whose token others can wait for.
             direct: whether nodes link to each other, or are clients of the router.
@@ -37,6 +39,7 @@ class RunEnvironment:
         self._shows_token = shows_token
         self._direct = direct
         self._starts = 0
+        self._memories: dict[str, str] = {}
 
     def of(self, plan: ProcessPlan) -> dict[str, str]:
         """A command learns its name and its network there, in any language; a service its whole spec."""
@@ -51,6 +54,7 @@ class RunEnvironment:
                 for name, said in plan.parameters.items()
             },
             remappings=plan.remap,
+            memory=self._memory_of(plan.full_name),
             needs=tuple(name for name, until in plan.needs.items() if until == "ready" and self._shows_token(name)),
             mode="peer" if self._direct else "client",
             connect=(self._router,),
@@ -66,3 +70,12 @@ class RunEnvironment:
         if plan.log.level is not None:
             variables["ROBO_LOG_LEVEL"] = plan.log.level
         return self._base | variables | plan.env
+
+    def _memory_of(self, full_name: str) -> str:
+        """The file for what a node keeps, made once: one that is gone later tells the node that something is lost."""
+        if full_name not in self._memories:
+            file = self._folder / file_name(full_name)
+            with suppress(OSError):  # the node finds none, and takes it that something is lost
+                file.write_text("{}")
+            self._memories[full_name] = str(file)
+        return self._memories[full_name]

@@ -1,13 +1,14 @@
 """A simulated base with a laser: the default robot, for a desk without one."""
 
-import math
+from collections import deque
+from collections.abc import Iterable
 from functools import partial
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from msgspec import Meta
 
 import robo
-from robo import READ_ONLY, Node, Publisher, Unit, service, subscribe, timer
+from robo import READ_ONLY, MessageInfo, Node, Publisher, Unit, service, subscribe, timer
 from robo.clock import Clock as WallClock
 from robo.clock import SimClock
 from robo_messages import (
@@ -25,6 +26,7 @@ from robo_messages import (
     Vector3,
 )
 from robo_services import world
+from robo_services.arrivals import Arrivals
 from robo_services.diff_drive import BaseLimits, DiffDrive
 from robo_services.kinematics import Pose2
 from robo_services.safety import is_finite
@@ -41,6 +43,27 @@ TWIST_COVARIANCE = _diagonal(1e-3, 1e-3, 1e6, 1e6, 1e6, 1e-2)
 
 MOST_STEPS = 50
 """Steps made up for at once after the process was held up; beyond them simulated time falls behind."""
+
+
+_REMEMBERED = 64
+"""Commands, for the steps that are made up for."""
+
+
+class Command(NamedTuple):
+    """A velocity command."""
+
+    twist: Twist
+    sent: float
+    """By the base's clock, s; -inf where that is not known."""
+
+
+def in_force(commands: Iterable[Command], moment: float, timeout: float) -> Twist:
+    """The velocity that holds at a moment: that of the last command before it, if it is no older than `timeout` s."""
+    twist = Twist()
+    for command in commands:
+        if command.sent <= moment + 1e-6:
+            twist = command.twist if moment - command.sent <= timeout else Twist()
+    return twist
 
 
 class DiffDriveSim(Node):
@@ -65,6 +88,10 @@ class DiffDriveSim(Node):
         cmd_vel_timeout: Annotated[
             float, Meta(ge=0.01, le=10, description="stand still without a command for this long"), Unit("s")
         ] = 0.5
+        command_source: Annotated[
+            str,
+            Meta(description="whose commands alone move it: a node, plain (Zenoh clients), or empty: the first node"),
+        ] = ""
         odom_rate: Annotated[
             float, Meta(ge=1, le=1000, description="steps and odometry messages per second"), Unit("Hz"), READ_ONLY
         ] = 50.0
@@ -113,10 +140,10 @@ class DiffDriveSim(Node):
             noise=p.range_noise,
             seed=p.seed,
         )
-        self._command = Twist()
-        self._command_time = -math.inf
+        self._commands: deque[Command] = deque(maxlen=_REMEMBERED)
+        self._arrivals = Arrivals(unstamped=True)  # of whom `command_source` lets in
+        self._wall = wall = WallClock()
         self._steps = 0
-        wall = WallClock()
         if p.publish_clock:
             # Each tick of the wall clock is one step of the time that everybody follows, this node's
             # own laser and timeouts included: however busy the machine is, nobody misses a step.
@@ -128,11 +155,12 @@ class DiffDriveSim(Node):
             self.create_timer(1.0 / p.odom_rate, self.advance)
         self._begin = self.clock.monotonic()
 
-    @subscribe("cmd_vel", depth=1)
-    def on_command(self, twist: Twist) -> None:
-        """Remember the newest command and when it came; one that is not finite counts as silence."""
+    @subscribe("cmd_vel", depth=1, sole_source="command_source")
+    def on_command(self, twist: Twist, info: MessageInfo) -> None:
+        """Remember the newest command and when it was sent; one that is not finite counts as silence."""
         if is_finite(twist):
-            self._command, self._command_time = twist, self.clock.monotonic()
+            sent = self._arrivals.sent(info, self.clock.monotonic(), self._wall.monotonic())
+            self._commands.append(Command(twist, sent))
         else:
             self.logger.warning("ignored a command that holds NaN or an infinity", throttle=5.0)
 
@@ -140,7 +168,7 @@ class DiffDriveSim(Node):
     def reset(self, _request: Trigger.Request) -> Trigger.Response:
         """Put the base back to where it started, standing still."""
         self._base = self._new_base()
-        self._command_time = -math.inf
+        self._commands.clear()
         return Trigger.Response(message="back at the start")
 
     def step_time(self) -> None:
@@ -153,11 +181,13 @@ class DiffDriveSim(Node):
     def advance(self) -> None:
         """Make the steps that are due, each of the same length, and publish where that leads."""
         now = self.clock.monotonic()
-        rate = self.parameters.odom_rate
-        fresh = now - self._command_time <= self.parameters.cmd_vel_timeout
-        command = self._command if fresh else Twist()
+        rate, timeout = self.parameters.odom_rate, self.parameters.cmd_vel_timeout
+        if not self.parameters.publish_clock:
+            self._arrivals.tick(self._wall.monotonic(), 1.0 / rate)
         due = int((now - self._begin) * rate + 1e-6)
-        for _ in range(min(due - self._steps, MOST_STEPS)):
+        for step in range(max(self._steps, due - MOST_STEPS), due):
+            # What is made up for after a pause happened then: a command moves nothing before it was sent.
+            command = in_force(self._commands, self._begin + (step + 1) / rate, timeout)
             self._base.step(command.linear.x, command.angular.z, 1.0 / rate)
         self._steps = due
         if self._base.bumped:

@@ -6,8 +6,10 @@ from typing import Annotated
 from msgspec import Meta
 
 import robo
-from robo import READ_ONLY, Node, Publisher, Unit, service, subscribe, timer
+from robo import READ_ONLY, MessageInfo, Node, NotKept, Publisher, Unit, service, subscribe, timer
+from robo.clock import Clock
 from robo_messages import DiagnosticStatus, KeyValue, LaserScan, Odometry, Trigger, Twist
+from robo_services.arrivals import Arrivals
 from robo_services.safety import Action, Decision, Limits, Seen, decide
 
 PATIENCE = 3.0
@@ -20,10 +22,18 @@ _LEVELS: dict[Action, int] = {
 }
 
 
+_EMERGENCY_STOP = "emergency_stop"
+
+RIVAL_SHOWN = 1.0
+"""How long after its last command somebody is named who commands the base too, s."""
+
+
 class SafetyMonitor(Node):
     """Pass commands on while the way is free; slow down and stop for obstacles, and whenever in doubt.
 
-    A timer decides, not the arrival of commands, so silence stops the robot too.
+    A timer decides, not the arrival of commands, so silence stops the robot too. Ages count from when
+    a command or a scan was sent. An emergency stop holds until it is reset, also when this node ends and
+    is started again. Who else commands the base is named in the state.
     """
 
     class Parameters(robo.Parameters):
@@ -45,6 +55,13 @@ class SafetyMonitor(Node):
         command_timeout: Annotated[
             float, Meta(ge=0.01, le=10, description="an older command stops the robot"), Unit("s")
         ] = 0.5
+        unstamped: Annotated[
+            bool,
+            Meta(
+                description="take messages that say not when they were sent (plain Zenoh clients); they count from arrival"
+            ),
+            READ_ONLY,
+        ] = True
         rate: Annotated[float, Meta(ge=1, le=1000, description="decisions per second"), Unit("Hz")] = 50.0
         laser: Annotated[
             bool, Meta(description="false for a base without one: obstacles do not stop it, all else does"), READ_ONLY
@@ -56,27 +73,44 @@ class SafetyMonitor(Node):
     state = Publisher(DiagnosticStatus, "safety_state")
 
     def on_start(self) -> None:
-        """Nothing is known yet, so nothing is safe."""
+        """Nothing is known yet, so nothing is safe; what was before a restart still holds."""
+        self._arrivals = Arrivals(unstamped=self.parameters.unstamped)
+        self._wall = Clock()
         self._command: Twist | None = None
         self._command_time = -math.inf
         self._scan: LaserScan | None = None
         self._scan_time = -math.inf
         self._speed: float | None = None
-        self._emergency_stop = False
+        self._emergency_stop = self.memory.lost or bool(self.memory.recall(_EMERGENCY_STOP))
+        if self.memory.lost:
+            self.logger.error("what was before this start is not known: emergency stop, until reset_emergency_stop")
+        self._rival = self._last_rival = ""
+        self._rival_time = -math.inf
         self._last: Decision | None = None
         self._last_state = -math.inf
         self._begin = self.clock.monotonic()
         self._advised = False
 
     @subscribe("cmd_vel_raw", depth=1)
-    def on_command(self, twist: Twist) -> None:
-        """Remember the newest command and when it came."""
-        self._command, self._command_time = twist, self.clock.monotonic()
+    def on_command(self, twist: Twist, info: MessageInfo) -> None:
+        """Remember the newest command and when it was sent."""
+        sent = self._sent(info)
+        if sent >= self._command_time:
+            self._command, self._command_time = twist, sent
 
     @subscribe("scan", depth=1)
-    def on_scan(self, scan: LaserScan) -> None:
-        """Remember the newest scan and when it came."""
-        self._scan, self._scan_time = scan, self.clock.monotonic()
+    def on_scan(self, scan: LaserScan, info: MessageInfo) -> None:
+        """Remember the newest scan and when it was sent."""
+        sent = self._sent(info)
+        if sent >= self._scan_time:
+            self._scan, self._scan_time = scan, sent
+
+    @subscribe("cmd_vel", depth=1)
+    def on_passed(self, _twist: Twist, info: MessageInfo) -> None:
+        """Notice who else commands the base."""
+        if info.source_id != self.command.id:
+            sender = f"another {info.sender}" if info.source == self.full_name else info.sender
+            self._rival, self._rival_time = sender, self._wall.monotonic()
 
     @subscribe("odom", depth=1)
     def on_odometry(self, odometry: Odometry) -> None:
@@ -89,19 +123,35 @@ class SafetyMonitor(Node):
         """Stop, and stay until `reset_emergency_stop`, whatever is commanded."""
         self._emergency_stop = True
         self.command.publish(Twist())
-        return Trigger.Response(message="stopped; call reset_emergency_stop to drive again")
+        return Trigger.Response(message="stopped; call reset_emergency_stop to drive again" + self._keep(True))
 
     @service("reset_emergency_stop")
     def release(self, _request: Trigger.Request) -> Trigger.Response:
         """Let the robot drive again, once nothing else speaks against it."""
+        remark = self._keep(False)
         was_stopped, self._emergency_stop = self._emergency_stop, False
-        return Trigger.Response(message="released" if was_stopped else "there was no emergency stop")
+        return Trigger.Response(message=("released" if was_stopped else "there was no emergency stop") + remark)
+
+    def _keep(self, stopped: bool) -> str:
+        """Keep over a restart whether there is an emergency stop. Returns what is to be said of it."""
+        try:
+            self.memory.keep(_EMERGENCY_STOP, stopped)
+        except NotKept as error:
+            self.logger.error("an emergency stop holds after a restart in any case: %s", error)
+            return "; a restart of the safety monitor stops the robot, since this cannot be written down"
+        return ""
+
+    def _sent(self, info: MessageInfo) -> float:
+        """When a message was sent, by this node's clock."""
+        return self._arrivals.sent(info, self.clock.monotonic(), self._wall.monotonic())
 
     @timer(rate="rate")
     def guard(self) -> None:
         """Decide, and tell the base."""
         now = self.clock.monotonic()
         p = self.parameters
+        if not p.use_sim_time:
+            self._arrivals.tick(self._wall.monotonic(), 1.0 / p.rate)
         seen = Seen(
             command=self._command,
             command_age=now - self._command_time,
@@ -120,7 +170,8 @@ class SafetyMonitor(Node):
             laser=p.laser,
         )
         decision = decide(seen, limits)
-        self.command.publish(decision.twist)
+        # Whoever receives it counts its age from when it was commanded: timeouts of a chain do not add up.
+        self.command.publish(decision.twist, 0.0 if decision.action == "stop" else seen.command_age)
         self._report(decision, now)
 
     def _report(self, decision: Decision, now: float) -> None:
@@ -129,10 +180,19 @@ class SafetyMonitor(Node):
         if changed:
             log = self.logger.warning if decision.action == "stop" else self.logger.info
             log("%s: %s", decision.action, decision.text)
+        rival = self._rival if self._wall.monotonic() - self._rival_time < RIVAL_SHOWN else ""
+        if rival != self._last_rival:
+            changed, self._last_rival = True, rival
+            if rival:
+                self.logger.warning("%s commands the base too, past this monitor, on %s", rival, self.command.topic)
         if changed or now - self._last_state >= 1.0:
             self._last_state = now
             values = [KeyValue("action", decision.action), KeyValue("reason", decision.reason)]
-            self.state.publish(DiagnosticStatus(_LEVELS[decision.action], self.full_name, decision.text, values=values))
+            level, text = _LEVELS[decision.action], decision.text
+            if rival:
+                values.append(KeyValue("rival", rival))
+                level, text = max(level, DiagnosticStatus.WARN), f"{text}; {rival} commands the base too"
+            self.state.publish(DiagnosticStatus(level, self.full_name, text, values=values))
         self._last = decision
         if decision.reason == "no_scan" and not self._advised and now - self._begin > PATIENCE:
             self._advised = True

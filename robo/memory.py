@@ -1,0 +1,79 @@
+"""What a node keeps when it is started again within a run: an emergency stop must outlive whoever holds it.
+
+A launch makes a file for each of its nodes, which lasts as long as the run. In a container ROBO_MEMORY
+names a folder that lasts as long as the container. A node that is run alone keeps nothing.
+"""
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+import msgspec
+
+from robo.errors import NotKept
+
+MEMORY_VARIABLE = "ROBO_MEMORY"
+"""The folder for what nodes keep, where no launch says one."""
+
+
+class Memory:
+    """Values by name: plain data, as JSON holds it."""
+
+    def __init__(self, file: Path | None = None, *, expected: bool = False) -> None:
+        """
+        Args:
+            file: where it is kept; None: nowhere.
+            expected: whether the file was made before this node was started.
+        """
+        self._file = file
+        self._values: dict[str, object] = {}
+        self.lost = False
+        """Whether what this node had kept cannot be read. It then has to expect the worst."""
+        if file is None:
+            return
+        try:
+            self._values = msgspec.json.decode(file.read_bytes(), type=dict[str, object])
+        except FileNotFoundError:
+            self.lost = expected
+        except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            self.lost = True
+
+    @classmethod
+    def of(cls, full_name: str, file: str = "") -> "Memory":
+        """The memory of a node: in the file that its launch has made, or in the folder that ROBO_MEMORY names."""
+        if file:
+            return cls(Path(file), expected=True)
+        folder = os.environ.get(MEMORY_VARIABLE)
+        return cls(Path(folder, file_name(full_name)) if folder else None)
+
+    def recall(self, name: str) -> object:
+        """What was kept under a name; None where nothing was."""
+        return self._values.get(name)
+
+    def keep(self, name: str, value: object) -> None:
+        """Keep a value; it is safe from whatever ends this process once this returns.
+
+        Raises:
+            NotKept: it cannot be written. A restart then finds nothing and knows that something is lost.
+        """
+        self._values[name] = value
+        self._write()
+
+    def _write(self) -> None:
+        if self._file is None:
+            return
+        new = self._file.with_suffix(".new")
+        try:
+            new.write_bytes(msgspec.json.encode(self._values))
+            new.replace(self._file)
+        except OSError as error:
+            self.lost = True
+            for file in (new, self._file):
+                with suppress(OSError):  # a folder that is read-only, or gone
+                    file.unlink(missing_ok=True)
+            raise NotKept(f"{self._file}: {error.strerror}; a restart of this node cannot know what was") from None
+
+
+def file_name(full_name: str) -> str:
+    """What the file of a node is called."""
+    return full_name.strip("/").replace("/", "%") + ".json"
