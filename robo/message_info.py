@@ -129,10 +129,11 @@ class SoleSource:
         """
         may = not info.source if wanted == PLAIN else bool(info.source) and wanted in ("", info.source)
         if may and (self._holder in (None, info.source_id) or now - self._heard > LEASE):
-            self._holder, self._heard = info.source_id, now
-            for sender, count in self._waiting.items():
-                self._refuse(sender, count, tell)
+            if self._holder == info.source_id:
+                for sender, count in self._waiting.items():
+                    self._refuse(sender, count, tell)
             self._waiting.clear()
+            self._holder, self._heard = info.source_id, now
             return True
         if may:
             self._waiting[info.sender] = self._waiting.get(info.sender, 0) + 1

@@ -57,9 +57,7 @@ class SafetyMonitor(Node):
         ] = 0.5
         unstamped: Annotated[
             bool,
-            Meta(
-                description="take messages that say not when they were sent (plain Zenoh clients); they count from arrival"
-            ),
+            Meta(description="take what has no stamp, as of plain Zenoh clients; it counts from its arrival"),
             READ_ONLY,
         ] = True
         rate: Annotated[float, Meta(ge=1, le=1000, description="decisions per second"), Unit("Hz")] = 50.0

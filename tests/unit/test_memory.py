@@ -1,0 +1,57 @@
+from pathlib import Path
+
+import pytest
+
+from robo.errors import NotKept
+from robo.memory import MEMORY_VARIABLE, Memory
+
+
+def test_what_is_kept_is_there_after_a_restart(tmp_path: Path) -> None:
+    file = tmp_path / "m.json"
+    file.write_text("{}")
+    first = Memory(file, expected=True)
+    assert first.recall("stop") is None
+    assert not first.lost
+    first.keep("stop", True)
+    second = Memory(file, expected=True)
+    assert second.recall("stop") is True
+    assert not second.lost
+
+
+@pytest.mark.parametrize("content", [None, b"", b"{", b"[1]", b"\xff", b"{" * 100_000])
+def test_a_file_that_is_gone_or_torn_is_a_loss(tmp_path: Path, content: bytes | None) -> None:
+    file = tmp_path / "m.json"
+    if content is not None:
+        file.write_bytes(content)
+    assert Memory(file, expected=True).lost
+
+
+def test_what_cannot_be_kept_is_told_and_lost_for_the_next(tmp_path: Path) -> None:
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    file = folder / "m.json"
+    file.write_text("{}")
+    memory = Memory(file, expected=True)
+    file.unlink()
+    folder.rmdir()
+    with pytest.raises(NotKept, match="a restart of this node cannot know"):
+        memory.keep("stop", True)
+    assert memory.recall("stop") is True, "this process knows it all the same"
+    assert Memory(file, expected=True).lost
+
+
+def test_a_container_keeps_it_in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(MEMORY_VARIABLE, str(tmp_path))
+    first = Memory.of("/r1/arm/monitor")
+    assert not first.lost
+    first.keep("stop", True)
+    assert Memory.of("/r1/arm/monitor").recall("stop") is True
+    assert Memory.of("/r2/arm/monitor").recall("stop") is None
+
+
+def test_a_node_that_is_run_alone_keeps_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(MEMORY_VARIABLE, raising=False)
+    memory = Memory.of("/r1/monitor")
+    memory.keep("stop", True)
+    assert not memory.lost
+    assert Memory.of("/r1/monitor").recall("stop") is None
