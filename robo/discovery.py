@@ -146,7 +146,7 @@ def source_id(entity: zenoh.EntityGlobalId) -> str:
     return f"{entity.zid}:{entity.eid}"
 
 
-def publishers_of(topic: str) -> str:
+def tokens_of_publishers(topic: str) -> str:
     """The key expression of the tokens of all who publish on a topic."""
     return names.join(PREFIX, "**/pub/*/*/*", _mangle(topic))
 
@@ -171,7 +171,7 @@ def publishers_of(session: zenoh.Session, topic: str, timeout: float) -> list[st
         topic: the key expression.
         timeout: how long to wait for routers that do not answer, s.
     """
-    replies = session.liveliness().get(names.join(PREFIX, "**/pub/*/*/*", _mangle(topic)), timeout=timeout)
+    replies = session.liveliness().get(tokens_of_publishers(topic), timeout=timeout)
     found = [parse_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]
     return sorted({token.full_name for token in found if isinstance(token, EndpointToken)})
 

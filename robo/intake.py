@@ -49,7 +49,7 @@ class Intake:
         """Since when messages come of ids that nobody has announced."""
         # On Zenoh's own thread: it only writes into a dict, and a thread of its own would cost each subscription more.
         self._announcements = session.liveliness().declare_subscriber(
-            discovery.publishers_of(topic), zenoh.handlers.Callback(self._meet, indirect=False), history=True
+            discovery.tokens_of_publishers(topic), zenoh.handlers.Callback(self._meet, indirect=False), history=True
         )
 
     @property
