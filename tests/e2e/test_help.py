@@ -1,0 +1,201 @@
+"""Every example of every `--help` works as printed: on a robot that runs, or on a desk without one."""
+
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import closing, suppress
+from typing import Any
+
+import pytest
+from typer.main import get_command
+
+from robo import health
+from robo.cli import run
+from robo.cli.app import app
+from tests.pages import ROOT
+from tests.support import Desk, Running, eventually, is_endless
+
+pytestmark = pytest.mark.timeout(300)
+
+
+def examples_of(command: Any, path: tuple[str, ...] = ()) -> dict[tuple[str, ...], list[str]]:
+    """The examples below the help of each verb."""
+    if hasattr(command, "list_commands"):
+        found: dict[tuple[str, ...], list[str]] = {}
+        for name in command.list_commands(None):
+            found |= examples_of(command.get_command(None, name), (*path, name))
+        return found
+    text = _OF_THEIR_OWN.get(path, command.epilog or "")
+    return {path: [line.strip() for line in re.split("xamples:\n", text)[-1].splitlines() if line.strip()]}
+
+
+_OF_THEIR_OWN: dict[tuple[str, ...], str] = {("run",): run.USAGE, ("health",): health.EXAMPLES}
+"""Help of verbs that do without the library of the command line."""
+EXAMPLES = examples_of(get_command(app))
+NOT_RUN = {("keeper",): "it needs a container engine; tests/integration/test_keeper.py has one of its own"}
+ALONE = {("up",), ("router",), ("run",)}
+"""Verbs that are tried where no robot runs."""
+NO_MATTER = {("check",), ("schema",), ("export", "compose"), ("export", "dockerfile"), ("node", "show")}
+"""Verbs that look at no network."""
+
+NODE = '''
+from robo import Node, service
+from robo_messages import SetBool
+
+
+class MyNode(Node):
+    """Switch the lights."""
+
+    @service("lights")
+    def lights(self, request: SetBool.Request) -> SetBool.Response:
+        return SetBool.Response(message="on" if request.data else "off")
+'''
+GRIPPER = '''
+from robo_messages import Message, message
+
+
+@message("my_robot/Gripper")
+class Gripper(Message):
+    """A gripper's state."""
+
+    width: float = 0.0
+    """m."""
+'''
+MANIFEST = """
+include: robot.yaml
+groups:
+  mine:
+    namespace: ${robot_name}
+    nodes:
+      my_node: {service: my_package.my_node}
+"""
+TWO_HOSTS = """
+groups:
+  base:
+    hosts: base
+    include: robot.yaml
+  arm:
+    hosts: arm
+    namespace: ${robot_name}
+    nodes:
+      my_node: {service: my_package.my_node}
+"""
+RECORD = '{"key": "r9/odom", "type": "nav/Odometry", "time": 1, "sequence_number": 1, "message": {}}\n'
+
+
+class Lab:
+    """A desk with all files that examples name, and a robot on it where one is wanted."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._runs = False
+        folder = desk.folder
+        shutil.copytree(ROOT / "launch", folder / "launch")
+        shutil.copytree(ROOT / "config", folder / "config")
+        shutil.copy(next((ROOT / "robo" / "share" / "logs").glob("*.log.gz")), folder / "run.log.gz")
+        for name, text in {
+            "my_package/__init__.py": "",
+            "my_package/my_node.py": NODE,
+            "my_robot/__init__.py": "",
+            "my_robot/messages.py": GRIPPER,
+            "launch/mine.yaml": MANIFEST,
+            "two_hosts.yaml": TWO_HOSTS,
+            "params.yaml": "velocity_controller: {ros__parameters: {linear_velocity: 0.3}}\n",
+        }.items():
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_text(text)
+        (folder / "bin").mkdir()
+        for program in ("jq", "dot"):  # where there is none, one that passes on what it reads
+            if shutil.which(program) is None:
+                (folder / "bin" / program).write_text("#!/bin/sh\nexec cat\n")
+                (folder / "bin" / program).chmod(0o755)
+
+    def robot(self, *, runs: bool) -> None:
+        """See to it that the robot runs, or that it does not."""
+        if runs and not self._runs:
+            code, said = self._desk.run("robo up mine.yaml --robot-name r1 -d --wait")
+            assert code == 0, said
+        elif not runs and self._runs:
+            code, said = self._desk.run("robo down --all")
+            assert code == 0, said
+        self._runs = runs
+
+    def type(self, line: str) -> None:
+        """Type a line as an example has it, and see it do what it does."""
+        if re.search(r"robo down\b", line):
+            self._runs = False
+        try:
+            self._type(line)
+        finally:
+            if re.search(r"robo stop\b|cmd_vel_raw|robo up .*-d\b", line):  # others find all of it as it was
+                self._runs = True
+                self.robot(runs=False)
+
+    def _type(self, line: str) -> None:
+        if match := re.search(r"--run (\S+)", line):
+            self._name_a_run(match[1])
+        if "< log.jsonl" in line:  # which another example writes
+            (self._desk.folder / "log.jsonl").write_text(RECORD)
+        beside = self._desk.start("robo topic echo r1/chatter") if "--wait-for-subscriber" in line else None
+        # What takes a minute is left earlier.
+        endless = is_endless(line) or "--duration 60" in line
+        terminal = self._desk.start(f'PATH="$PWD/bin:$PATH"; {line}')
+        if endless:
+            self._leave(terminal, line)
+        code = terminal.wait(60)
+        said = terminal.output
+        assert code in ((0, 130) if endless else (0,)), f"{line} ended with {code}\n{said}"
+        assert "Traceback" not in said, f"{line}\n{said}"
+        assert "FATAL" not in said, f"{line}\n{said}"
+        if beside is not None:
+            beside.wait_for("data: hello")
+            beside.interrupt()
+            beside.wait()
+
+    def _leave(self, terminal: Running, line: str) -> None:
+        """Press Ctrl-C once it has done something."""
+        words = line.rpartition("&&")[2]
+        file = re.search(r"> (\S+)$", words)
+        if file is not None:
+            target = self._desk.folder / file[1]
+            eventually(lambda: target.exists() and target.stat().st_size > 0, f"{line}: something in {target}")
+        elif re.search(r"robo up\b", words):
+            terminal.wait_for("is ready", 60)
+        elif "topic pub" in words:
+            terminal.wait_for("published ", 60)
+        elif re.search(r"robo run\b", words):
+            eventually(lambda: "/" in self._desk.run("robo node list")[1], f"{line}: a node")
+        else:
+            with suppress(AssertionError):  # a filter may have nothing to pass on
+                terminal.wait_for("", 5 if "select(" in words else 60)
+        terminal.interrupt()
+
+    def _name_a_run(self, name: str) -> None:
+        """Have a run of this name, with the logs of one that was."""
+        runs = sorted(path.parent for path in (self._desk.folder / ".state").rglob("run.json"))
+        if not (wanted := runs[0].parent / name).exists():
+            shutil.copytree(runs[0], wanted)
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
+    with closing(Desk(tmp_path_factory.mktemp("desk"))) as desk:
+        made = Lab(desk)
+        yield made
+        made.robot(runs=False)
+
+
+def test_every_verb_has_examples() -> None:
+    assert [" ".join(path) for path, lines in EXAMPLES.items() if not lines] == []
+    own = {path: [line for line in lines if "robo " not in line] for path, lines in EXAMPLES.items()}
+    assert {path: lines for path, lines in own.items() if lines} == {}
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=" ".join)
+def test_the_examples_of_a_verb_work(lab: Lab, path: tuple[str, ...]) -> None:
+    if path in NOT_RUN:
+        pytest.skip(NOT_RUN[path])
+    for line in EXAMPLES[path]:
+        if path not in NO_MATTER:
+            lab.robot(runs=path not in ALONE)
+        lab.type(line)
