@@ -13,12 +13,17 @@ import msgspec
 import zenoh
 
 from robo import codec
+from robo.errors import RoboError, UsageError
+from robo.log import level_of
 from robo.queries import QueryLoop, reply, reply_error
 from robo.supervisor.log_files import LogRecord
 from robo.supervisor.status import Asked, Event, control_key, event_key, log_key
 
 _LONGEST = 60.0
 """How long a command may take, s."""
+
+_LARGEST = 100_000
+"""A longer request is refused, bytes."""
 
 READING = ("ps", "why", "events", "logs", "sites")
 """The verbs that only tell."""
@@ -66,13 +71,10 @@ class Control:
         work = self._verbs[key.rpartition("/")[2]]
         payload = query.payload.to_bytes() if query.payload is not None else b""
         try:
-            asked = msgspec.msgpack.decode(payload, type=Asked) if payload else Asked()
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-            reply_error(query, "UsageError", f"the request cannot be read: {error}")
+            answer = asyncio.run_coroutine_threadsafe(work(read_request(payload)), self._loop).result(_LONGEST)
+        except RoboError as error:
+            reply_error(query, type(error).__name__, str(error))
             return
-
-        try:
-            answer = asyncio.run_coroutine_threadsafe(work(asked), self._loop).result(_LONGEST)
         except LookupError as error:
             reply_error(query, "NodeNotFound", str(error.args[0]))
             return
@@ -80,3 +82,22 @@ class Control:
             reply_error(query, "RoboError", str(error) or f"not done within {_LONGEST:g} s")
             return
         reply(query, key, answer)
+
+
+def read_request(payload: bytes) -> Asked:
+    """What a query asks for; an empty one for all.
+
+    Raises:
+        UsageError: it is no request; names the field.
+    """
+    if len(payload) > _LARGEST:
+        raise UsageError(f"the request has {len(payload):,} bytes; it may have {_LARGEST:,}")
+    try:
+        asked = msgspec.msgpack.decode(payload, type=Asked) if payload else Asked()
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        what, _, field = str(error).partition(" - at `$.")
+        where = f"{field.rstrip('`')}: " if field else ""
+        raise UsageError(f"the request cannot be read: {where}{what}") from None
+    if asked.level is not None:
+        level_of(asked.level)
+    return asked

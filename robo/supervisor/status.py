@@ -1,8 +1,9 @@
 """What a supervisor tells of its run; the replies of its control keys and its events."""
 
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import msgspec
+from msgspec import Meta
 
 from robo import names
 from robo.discovery import parse_number
@@ -133,13 +134,13 @@ class Site(msgspec.Struct, frozen=True):
 class Asked(msgspec.Struct, frozen=True):
     """What a control verb is to be done to."""
 
-    names: list[str] = []
+    names: Annotated[list[str], Meta(max_length=1000)] = []
     """Nodes or groups; all where there is none."""
     since: int = 0
     """For `logs`: no older lines, ns since the epoch."""
-    level: str | None = None
+    level: Annotated[str, Meta(max_length=100)] | None = None
     """For `logs`: this level and above."""
-    lines: int | None = None
+    lines: Annotated[int, Meta(ge=0)] | None = None
     """For `logs`: only so many, the newest."""
 
 

@@ -30,6 +30,8 @@ from robo.tools.replies import read, samples
 
 T = TypeVar("T")
 
+_ERRORS = {"NodeNotFound": NodeNotFound, "UsageError": UsageError}
+
 TIMEOUT = 2.0
 """How long to wait for a supervisor's figures, s."""
 
@@ -241,7 +243,7 @@ def _ask(session: zenoh.Session, robot: str, verb: str, asked: Asked, kind: type
         elif (fault := read_fault(reply)) is not None:
             faults.append(fault)
     for fault in faults:
-        raise (NodeNotFound if fault.error == "NodeNotFound" else RunError)(fault.message)
+        raise _ERRORS.get(fault.error, RunError)(fault.message)
     if not answers:
         processes(session, robot)  # tells which robots there are
         raise RunError(f"the supervisor of {robot} did not answer within {timeout:g} s")

@@ -1,0 +1,89 @@
+"""A supervisor's control keys, asked by whoever can reach them."""
+
+import asyncio
+import logging
+import random
+import threading
+from collections.abc import Iterator
+
+import msgspec
+import pytest
+import zenoh
+
+from robo.queries import Fault, read_fault
+from robo.supervisor.control import Control
+from robo.supervisor.status import Asked, control_key
+
+
+@pytest.fixture
+def control(session: zenoh.Session) -> Iterator[list[Asked]]:
+    """A control of robot r1; what its only verb was asked for."""
+    asked: list[Asked] = []
+
+    async def logs(what: Asked) -> list[str]:
+        asked.append(what)
+        return []
+
+    loop = asyncio.new_event_loop()
+    runner = threading.Thread(target=loop.run_forever)
+    runner.start()
+    Control(session, "r1", {"logs": logs}, loop)
+    yield asked
+    loop.call_soon_threadsafe(loop.stop)
+    runner.join()
+    loop.close()
+
+
+def ask(session: zenoh.Session, payload: bytes) -> Fault | None:
+    """The error in the only reply; None where there is none."""
+    (reply,) = session.get(control_key("r1", "logs"), payload=payload, timeout=10.0)
+    return read_fault(reply)
+
+
+@pytest.mark.parametrize(
+    ("request_", "named"),
+    [
+        ({"level": "loud"}, "log level 'loud'"),
+        ({"level": "x" * 1000}, "level: "),
+        ({"level": 3}, "level: "),
+        ({"lines": -1}, "lines: "),
+        ({"lines": "many"}, "lines: "),
+        ({"lines": 1.5}, "lines: "),
+        ({"since": "yesterday"}, "since: "),
+        ({"since": None}, "since: "),
+        ({"names": "a"}, "names: "),
+        ({"names": [1]}, "names[0]: "),
+        ({"names": ["a"] * 1001}, "names: "),
+        ({"names": ["a" * 200_000]}, "200,"),
+        ([1, 2], "Expected `object`, got `array`"),
+    ],
+)  # fmt: skip
+def test_nonsense_gets_an_error_that_names_the_field(
+    control: list[Asked], other: zenoh.Session, caplog: pytest.LogCaptureFixture, request_: object, named: str
+) -> None:
+    fault = ask(other, msgspec.msgpack.encode(request_))
+    assert fault is not None
+    assert fault.error == "UsageError"
+    assert named in fault.message
+    assert caplog.records == []
+    assert control == []
+
+
+def test_no_bytes_at_all_bring_about_a_traceback(
+    control: list[Asked], other: zenoh.Session, caplog: pytest.LogCaptureFixture
+) -> None:
+    chance = random.Random(14)
+    good = msgspec.msgpack.encode(Asked(["a"], 5, "warn", 3))
+    refused = 0
+    for _ in range(500):
+        payload = bytearray(good)
+        for _ in range(chance.randint(1, 4)):
+            payload[chance.randrange(len(payload))] = chance.randrange(256)
+        fault = ask(other, bytes(payload))
+        assert fault is None or fault.error == "UsageError"
+        refused += fault is not None
+    assert 0 < refused < 500
+    assert ask(other, b"\x91" * 50_000) is not None
+    assert [record for record in caplog.records if record.levelno >= logging.WARNING] == []
+    assert ask(other, good) is None
+    assert control[-1] == Asked(["a"], 5, "warn", 3)
