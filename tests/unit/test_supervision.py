@@ -2,8 +2,11 @@
 
 import asyncio
 import os
+import re
+import time
 from pathlib import Path
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,6 +21,7 @@ from robo.supervisor.restart import Restarts
 from robo.supervisor.status import ProcessName
 from robo.supervisor.timing import Started, critical_path
 from robo.supervisor.topic_watch import Flow
+from robo.terminal import escaped_json
 from robo.tools import logs
 
 # -- restarts ------------------------------------------------------------------------------------
@@ -102,6 +106,42 @@ def test_a_flood_is_cut_and_counted() -> None:
     seen = asyncio.run(flood())
     assert sum(map(len, seen)) < 2 * Budget.RESERVE
     assert any("left out: it prints too much" in line for line in seen)
+
+
+@pytest.mark.parametrize("chunk", [b"y\n" * 131_072, b"x" * 262_144, b"\0" * 262_144, bytes(range(128, 256)) * 2_048])
+def test_a_flood_at_full_speed_is_shown_in_part(chunk: bytes) -> None:
+    budget = Budget(0.0)
+    passed = [budget.take(chunk, second / 200) for second in range(2_000)]  # of ten seconds
+    assert passed[0] > 0, "its beginning is shown"
+    assert sum(1 for size in passed[200:] if size) == pytest.approx(9, abs=1), "and some of it each second"
+    lines = Lines()
+    written = 0
+    for size in passed:
+        for text in lines.feed(chunk[:size]) + lines.flush():
+            line = LogRecord(time=1_700_000_000_000_000_000, node="noisy", message=text, stream="stdout")
+            written += len(escaped_json(msgspec.json.encode(line).decode()).encode()) + 1
+    granted = Budget.RESERVE + 10 * Budget.PER_SECOND
+    assert 0.6 * granted < written < 1.05 * granted, "by what its log takes"
+
+
+def test_a_flood_is_told_while_it_lasts() -> None:
+    async def flood() -> list[str]:
+        seen: list[str] = []
+        stream = asyncio.StreamReader(limit=2**20)
+        task = asyncio.create_task(pump(stream, seen.append, Budget(time.monotonic())))
+        while not any("left out" in line for line in seen):
+            stream.feed_data(b"y\n" * 131_072)
+            await asyncio.sleep(0)
+        stream.feed_data(b"y")
+        stream.feed_eof()
+        await task
+        return seen
+
+    seen = asyncio.run(flood())
+    told = next(number for number, line in enumerate(seen) if "left out" in line)
+    assert told > 1_000
+    assert set(seen[:told]) == {"y"}
+    assert re.fullmatch(r"… [\d,]+ lines \(\d+\.\d MB\) left out: it prints too much", seen[told])
 
 
 def test_the_beginning_of_a_line_does_not_wait_for_ever() -> None:
