@@ -18,13 +18,13 @@ def new_run_id() -> str:
     return f"{begin:011x}{os.urandom(3).hex()}-{os.getpid()}-{_begin_of(os.getpid())}-{_pid_namespace()}"
 
 
-def supervisor_lives(run: str) -> bool:
-    """Whether the supervisor of a run still runs; also where this machine cannot know."""
+def supervisor_lives(run: str, *, unknown: bool = True) -> bool:
+    """Whether the supervisor of a run still runs; `unknown` where this machine cannot know, as of another container."""
     _, _, rest = run.partition("-")
     pid, _, rest = rest.partition("-")
     begin, _, namespace = rest.partition("-")
     if not pid.isdecimal() or namespace != _pid_namespace():
-        return True
+        return unknown
     return _begin_of(int(pid)) == begin
 
 

@@ -1,6 +1,7 @@
 """What the tools share: reaching a running robot, and printing."""
 
 import os
+import shutil
 import sys
 import time
 from collections.abc import Iterable, Sequence
@@ -10,7 +11,7 @@ import msgspec
 from robo import tcp
 from robo.cli.json_text import to_json
 from robo.cli.reach import Reach
-from robo.columns import aligned
+from robo.columns import aligned, fitted
 from robo.discovery import NodeToken
 from robo.errors import NetworkError
 from robo.session import Network, open_session, zenoh_config
@@ -96,8 +97,10 @@ def print_json(value: object) -> None:
     print_text(to_json(value))
 
 
-def print_table(rows: Sequence[Sequence[str]]) -> None:
-    """A table whose first row is its head."""
+def print_table(rows: Sequence[Sequence[str]], spared: Sequence[str] = ()) -> None:
+    """A table whose first row is its head; on a narrow terminal without some of the columns that are `spared`."""
+    if spared and sys.stdout.isatty():
+        rows = fitted(rows, shutil.get_terminal_size().columns, spared)
     for number, line in enumerate(aligned(rows)):
         print(paint(line, "1") if number == 0 else line)
 

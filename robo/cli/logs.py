@@ -3,15 +3,22 @@
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from robo.cli.connection import print_json, print_table
+from robo.cli.connection import connect_to_robot, note, print_json, print_table
 from robo.cli.reach import Reach
+from robo.errors import RoboError
+from robo.run_id import supervisor_lives
 from robo.supervisor.console import Console
 from robo.supervisor.log_files import Filter, LogRecord, log_base
 from robo.supervisor.status import Asked
 from robo.tools import logs, runs
+
+import zenoh  # isort: skip  (after robo.session, which sets how Zenoh starts its threads)
+
+_ASK_TIMEOUT = 0.5
+"""How long a supervisor on this machine may take to say whether it writes its files, s."""
 
 
 def print_runs(*, robot: str | None, json: bool) -> None:
@@ -67,21 +74,52 @@ def print_logs(wanted: Wanted, reach: Reach, run: str | None) -> None:
 def _print_from_files(wanted: Wanted, chosen: logs.Run) -> None:
     wants = wanted.filter().wants
     labels = logs.labels_meant(wanted.nodes, chosen.processes)
-    console = Console(sorted(labels) or chosen.labels)
+    printer = _Printer(wanted, sorted(labels) or chosen.labels)
     follower = logs.Follower(chosen, labels)  # made first: what comes meanwhile is not lost
+    problem, session = _where_files_lack(chosen)
+    if session is None:
+        printer.show_past(filter(wants, logs.read(chosen, labels)))
+        if wanted.follow:
+            printer.show_coming(filter(wants, follower.records()))
+        return
+    with session:
+        note(f"{chosen.info.robot}: {problem}; what its supervisor keeps of them, the newest 5,000, comes from there")
+        stream = runs.OutputStream(session, chosen.info.robot)
+        asked = Asked(sorted(labels), wanted.begin(), wanted.level)
+        printer.show_past(_and_after(filter(wants, logs.read(chosen, labels)), session, chosen.info.robot, asked))
+        if wanted.follow:
+            printer.show_coming(one for one in stream.coming() if (not labels or one.node in labels) and wants(one))
+
+
+def _where_files_lack(chosen: logs.Run) -> tuple[str, zenoh.Session | None]:
+    """Why a run that goes on cannot write its files just now, and a session with it; else an empty text and None."""
+    if not supervisor_lives(chosen.info.run, unknown=False):
+        return "", None
+    try:
+        session = connect_to_robot(Reach(tuple(chosen.info.endpoints), chosen.info.robot, _ASK_TIMEOUT))
+    except RoboError:
+        return "", None  # its files are what there is
+    try:
+        found = runs.processes(session, chosen.info.robot, _ASK_TIMEOUT)
+    except RoboError:
+        found = []
+    problem = next((one.log_problem for one in found if one.run == chosen.info.run and one.log_problem), "")
+    if problem:
+        return problem, session
+    session.close()
+    return "", None
+
+
+def _and_after(written: Iterable[LogRecord], session: zenoh.Session, robot: str, asked: Asked) -> Iterator[LogRecord]:
+    """The records of files, and those that a supervisor keeps from after them."""
     last = 0
-    for record in logs.newest(filter(wants, logs.read(chosen, labels)), wanted.lines):
-        show(record, console, json=wanted.json)
+    for record in written:
         last = max(last, record.time)
-    if wanted.follow:
-        for record in filter(wants, follower.records()):
-            if record.time > last:
-                show(record, console, json=wanted.json)
+        yield record
+    yield from (record for record in runs.output(session, robot, asked) if record.time > last)
 
 
 def _print_from_network(wanted: Wanted, reach: Reach) -> None:
-    from robo.cli.connection import connect_to_robot
-
     wants = wanted.filter().wants
     with connect_to_robot(reach) as session:
         robot = runs.robot_of(session, reach.robot, wanted.nodes)
@@ -89,14 +127,29 @@ def _print_from_network(wanted: Wanted, reach: Reach) -> None:
         stream = runs.OutputStream(session, robot)
         asked = Asked(sorted(labels), wanted.begin(), wanted.level, wanted.lines)
         found = runs.output(session, robot, asked)
-        console = Console(sorted(labels) or sorted({record.node for record in found}))
-        last = 0
-        for record in found:
-            show(record, console, json=wanted.json)
-            last = max(last, record.time)
-        for record in stream.coming() if wanted.follow else ():
-            if (not labels or record.node in labels) and wants(record) and record.time > last:
-                show(record, console, json=wanted.json)
+        printer = _Printer(wanted, sorted(labels) or sorted({record.node for record in found}))
+        printer.show_past(found)
+        if wanted.follow:
+            printer.show_coming(one for one in stream.coming() if (not labels or one.node in labels) and wants(one))
+
+
+class _Printer:
+    def __init__(self, wanted: Wanted, labels: Sequence[str]) -> None:
+        self._wanted = wanted
+        self._console = Console(labels)
+        self._last = 0
+
+    def show_past(self, records: Iterable[LogRecord]) -> None:
+        """Print what has been printed so far, or the newest of it."""
+        for record in logs.newest(records, self._wanted.lines):
+            self._last = max(self._last, record.time)
+            show(record, self._console, json=self._wanted.json)
+
+    def show_coming(self, records: Iterable[LogRecord]) -> None:
+        """Print what comes, but for what was shown before."""
+        for record in records:
+            if record.time > self._last:
+                show(record, self._console, json=self._wanted.json)
 
 
 def show(record: LogRecord, console: Console, *, json: bool) -> None:

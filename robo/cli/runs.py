@@ -43,7 +43,8 @@ def print_processes(reach: Reach, *, json: bool, watch: bool, interval: float) -
                 for status in found:
                     print_json(status)
             else:
-                print_table([_HEAD, *map(_row, found)])
+                print_table([_HEAD, *map(_row, found)], _SPARED)
+                _print_log_problems(found)
             if not watch:
                 return
             time.sleep(interval)
@@ -60,7 +61,16 @@ def _with_twins(found: Sequence[ProcessStatus], there: Sequence[NodeToken]) -> l
     ]
 
 
+def _print_log_problems(found: Sequence[ProcessStatus]) -> None:
+    """Say of which runs nothing comes into the log files."""
+    for robot, problem in dict.fromkeys((status.robot, status.log_problem) for status in found):
+        if problem:
+            print_line(f"{paint('!!', '31')}  {robot}: {problem}")
+
+
 _HEAD = ("ROBOT", "GROUP", "NODE", "STATE", "PID", "RESTARTS", "UPTIME", "CPU", "MEMORY", "OUT", "IN", "REASON")
+_SPARED = ("ROBOT", "GROUP", "PID", "IN", "OUT", "UPTIME", "MEMORY", "CPU", "RESTARTS")
+"""What a narrow terminal does without, from the first on: a node's full name tells its robot."""
 
 
 def _row(status: ProcessStatus) -> tuple[str, ...]:
@@ -144,6 +154,8 @@ def why(names: Sequence[str], reach: Reach, *, json: bool) -> None:
             print_json(explanation)
         else:
             print_lines(_explained(explanation))
+    if not json:
+        _print_log_problems([explanation.process for explanation in found])
 
 
 def _explained(found: Explanation) -> list[str]:

@@ -5,8 +5,8 @@
 """
 
 import os
-import shutil
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -20,9 +20,6 @@ LARGEST = 10_000_000
 
 KEPT_FILES = 3
 """How many files of a process are kept, the present one included."""
-
-KEPT_RUNS = 10
-"""How many runs of a robot are kept."""
 
 SUPERVISOR = "robo"
 """The name under which the supervisor's own lines are kept."""
@@ -101,36 +98,57 @@ class LogFiles:
     def __init__(self, info: RunInfo, base: Path | None = None) -> None:
         """Nothing is written before the first line, or `begin`."""
         stamp = time.strftime("%Y-%m-%d_%H-%M-%S", time.localtime(info.begin / 1e9))
-        self._robot_folder = (base or log_base()) / info.robot.replace("/", ".")
-        self.folder = self._robot_folder / f"{stamp}_{info.pid}"
+        self._base = base or log_base()
+        self.folder = self._base / info.robot.replace("/", ".") / f"{stamp}_{info.pid}"
         self._info = info
         self._files: dict[str, _Rotating] = {}
+        self._set_aside = 0
 
     def begin(self) -> None:
-        """Make the folder, and remove the oldest runs.
+        """Make the folder, and what tells of the run.
 
         Raises:
-            OSError: it cannot be made.
+            OSError: they cannot be made.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
-        (self.folder / "run.json").write_bytes(msgspec.json.encode(self._info) + b"\n")
-        runs = sorted(folder for folder in self._robot_folder.iterdir() if (folder / "run.json").exists())
-        for folder in runs[:-KEPT_RUNS]:
-            shutil.rmtree(folder, ignore_errors=True)
+        info = self.folder / "run.json"
+        if not info.exists() or info.stat().st_size == 0:  # a full disk may have cut it short
+            info.write_bytes(msgspec.json.encode(self._info) + b"\n")
 
     def write(self, line: LogRecord) -> None:
         """Add a line to its process's file.
 
         Raises:
-            OSError: it cannot be written.
+            OSError: it cannot be written; nothing of it is.
         """
         if line.node not in self._files:
             self._files[line.node] = _Rotating(self.folder / f"{line.node.replace('/', '.')}.jsonl")
         self._files[line.node].write(escaped_json(msgspec.json.encode(line).decode()).encode() + b"\n")
 
+    def room(self) -> int:
+        """How much the disk takes, bytes.
+
+        Raises:
+            OSError: the folder is not there.
+        """
+        disk = os.statvfs(self._base)
+        return disk.f_bavail * disk.f_frsize
+
+    def lost(self) -> int | None:
+        """How many lines went, since this was last asked, to files that somebody has removed; None where none was."""
+        lost = [file.lost() for file in self._files.values()]
+        return sum(filter(None, lost)) if any(count is not None for count in lost) else None
+
+    @property
+    def set_aside(self) -> int:
+        """How many files have been set aside so far."""
+        return self._set_aside + sum(file.set_aside for file in self._files.values())
+
     def close(self) -> None:
-        """Close all files."""
-        for file in self._files.values():
+        """Close all files; what is written after that opens them again."""
+        self._set_aside = self.set_aside
+        files, self._files = self._files, {}
+        for file in files.values():
             file.close()
 
 
@@ -139,12 +157,32 @@ class _Rotating:
         self._path = path
         self._file: BinaryIO = path.open("ab", buffering=0)
         self._size = self._file.tell()
+        self._unseen = 0
+        """Lines since the file was last seen where it should be."""
+        self.set_aside = 0
 
     def write(self, line: bytes) -> None:
         if self._size + len(line) > LARGEST:
             self._rotate()
-        self._file.write(line)
+        rest = memoryview(line)
+        try:
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError:  # a disk that is full takes a part of it
+            with suppress(OSError):
+                os.ftruncate(self._file.fileno(), self._size)
+            raise
         self._size += len(line)
+        self._unseen += 1
+
+    def lost(self) -> int | None:
+        """How many lines are lost, where the file is not there any more."""
+        count, self._unseen = self._unseen, 0
+        try:
+            there = os.path.samestat(os.stat(self._path), os.fstat(self._file.fileno()))
+        except OSError:
+            there = False
+        return None if there else count
 
     def _rotate(self) -> None:
         self._file.close()
@@ -154,7 +192,8 @@ class _Rotating:
             if newer.exists():
                 newer.replace(older)
         self._file = self._path.open("ab", buffering=0)
-        self._size = 0
+        self._size = self._unseen = 0
+        self.set_aside += 1
 
     def close(self) -> None:
         self._file.close()

@@ -59,6 +59,8 @@ class ProcessStatus(msgspec.Struct, frozen=True, kw_only=True):
     """The callback that holds up all others of the node; empty while none does."""
     running_for: float = 0.0
     """How long it had been running when the node last said so, s."""
+    log_problem: str = ""
+    """Why nothing of the run comes into its log files just now; empty where it does."""
 
     @property
     def name(self) -> ProcessName:

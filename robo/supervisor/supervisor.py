@@ -30,11 +30,12 @@ from robo.launch.plan import Plan, ProcessPlan, StopPlan, TopicPlan
 from robo.router import LINGER, NETWORK_VARIABLE
 from robo.run_id import RUN_VARIABLE, new_run_id
 from robo.session import Network, close_session, open_session
-from robo.supervisor import last_resort, orphans, process
+from robo.supervisor import last_resort, log_space, orphans, process
 from robo.supervisor.console import Console
 from robo.supervisor.control import Control
 from robo.supervisor.early import Begun, base_environment
 from robo.supervisor.log_files import SUPERVISOR, Filter, LogFiles, LogRecord, RunInfo, record
+from robo.supervisor.log_writer import LogWriter
 from robo.supervisor.member import Changes, Member
 from robo.supervisor.process import Child, describe_exit
 from robo.supervisor.reload import FileWatch, files_of, same
@@ -129,6 +130,7 @@ class Supervisor:
         self._environment = RunEnvironment(
             self._base, self._folder, self._socket, self._shows_token, direct=_may_link(plan)
         )
+        self._log_limit = log_space.limit()
         self._log_files = LogFiles(
             RunInfo(
                 run=self._run_id,
@@ -141,7 +143,7 @@ class Supervisor:
                 endpoints=list(router.listen),
             )
         )
-        self._logs_work = False
+        self._log_writer = LogWriter(self._log_files, self._on_log_trouble)
         self.changes = Changes()
         self._members = {p.full_name: Member(p, label_of(plan, p), self) for p in plan.processes}
         self._elsewhere: dict[str, set[NodeToken]] = {}
@@ -199,7 +201,7 @@ class Supervisor:
                     self._warn(line)
                 self._finish(1)
                 return 1
-            self._begin_logs()
+            self._log_writer.begin()  # a run that is refused leaves no files
             self._sites.note(self._claim.unreached)
             await self._start_router()
             self._tend(self._keep_router(), "the router")
@@ -246,7 +248,7 @@ class Supervisor:
             watchdog.dismiss,
             lambda: shutil.rmtree(self._folder, ignore_errors=True),
             self._summarize,
-            self._log_files.close,
+            self._log_writer.close,
         ]
         for step in steps:
             try:
@@ -564,6 +566,10 @@ class Supervisor:
                     self._on_hang(member, why)
             last = now
             orphans.reap(process.spawned)
+            self._log_writer.look()
+            if self._log_writer.wants_room():
+                own = self._log_files.folder
+                self._do(asyncio.to_thread(log_space.make_room, own.parent.parent, self._log_limit, own))
             if self._options.reload is not None:
                 self._look_for_changed_files()
 
@@ -718,7 +724,8 @@ class Supervisor:
         return {full: m for full, m in self._members.items() if ProcessName(robot, full, m.plan.group).is_meant(name)}
 
     def _status(self, member: Member) -> ProcessStatus:
-        return member.status(self._plan.robot, self._run_id, self._plan.host or discovery.hostname())
+        status = member.status(self._plan.robot, self._run_id, self._plan.host or discovery.hostname())
+        return msgspec.structs.replace(status, log_problem=self._log_writer.problem)
 
     # -- stop ----------------------------------------------------------------------------------------
 
@@ -827,29 +834,19 @@ class Supervisor:
         self._console.warn(text)
         self._log(LogRecord(time=time.time_ns(), node=SUPERVISOR, message=text, level="WARN"))
 
-    def _begin_logs(self) -> None:
-        try:
-            self._log_files.begin()
-        except OSError as error:
-            self._console.warn(f"no log files: {error}")
-            return
-        self._logs_work = True
-        for line in self._recent:
-            self._write(line)
-
     def _log(self, line: LogRecord) -> None:
+        self._keep(line)
+        self._log_writer.write(line)
+
+    def _keep(self, line: LogRecord) -> None:
+        """Keep a line for those who ask over the network, and tell those who follow."""
         self._recent.append(line)
         if self._control is not None:
             self._control.publish_line(line)
-        if self._logs_work:
-            self._write(line)
 
-    def _write(self, line: LogRecord) -> None:
-        try:
-            self._log_files.write(line)
-        except OSError as error:  # a full disk must not stop a robot
-            self._logs_work = False
-            self._console.warn(f"no more log files: {error}")
+    def _on_log_trouble(self, line: LogRecord) -> None:
+        self._console.warn(line.message)
+        self._keep(line)
 
     def _summarize(self) -> None:
         """Repeat why processes failed: their own last words, where these may have scrolled away."""

@@ -61,7 +61,7 @@ def live_runs(base: Path | None = None) -> list[Run]:
 
 
 def find_run(robot: str | None, name: str | None, base: Path | None = None) -> Run:
-    """The run that somebody means: by the name of its folder or its id, else the latest.
+    """The run that somebody means: by the name of its folder or its id, else the latest of those that go on, or of all.
 
     Raises:
         RunError: there is none.
@@ -69,7 +69,9 @@ def find_run(robot: str | None, name: str | None, base: Path | None = None) -> R
     runs = list_runs(robot, base)
     chosen = [run for run in runs if name is None or name in (run.folder.name, run.info.run)]
     if chosen:
-        return chosen[-1]
+        # What has failed at once, beside a robot that runs, is not what anybody looks for.
+        alive = [run for run in chosen if supervisor_lives(run.info.run, unknown=False)]
+        return (alive or chosen)[-1]
     whose = f" of robot {robot}" if robot is not None else ""
     if name is not None and runs:
         raise RunError(f"there is no run {name}{whose}; `robo logs --list` shows those that are kept")
@@ -176,7 +178,7 @@ def _records(paths: Sequence[Path]) -> Iterator[LogRecord]:
                     record = _parsed(line)
                     if record is not None:
                         yield record
-        except FileNotFoundError:
+        except OSError:
             continue  # the oldest went while we read
 
 

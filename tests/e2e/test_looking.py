@@ -536,6 +536,20 @@ def test_colours_are_for_terminals_and_not_where_no_color_is_said(robot: str, mo
         assert "\x1b" not in screen.text
 
 
+def test_ps_has_straight_columns_and_fits(robot: str) -> None:
+    with terminal("ps", "--connect", robot, columns=80) as screen:
+        screen.wait_for("/r1/velocity_controller")
+        assert screen.process.wait(15) == 0
+        screen.wait_for("REASON")
+        assert "\x1b[32mready\x1b[0m" in screen.text
+        head, *rows = re.sub(r"\x1b\[\d*m", "", screen.text).splitlines()
+        assert max(map(len, (head, *rows))) <= 80
+        for row in filter(None, rows):
+            assert re.match(r"\S+ +$", row[: head.index("STATE")])
+            assert re.match(r"\S+ +$", row[head.index("STATE") : head.index("RESTARTS")])
+    assert "ROBOT  GROUP" in ask(robot, "ps"), "elsewhere nothing is left out"
+
+
 # -- completion ------------------------------------------------------------------------------------
 
 

@@ -229,16 +229,6 @@ def test_what_was_cut_short_is_passed_over(tmp_path: Path) -> None:
     assert [r.message for r in logs.read(run, set())] == ["whole"]
 
 
-def test_old_runs_go(tmp_path: Path) -> None:
-    for number in range(log_files.KEPT_RUNS + 3):
-        files = LogFiles(_info(begin=(1_700_000_000 + number) * 10**9, pid=number), tmp_path)
-        files.begin()
-    kept = [run.info.pid for run in logs.list_runs(base=tmp_path)]
-    assert kept == list(range(3, log_files.KEPT_RUNS + 3))
-    assert logs.find_run(None, None, tmp_path).info.pid == kept[-1]
-    assert logs.find_run("r1", "id5", tmp_path).info.pid == 5
-
-
 def test_a_traceback_belongs_to_its_error() -> None:
     wanted = Filter(least="error")
     records = [

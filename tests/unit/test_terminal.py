@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robo.columns import aligned
+from robo.columns import aligned, fitted
 from robo.supervisor.console import Console
 from robo.terminal import Door, escaped_json, own, visible, visible_but_colours, width
 from robo.yaml_tree import as_yaml
@@ -44,6 +44,18 @@ def test_robos_own_sequences_pass_and_take_no_room() -> None:
     assert width(text) == len(r"owned\x1b[1m")
     rows = [(own("\x1b[32m") + "a" + own("\x1b[0m"), "b"), ("three", "c\nd")]
     assert through("\n".join(aligned(rows))) == "\x1b[32ma\x1b[0m      b\nthree  c\\nd"
+
+
+def test_a_narrow_terminal_does_without_some_columns() -> None:
+    rows = [("ROBOT", "NODE", "PID", "REASON"), ("r1", "/r1/a", "4711", "x" * 100)]
+    assert fitted(rows, 140, ["ROBOT", "PID"]) == [list(row) for row in rows]
+    for most in (45, 50, 60, 100):
+        found = fitted([*rows, ("r1", "/r1/b", "1", "because of " + "y" * 100)], most, ["ROBOT", "PID"])
+        assert "NODE" in found[0]
+        assert ("ROBOT" in found[0]) == (most >= 7 + 7 + 6 + 24)
+        assert width(aligned(found)[2]) == most
+    assert fitted(rows, 10, ["ROBOT", "PID"])[0] == ["NODE", "REASON"]
+    assert fitted([("A", "B"), ("x", "")], 3, ["A"]) == [["B"], [""]]
 
 
 @pytest.mark.parametrize(
