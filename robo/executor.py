@@ -392,7 +392,8 @@ class TimerLoop:
         clock: Clock | None = None,
     ) -> None:
         """`period` is asked before each tick, so that a changed parameter counts at once; s, by `clock`."""
-        self._name = name
+        self.name = name
+        """Its callback's."""
         self._clock = clock or Clock()
         self.period: Callable[[], float] = lambda: checked_period(period())
         """What is asked before each tick; raises ContractError for what cannot be waited for."""
@@ -445,7 +446,7 @@ class TimerLoop:
             with turn:
                 if self._stopped:
                     return
-                turn.running, turn.since = self._name, monotonic()
+                turn.running, turn.since = self.name, monotonic()
                 try:
                     check_outcome(self._callback())
                 except BaseException as error:

@@ -582,12 +582,19 @@ class Node:
             dropped={s.topic: s.dropped for s in subscriptions},
             refused={s.topic: s.refused for s in subscriptions if s.refused},
             callback_errors=self._callback_errors,
+            missed=self._missed(),
             served={s.key: s.served for s in list(self._services)},
             uptime=now - self._started_at,
             busy=turn.busy + running_for,
             running=running,
             running_for=running_for,
         )
+
+    def _missed(self) -> dict[str, int]:
+        missed: dict[str, int] = {}
+        for timer in list(self._timers):
+            missed[timer.name] = missed.get(timer.name, 0) + timer.missed
+        return missed
 
     def flush(self, timeout: float = 5.0) -> None:
         """Wait until the nodes in this namespace have received all that was published so far.

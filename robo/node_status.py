@@ -20,6 +20,8 @@ class NodeStatus(msgspec.Struct, frozen=True):
     """Exceptions that callbacks raised."""
     refused: dict[str, dict[str, int]] = {}
     """Messages left out because another source is the one, by topic and sender."""
+    missed: dict[str, int] = {}
+    """Ticks that timers skipped because callbacks took too long, by the timer's callback."""
     served: dict[str, int] = {}
     """Calls answered, by service."""
     uptime: float = 0.0

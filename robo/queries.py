@@ -8,6 +8,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 
 import msgspec
 import zenoh
@@ -106,7 +107,8 @@ class QueryLoop:
                 reply_error(query, *self._refusal(asked))
         except Exception as error:  # whatever a request brings about, the next one is answered
             _logger.exception("a query on %s failed", self._name)
-            reply_error(query, type(error).__name__, str(error))
+            with suppress(zenoh.ZError):  # it may be gone, or this node may be leaving
+                reply_error(query, type(error).__name__, str(error))
 
     def _refusal(self, asked: str) -> tuple[str, str]:
         """What is said to a query that reaches the queryable and none of its keys."""

@@ -85,6 +85,7 @@ def _lines(info: NodeInfo) -> list[str]:
         ("load", "" if info.load is None else f"{info.load:.1%} of the time in callbacks"),
         ("cpu", "" if info.cpu is None else f"{info.cpu:.1f}% of a core"),
         ("memory", "" if info.memory is None else data_size(info.memory)),
+        ("timers", ", ".join(f"{name} skipped {count} ticks" for name, count in info.missed.items())),
         ("errors", f"its callbacks raised {info.callback_errors} exceptions" if info.callback_errors else ""),
     ]
     lines = [paint(info.node, "1"), *(f"  {label:9} {text}" for label, text in facts if text)]

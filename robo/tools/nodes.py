@@ -85,6 +85,8 @@ class NodeInfo(msgspec.Struct, frozen=True):
     load: float | None
     """Part of the time that its callbacks take, 0 to 1."""
     callback_errors: int | None
+    missed: dict[str, int]
+    """Ticks that its timers skipped because callbacks took too long, by callback; those that skipped any."""
     running: str
     """The callback that ran when it was asked; empty where none did."""
     running_for: float
@@ -243,6 +245,7 @@ def _info(
         uptime=after.uptime if after is not None else None,
         load=min(1.0, (after.busy - before.busy) / span) if before is not None and after is not None else None,
         callback_errors=after.callback_errors if after is not None else None,
+        missed={name: n for name, n in after.missed.items() if n} if after is not None else {},
         running=after.running if after is not None else "",
         running_for=after.running_for if after is not None else 0.0,
         state=supervised.state if supervised is not None else None,

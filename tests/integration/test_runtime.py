@@ -135,8 +135,8 @@ def test_a_callback_that_returns_a_coroutine_is_an_error(
 
     with Echo(session=session) as node:
         node.create_timer(0.001, lambda: later())  # type: ignore[arg-type]
-        eventually(lambda: node.status.callback_errors > 0, "it is noticed")
-        assert "returned a coroutine, which nobody awaits" in caplog.text
+        eventually(lambda: "returned a coroutine, which nobody awaits" in caplog.text, "it is logged")
+        assert node.status.callback_errors > 0
         with pytest.raises(ContractError, match="later is async"):
             node.create_service(Trigger.Request, Trigger.Response, "~/x", later)  # type: ignore[arg-type]
 
@@ -251,6 +251,16 @@ def test_a_node_says_which_callback_holds_it_up(session: zenoh.Session, other: z
         eventually(lambda: asked().running in ("", "set"), "the callback has returned")
 
 
+def test_ticks_that_were_skipped_are_counted(session: zenoh.Session) -> None:
+    class Late(Node):
+        @timer(rate=1000.0)
+        def tick(self) -> None:
+            time.sleep(0.01)
+
+    with Late(session=session) as node:
+        eventually(lambda: node.status.missed["tick"] > 0, "it is told")
+
+
 def test_a_callback_may_end_the_node(session: zenoh.Session, other: zenoh.Session) -> None:
     node = Echo(namespace="r1", session=session)
     with node:
@@ -359,9 +369,9 @@ def test_a_slow_callback_gets_the_newest_and_holds_up_nobody(session: zenoh.Sess
             enough.wait(0.0005)
     assert entered.is_set()
     # The slow callback sees what came just before it began, not what waited since its last run began.
-    assert sorted(slow_ages[2:])[len(slow_ages) // 2] < 0.01
-    assert sorted(ages)[len(ages) // 2] < 0.01
-    assert len(ages) > 10 * len(slow_ages)
+    assert sorted(slow_ages[2:])[len(slow_ages) // 2] < 0.02
+    assert sorted(ages)[len(ages) // 2] < 0.02
+    assert len(ages) > 2 * len(slow_ages)
 
 
 SINK = """

@@ -1,3 +1,4 @@
+import itertools
 import math
 import threading
 import time
@@ -151,3 +152,10 @@ def test_no_wait_is_too_long_for_a_clock() -> None:
     woken = threading.Event()
     woken.set()
     assert Clock().wait(woken, math.inf)
+
+
+def test_a_publishers_counter_can_be_read_without_counting() -> None:
+    # TopicPublisher.published reads the next number out of what Python writes of a counter.
+    numbers = itertools.count(1)
+    assert [next(numbers) for _ in range(3)] == [1, 2, 3]
+    assert repr(numbers) == "count(4)"
