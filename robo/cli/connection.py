@@ -13,8 +13,9 @@ from robo.cli.json_text import to_json
 from robo.cli.reach import Reach
 from robo.columns import aligned, fitted
 from robo.discovery import NodeToken
-from robo.errors import NetworkError
+from robo.errors import NetworkError, NodeNotFound
 from robo.session import Network, open_session, zenoh_config
+from robo.suggestions import suggest
 from robo.terminal import own, visible
 from robo.tools import nodes
 
@@ -72,8 +73,17 @@ def _what_is_wrong(error: OSError | None) -> str:
 
 
 def nodes_of(session: zenoh.Session, reach: Reach) -> list[NodeToken]:
-    """The nodes of the robot that is named, or of all."""
-    return [token for token in nodes.list_nodes(session, reach.timeout) if reach.covers(token.full_name)]
+    """The nodes of the robot that is named, or of all.
+
+    Raises:
+        NodeNotFound: the robot that is named has none; says which robots there are.
+    """
+    every = nodes.list_nodes(session, reach.timeout)
+    found = [token for token in every if reach.covers(token.full_name)]
+    if reach.robot is not None and not found:
+        robots = sorted({token.namespace for token in every})
+        raise NodeNotFound(f"no node of a robot {reach.robot} is on this network; {suggest(reach.robot, robots)}")
+    return found
 
 
 def print_line(text: str) -> None:

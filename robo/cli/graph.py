@@ -1,7 +1,7 @@
 """`robo graph`: drawing what runs."""
 
 from robo import graph
-from robo.cli.connection import amount, connect_to_robot, note, print_text
+from robo.cli.connection import amount, connect_to_robot, nodes_of, note, print_text
 from robo.cli.reach import Reach
 from robo.errors import UsageError
 from robo.suggestions import MOST_LISTED
@@ -14,10 +14,12 @@ def print_graph(reach: Reach, *, form: str, hide_system: bool) -> None:
 
     Raises:
         UsageError: there is no such form.
+        NodeNotFound: the robot that is named is not there.
     """
     if form not in graph.FORMATS:
         raise UsageError(f"--format {form}: use one of {', '.join(graph.FORMATS)}")
     with connect_to_robot(reach) as session:
+        nodes_of(session, reach)
         found = tools.running(session, reach.timeout)
     if reach.namespace:
         found = tools.of_robot(found, reach.namespace)

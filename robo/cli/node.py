@@ -26,7 +26,11 @@ from robo.tools.nodes import NodeInfo
 
 
 def print_nodes(reach: Reach, *, json: bool) -> None:
-    """Print the nodes that are ready."""
+    """Print the nodes that are ready.
+
+    Raises:
+        NodeNotFound: the robot that is named has none.
+    """
     with connect_to_robot(reach) as session:
         found = nodes_of(session, reach)
     if json:

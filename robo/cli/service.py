@@ -10,7 +10,7 @@ import zenoh
 
 import robo_messages
 from robo import codec, services
-from robo.cli.connection import connect_to_robot, print_json, print_line, print_table
+from robo.cli.connection import connect_to_robot, nodes_of, print_json, print_line, print_table
 from robo.cli.reach import Reach
 from robo.errors import ServiceTimeout, UsageError
 from robo.names import shown_key
@@ -22,9 +22,15 @@ from robo.tools.nodes import ServiceInfo
 
 
 def print_services(reach: Reach, *, json: bool) -> None:
-    """Print the table of services."""
+    """Print the table of services.
+
+    Raises:
+        NodeNotFound: the robot that is named is not there.
+    """
     with connect_to_robot(reach) as session:
         found = [one for one in nodes.list_services(session, reach.timeout) if reach.covers(one.key)]
+        if not found:
+            nodes_of(session, reach)
     if json:
         for one in found:
             print_json(one)

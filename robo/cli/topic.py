@@ -6,6 +6,7 @@ from robo.cli.connection import (
     clear_screen,
     connect_to_robot,
     depth_text,
+    nodes_of,
     note,
     paint,
     print_json,
@@ -18,10 +19,16 @@ from robo.tools.topics import End, Topic
 
 
 def print_topics(reach: Reach, *, verbose: bool, json: bool, watch: bool, interval: float) -> None:
-    """Print the topics, once or again and again."""
+    """Print the topics, once or again and again.
+
+    Raises:
+        NodeNotFound: the robot that is named is not there, and it was asked once.
+    """
     with connect_to_robot(reach) as session:
         while True:
             found = [topic for topic in topics.list_topics(session, reach.timeout) if reach.covers(topic.key)]
+            if not found and not watch:
+                nodes_of(session, reach)
             found = topics.with_rates(found, runs.processes(session, timeout=topics.RATES_TIMEOUT))
             if watch and not json:
                 clear_screen()

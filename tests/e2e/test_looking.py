@@ -457,6 +457,15 @@ def test_a_parameter_is_described_with_keys(robot: str) -> None:
     assert re.search(r"^  description +\w", told, re.M), told
 
 
+@pytest.mark.parametrize(
+    "words", [("topic", "list"), ("node", "list"), ("service", "list"), ("graph",), ("param", "list")], ids=" ".join
+)
+def test_a_robot_that_is_not_there_is_told(robot: str, words: tuple[str, ...]) -> None:
+    told = run_robo(*words, "--robot-name", "r7", "--connect", robot)
+    assert (told.returncode, told.stdout) == (1, "")
+    assert told.stderr == "error: no node of a robot r7 is on this network; there is r1\n"
+
+
 # -- live views ------------------------------------------------------------------------------------
 
 
