@@ -28,12 +28,17 @@ def load_node_class(service: str) -> type[Node]:
         module = importlib.import_module(module_name)
     except ModuleNotFoundError as error:
         if error.name is None or not (module_name + ".").startswith(error.name + "."):
+            from robo.import_errors import place_of
+
+            where = f" ({place})" if (place := place_of(error)) is not None else ""
             raise ContractError(
-                f"service {service!r} needs the module {error.name!r}, which is not installed"
+                f"service {service!r} needs the module {error.name!r}, which is not installed{where}"
             ) from None
         raise ContractError(f"there is no service {service!r}{_similar(module_name)}") from None
-    except (ImportError, SyntaxError, ValueError) as error:
-        raise ContractError(f"service {service!r} cannot be imported: {error}") from error
+    except Exception as error:  # a user's module may raise anything while it is imported
+        from robo.import_errors import explained
+
+        raise ContractError(f"service {service!r} cannot be imported: {explained(error)}") from error
     classes = {
         name: member
         for name, member in vars(module).items()

@@ -20,7 +20,6 @@ from robo.cli.connection import (
 from robo.cli.reach import Reach
 from robo.cli.runs import duration
 from robo.columns import aligned
-from robo.errors import ContractError
 from robo.tools import nodes
 from robo.tools.nodes import NodeInfo
 
@@ -131,12 +130,7 @@ def print_contract(service: str, *, json: bool) -> None:
     from robo.contract_text import contract_data, contract_text
     from robo.loading import load_node_class
 
-    try:
-        node_class = load_node_class(service)
-    except ContractError:
-        raise
-    except Exception as error:  # a user's module may raise anything while it is imported
-        raise ContractError(f"service {service!r} cannot be imported: {type(error).__name__}: {error}") from None
+    node_class = load_node_class(service)
     contract = contract_of(node_class)
     if json:
         print_json({"class_name": f"{node_class.__module__}:{node_class.__qualname__}", **contract_data(contract)})

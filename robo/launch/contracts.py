@@ -124,8 +124,10 @@ def _answer(asked: Question, loaded: dict[str, Any]) -> Answer:
             loaded[asked.service] = (node_class, contract_of(node_class))
         except (ContractError, SystemExit) as error:
             loaded[asked.service] = str(error) or "it ends the process"
-        except Exception as error:  # a user's module may raise anything while it is imported
-            loaded[asked.service] = f"service {asked.service!r} cannot be imported: {type(error).__name__}: {error}"
+        except Exception as error:  # what a user has written may raise anything while its contract is made
+            from robo.import_errors import explained
+
+            loaded[asked.service] = f"service {asked.service!r} cannot be used: {explained(error)}"
     if isinstance(loaded[asked.service], str):
         return Answer(error=loaded[asked.service])
     node_class, contract = loaded[asked.service]

@@ -28,6 +28,7 @@ from msgspec import inspect as shapes
 import robo_messages
 from robo.errors import ContractError, UnreadableFile
 from robo.files import read_bytes
+from robo.import_errors import explained
 from robo.suggestions import closest
 from robo.tools.message_input import field_types
 from robo_messages import Message, UnknownType
@@ -279,7 +280,7 @@ def _import(module: str, what: str) -> None:
         try:
             importlib.import_module(module)
         except (Exception, SystemExit) as error:  # a user's module may raise anything while it is imported
-            raise ContractError(f"{what} cannot be imported: {type(error).__name__}: {error}") from None
+            raise ContractError(f"{what} cannot be imported: {explained(error)}") from None
 
 
 @contextlib.contextmanager

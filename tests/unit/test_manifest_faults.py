@@ -1,6 +1,10 @@
 """What is wrong with a manifest: all of it at once, each with its place and what to do."""
 
+import pickle
+import subprocess
+import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -10,7 +14,7 @@ from hypothesis import strategies as st
 
 from robo.cli.up import split_words
 from robo.errors import ManifestError, UsageError
-from robo.launch import language, resolve
+from robo.launch import contracts, language, resolve
 from robo.launch.check import check
 from robo.launch.faults import ManifestFaults, as_data, as_text
 from robo.launch.find import find_manifest
@@ -218,9 +222,86 @@ def test_a_module_that_fails_or_ends_the_process_is_a_message(tmp_path: Path) ->
     (tmp_path / "raises.py").write_text("1 / 0\n")
     (tmp_path / "leaves.py").write_text("import sys; print('noise'); sys.exit('enough')\n")
     (found,) = mistakes(node("service: raises"))
-    assert found.endswith("service 'raises' cannot be imported: ZeroDivisionError: division by zero")
+    assert found.endswith("service 'raises' cannot be imported: raises.py:1: ZeroDivisionError: division by zero")
     (found,) = mistakes(node("service: leaves"))
     assert "enough" in found
+
+
+MODULES = {
+    "types_a": """\
+from robo_messages import Header, Message, message
+
+
+@message("my/A")
+class A(Message):
+    number: int = 0
+    header: Header = Header()
+""",
+    "types_b": """\
+import msgspec
+import robo_messages as rm
+
+
+@rm.message("my/B")
+class B(
+    rm.Message,
+):
+    empty: list[int] = []
+    header: rm.Header = rm.Header(frame_id="x")
+""",
+    "types_c": """\
+import msgspec
+
+
+class C(msgspec.Struct):
+    empty: list[int] = []
+    some: list[int] = [1, 2]
+""",
+    "deep": "def half(a):\n    return 1 / a\n\nhalf(0)\n",
+    "torn": "import robo\nclass N(robo.Node\n    pass\n",
+    "misspelt": "import robo\nfrom robo_messages import Twst\n",
+    "needy": "import robo\n\nimport no_such_driver\n",
+    "library": "import json\njson.loads('{')\n",
+}
+
+
+@pytest.mark.parametrize(
+    ("module", "message"),
+    [
+        ("types_a", "types_a.py:7: header: Header = Header() would be one and the same object in all of them; "
+                    "write field(default_factory=Header), with `from msgspec import field`"),
+        ("types_b", "types_b.py:10: header: rm.Header = rm.Header(frame_id='x') would be one and the same object in "
+                    "all of them; write field(default_factory=lambda: rm.Header(frame_id='x'))"),
+        ("types_c", "types_c.py:6: some: list[int] = [1, 2] would be one and the same object in all of them; "
+                    "write field(default_factory=lambda: [1, 2])"),
+        ("deep", "deep.py:2: ZeroDivisionError: division by zero"),
+        ("torn", "torn.py:2:8: '(' was never closed"),
+        ("misspelt", "misspelt.py:2: cannot import name 'Twst' from 'robo_messages'"),
+        ("needy", "the module 'no_such_driver', which is not installed (needy.py:3)"),
+        ("library", "library.py:2: JSONDecodeError: "),
+    ],
+)  # fmt: skip
+def test_what_hinders_an_import_is_told_with_its_place_in_the_users_file(
+    module: str, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, text in MODULES.items():
+        Path(f"{name}.py").write_text(text)
+    Path("n.py").write_text(f"import {module}\n")
+    monkeypatch.setattr(contracts, "examine_apart", in_new_process)
+    (found,) = mistakes(node("service: n"))
+    assert message in found
+    assert "\n" not in found
+
+
+def in_new_process(questions: Sequence[contracts.Question]) -> list[contracts.Answer]:
+    """As a command does it: this process has several threads, and what it imports stays."""
+    code = "import pickle, sys; from robo.launch import contracts as c; "
+    code += "sys.stdout.buffer.write(pickle.dumps(c.examine(pickle.load(sys.stdin.buffer))))"
+    result = subprocess.run(
+        [sys.executable, "-c", code], input=pickle.dumps(questions), capture_output=True, check=True
+    )
+    answers: list[contracts.Answer] = pickle.loads(result.stdout)
+    return answers
 
 
 @pytest.mark.parametrize("declared", ["", "args: {robot_name: r1}"])
