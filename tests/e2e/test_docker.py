@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import socket
 import subprocess
 import tempfile
 import time
@@ -19,7 +20,7 @@ from robo.containers.keeper import DELAY
 from robo.export.compose import PACKAGES
 from robo.session import Network, close_session, open_session
 from tests.conftest import free_port
-from tests.support import Inbox, eventually, run_robo
+from tests.support import PATIENCE, Inbox, eventually, run_robo
 
 ROOT = Path(__file__).parents[2]
 DOCKER_HOST = ROOT.parent / "shared" / "tools" / "docker-host"
@@ -52,6 +53,23 @@ def _build() -> None:
     elif shutil.which("docker") is None or subprocess.run(["docker", "info"], capture_output=True).returncode:
         pytest.skip("there is no Docker engine here")
     docker("build", "--network=host", "--quiet", "--tag", "robo:test", ".")
+
+
+@pytest.fixture(scope="session")
+def published(image: str) -> None:
+    """Ports that the engine publishes are seen here; they are not where tests have a network of their own."""
+    port = free_port()
+    name = f"robo_test_port_{port}"
+    listen = ("router", "--listen", "tcp/0.0.0.0:7447")
+    docker("run", "--rm", "--detach", "--name", name, "--publish", f"127.0.0.1:{port}:7447", image, *listen)
+    try:
+        health = ("inspect", "-f", "{{.State.Health.Status}}", name)
+        eventually(lambda: docker(*health).strip() == "healthy", "the router runs in its container")
+        socket.create_connection(("127.0.0.1", port), PATIENCE).close()
+    except OSError as error:
+        pytest.skip(f"ports that the Docker engine publishes are not seen from here: {error}")
+    finally:
+        docker("rm", "--force", name)
 
 
 class Project:
@@ -88,7 +106,8 @@ def project(image: str) -> Iterator[Project]:
 
 
 @pytest.fixture
-def client(project: Project) -> Iterator[zenoh.Session]:
+def client(project: Project, published: None) -> Iterator[zenoh.Session]:
+    del published
     project("up", "--wait", "--detach")
     session = open_session(Network(mode="client", connect=(project.endpoint,)))
     yield session
@@ -152,7 +171,7 @@ def test_the_robot_drives_in_containers_and_heals(project: Project, client: zeno
     project("restart", "--timeout", "3", "router")
     odometry.forget()
     # Not after the 10 s that looking up a name takes where there is no internet.
-    odometry.wait_until(lambda _: drives(odometry), "messages come through the new router", timeout=6)
+    odometry.wait_until(lambda _: drives(odometry), "messages come through the new router", timeout=9)
     listed = run_robo("node", "list", "--json", "--connect", project.endpoint)
     assert len(listed.stdout.splitlines()) == 4
     again = run_robo("param", "get", "velocity_controller", "linear_velocity", "--connect", project.endpoint)
@@ -194,7 +213,8 @@ def test_an_operators_kill_is_obeyed_unless_there_is_a_keeper(project: Project) 
         eventually(lambda: project("ps", "--quiet") != "", "something comes back", timeout=2 * DELAY)
 
 
-def test_a_second_robot_is_a_profile(project: Project) -> None:
+def test_a_second_robot_is_a_profile(project: Project, published: None) -> None:
+    del published
     project("--profile", "second_robot", "up", "--wait", "--detach")
     listed = run_robo("node", "list", "--json", "--connect", project.endpoint)
     names = {json.loads(line)["node"] for line in listed.stdout.splitlines()}
@@ -203,8 +223,9 @@ def test_a_second_robot_is_a_profile(project: Project) -> None:
 
 
 def test_the_log_of_a_real_robot_is_a_profile(
-    project: Project, intel_log: Path, monkeypatch: pytest.MonkeyPatch
+    project: Project, published: None, intel_log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    del published
     monkeypatch.setenv("ROBO_LOG", str(intel_log.resolve()))
     project("--profile", "replay", "up", "--wait", "--detach")
     session = open_session(Network(mode="client", connect=(project.endpoint,)))

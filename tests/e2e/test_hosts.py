@@ -119,7 +119,7 @@ def test_a_robot_a_site_and_an_operator(tmp_path: Path) -> None:
         up = robot.start(stack, "up", "--robot-name", "r1", "--connect", from_robot)
         eventually(lambda: len(nodes_seen(operator, from_operator)) == 4, "the operator sees the robot's nodes")
 
-        assert rate(operator, from_operator, "r1/odom") == pytest.approx(50, rel=0.2)
+        eventually(lambda: 40 < rate(operator, from_operator, "r1/odom") < 60, "50 Hz of odometry")
         told = operator.robo(
             "param", "set", "velocity_controller", "linear_velocity", "0.3", "--connect", from_operator
         )

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from robo.session import Network, close_session, open_session
-from tests.support import Inbox, robo, run_robo
+from tests.support import PATIENCE, Inbox, robo, run_robo
 
 pytestmark = pytest.mark.timeout(120)
 
@@ -115,12 +115,12 @@ def test_a_node_that_hangs_is_named(endpoint: str, tmp_path: Path) -> None:
         robot.child("/r1/safety_monitor").send_signal(signal.SIGSTOP)
         begin = time.monotonic()
         error = refused(endpoint, "param", "get", "safety_monitor", "rate")
-        assert "/r1/safety_monitor did not answer within 0.5 s" in error
+        # After 2 s Zenoh takes a process that hangs for gone.
+        assert "/r1/safety_monitor did not answer within 0.5 s" in error or "there is no node safety_monitor" in error
         listed = run_robo("param", "list", "--connect", endpoint)
         assert "/r1/velocity_controller" in listed.stdout
-        # After 2 s Zenoh takes a process that hangs for gone, and it is not listed any more.
         assert "/r1/safety_monitor did not answer" in listed.stderr or "/r1/safety_monitor" not in listed.stdout
-        assert time.monotonic() - begin < 10
+        assert time.monotonic() - begin < PATIENCE
         robot.child("/r1/safety_monitor").send_signal(signal.SIGCONT)
 
 
@@ -149,5 +149,7 @@ def test_services_of_a_running_robot(endpoint: str) -> None:
         assert "a request is a map" in refused(endpoint, "service", "call", "r1/reset", "7")
         robot.child("/r1/position_tracker").send_signal(signal.SIGSTOP)
         slow = refused(endpoint, "service", "call", "r1/reset_distance", "--timeout", "0.3")
-        assert "r1/reset_distance did not answer within 0.3 s" in slow or "nobody serves r1/reset_distance" in slow
+        # After 2 s Zenoh takes a process that hangs for gone.
+        gone = ("nobody serves r1/reset_distance", "r1/reset_distance: its server went away")
+        assert any(text in slow for text in ("r1/reset_distance did not answer within 0.3 s", *gone)), slow
         robot.child("/r1/position_tracker").send_signal(signal.SIGCONT)

@@ -66,7 +66,7 @@ def test_hz_measures_and_ends(session: zenoh.Session, endpoint: str) -> None:
         windows = [json.loads(line) for line in result.stdout.splitlines()]
         assert windows
         assert all({"key", "rate", "count", "min", "max", "std"} <= set(window) for window in windows)
-        assert 10 < windows[0]["rate"] < 30
+        assert 2 < windows[0]["rate"] < 100
 
 
 def test_a_reader_that_leaves_is_no_error(session: zenoh.Session, endpoint: str) -> None:

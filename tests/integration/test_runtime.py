@@ -212,11 +212,11 @@ def test_the_whole_stop_has_one_deadline(session: zenoh.Session, caplog: pytest.
     try:
         assert entered.wait(PATIENCE)
         begin = time.monotonic()
-        node.close(timeout=0.3)
-        assert time.monotonic() - begin < 10 * 0.3 * 0.9
+        node.close(timeout=1.0)
+        assert time.monotonic() - begin < 10 * 1.0 * 0.9
     finally:
         done.set()
-    assert "did not return within 0.3 s" in caplog.text
+    assert "did not return within 1 s" in caplog.text
 
 
 def test_a_node_says_which_callback_holds_it_up(session: zenoh.Session, other: zenoh.Session) -> None:
@@ -347,8 +347,8 @@ def test_a_slow_callback_gets_the_newest_and_holds_up_nobody(session: zenoh.Sess
         def on_slow(self, twist: Twist) -> None:
             slow_ages.append(time.monotonic() - twist.linear.x)
             entered.set()
-            time.sleep(0.02)
-            if len(slow_ages) > 20:
+            time.sleep(0.2)
+            if len(slow_ages) > 8:
                 enough.set()
 
     class Quick(Node):
@@ -360,7 +360,7 @@ def test_a_slow_callback_gets_the_newest_and_holds_up_nobody(session: zenoh.Sess
         assert not wait_for_nodes(other, ["/busy", "/quick"], 10)
         slow, quick = source.create_publisher(Twist, "slow"), source.create_publisher(Twist, "quick")
         eventually(lambda: slow.has_subscribers and quick.has_subscribers, "both are seen")
-        end = time.monotonic() + 20
+        end = time.monotonic() + PATIENCE
         while not enough.is_set():
             assert time.monotonic() < end
             now = Twist(Vector3(x=time.monotonic()))
@@ -369,9 +369,9 @@ def test_a_slow_callback_gets_the_newest_and_holds_up_nobody(session: zenoh.Sess
             enough.wait(0.0005)
     assert entered.is_set()
     # The slow callback sees what came just before it began, not what waited since its last run began.
-    assert sorted(slow_ages[2:])[len(slow_ages) // 2] < 0.02
-    assert sorted(ages)[len(ages) // 2] < 0.02
-    assert len(ages) > 2 * len(slow_ages)
+    assert sorted(slow_ages[2:])[len(slow_ages[2:]) // 2] < 0.1
+    assert sorted(ages)[len(ages) // 2] < 0.1
+    assert len(ages) > 10 * len(slow_ages)
 
 
 SINK = """
@@ -445,7 +445,7 @@ def test_one_callback_at_a_time(session: zenoh.Session, other: zenoh.Session) ->
     with Counter(session=session) as node, Echo(name="src", session=other) as source:
         assert not wait_for_nodes(other, ["/counter"], 10)
         a, b = source.create_publisher(String, "a"), source.create_publisher(String, "b")
-        end = time.monotonic() + 20
+        end = time.monotonic() + PATIENCE
         while not done.is_set():
             assert time.monotonic() < end
             a.publish(String("x"))
