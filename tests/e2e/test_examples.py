@@ -30,7 +30,7 @@ def robot() -> Iterator[str]:
 
 def test_a_plain_client_reads_calls_and_sets(robot: str) -> None:
     command = [sys.executable, str(EXAMPLES / "plain_client.py"), "r1", robot]
-    found = subprocess.run(command, capture_output=True, text=True, timeout=30, check=True).stdout
+    found = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
     assert "encoding  application/msgpack;nav/Odometry" in found
     assert "reset     {'success': True" in found
     assert "set       {'successful': True" in found
@@ -47,7 +47,7 @@ def test_a_shell_drives_with_json(robot: str) -> None:
     said = subprocess.run(
         ["sh", str(EXAMPLES / "drive.sh"), "r1", "0.25"],
         env={"PATH": "/usr/bin:/bin", "PYTHON": sys.executable, "ROBO_CONNECT": robot},
-        capture_output=True, text=True, timeout=30, check=True,
+        capture_output=True, text=True, timeout=60, check=True,
     )  # fmt: skip
     assert said.stdout == 'r1/cmd_vel_raw: {"linear": {"x": 0.25}}\n'
     odometry.wait_until(lambda messages: any(speed(message) > 0.2 for message in messages), "it drives")

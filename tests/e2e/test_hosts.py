@@ -20,7 +20,7 @@ PREFIX = f"robo{os.getpid() % 10000}"
 
 
 def ip(*words: str) -> None:
-    subprocess.run(["ip", *words], check=True, capture_output=True, timeout=10)
+    subprocess.run(["ip", *words], check=True, capture_output=True, timeout=40)
 
 
 class Host:
@@ -47,10 +47,10 @@ class Host:
         def end() -> None:
             process.terminate()
             try:
-                process.wait(10)
+                process.wait(40)
             except subprocess.TimeoutExpired:
                 process.kill()
-                process.wait(10)
+                process.wait(40)
 
         stack.callback(end)
         return process
@@ -95,7 +95,7 @@ def hosts(tmp_path: Path, *names: str) -> Iterator[list[Host]]:
         yield made
     finally:
         for host in made:
-            subprocess.run(["ip", "netns", "delete", host.name], capture_output=True, timeout=10, check=False)
+            subprocess.run(["ip", "netns", "delete", host.name], capture_output=True, timeout=40, check=False)
 
 
 def nodes_seen(host: Host, where: str) -> set[str]:

@@ -120,7 +120,7 @@ def test_a_line_with_a_key_that_is_none_is_told(robot: str) -> None:
     result = subprocess.run(
         [sys.executable, "-m", "robo", "topic", "pub", "-", "--connect", robot],
         input=record.format("a//b", "std/Bool") + record.format("q9/*", "std/Bool") + record.format("q9/x", "odd#?"),
-        capture_output=True, text=True, timeout=30, check=False,
+        capture_output=True, text=True, timeout=60, check=False,
     )  # fmt: skip
     assert (result.returncode, result.stderr.splitlines()) == (
         1, ["<stdin>:1: 'a//b' is no key of a topic", "<stdin>:2: 'q9/*' is no key of a topic"]
@@ -175,7 +175,7 @@ def test_echo_and_pub_reproduce_a_topic_byte_for_byte(robot: str, client: zenoh.
         f"{sys.executable} -m robo topic pub q3/scan sensor/LaserScan - --connect {robot}"
     )
     originals = Inbox(client, "r1/scan")
-    result = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=30, check=False)
+    result = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=60, check=False)
     assert (result.returncode, result.stderr) == (0, "")
     inbox.wait_for(5)
     sent = [sample.payload.to_bytes() for sample in inbox.samples]
@@ -217,7 +217,7 @@ def test_what_is_piped_back_into_its_own_topic_does_not_circle(robot: str, clien
         assert len(inbox.messages) <= 2 * sent
     finally:
         os.killpg(pipeline.pid, signal.SIGINT)
-        pipeline.wait(15)
+        pipeline.wait(40)
         listener.join()
         assert pipeline.stderr is not None
         pipeline.stderr.close()
@@ -269,7 +269,7 @@ def test_pub_does_not_fight_with_a_publisher_unasked(robot: str, client: zenoh.S
     ):
         result = subprocess.run(
             [sys.executable, "-m", "robo", *command, "--connect", robot],
-            input=text, capture_output=True, text=True, timeout=30, check=False,
+            input=text, capture_output=True, text=True, timeout=60, check=False,
         )  # fmt: skip
         assert (result.returncode, result.stdout) == (1, "")
         assert result.stderr == (
@@ -298,7 +298,7 @@ def test_a_line_that_is_wrong_is_told_with_its_number(robot: str) -> None:
     result = subprocess.run(
         [sys.executable, "-m", "robo", "topic", "pub", "q7/x", "std/Bool", "-", "--connect", robot],
         input='{"data": true}\n\n{"data": 3}\nnonsense\n{"data": false}\n',
-        capture_output=True, text=True, timeout=30, check=False,
+        capture_output=True, text=True, timeout=60, check=False,
     )  # fmt: skip
     assert result.returncode == 1
     told = result.stderr.splitlines()
@@ -501,7 +501,7 @@ def terminal(*words: str, columns: int, rows: int = 24) -> Iterator["Screen"]:
         yield Screen(leader, process)
     finally:
         process.kill()
-        process.wait(5)
+        process.wait(40)
         os.close(leader)
 
 
@@ -592,7 +592,7 @@ def test_a_shell_completes_what_lives(robot: str, line: str, expected: set[str])
         "ROBO_CONNECT": robot,
     }
     result = subprocess.run(
-        [sys.executable, "-m", "robo"], env=environment, capture_output=True, text=True, timeout=20, check=False
+        [sys.executable, "-m", "robo"], env=environment, capture_output=True, text=True, timeout=60, check=False
     )
     assert (set(result.stdout.split()), result.stderr) == (expected, "")
 
@@ -601,6 +601,6 @@ def test_where_nothing_runs_there_is_nothing_to_complete(endpoint: str) -> None:
     environment = {**os.environ, "_ROBO_COMPLETE": "complete_bash", "COMP_WORDS": "robo topic echo ",
                    "COMP_CWORD": "3", "ROBO_CONNECT": endpoint}  # fmt: skip
     result = subprocess.run(
-        [sys.executable, "-m", "robo"], env=environment, capture_output=True, text=True, timeout=20, check=False
+        [sys.executable, "-m", "robo"], env=environment, capture_output=True, text=True, timeout=60, check=False
     )
     assert (result.stdout.strip(), result.stderr) == ("", "")

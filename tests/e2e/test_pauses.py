@@ -50,7 +50,7 @@ def test_a_supervisor_that_is_held_up_after_each_fork_knows_its_own_nodes(
         if "r1 is ready" in line:
             break
     result.send_signal(signal.SIGTERM)
-    rest, _ = result.communicate(timeout=30)
+    rest, _ = result.communicate(timeout=60)
     assert any("r1 is ready" in line for line in lines), "".join(lines) + rest
 
 

@@ -100,7 +100,7 @@ def test_a_file_that_hides_robo_is_named(tmp_path: Path, words: tuple[str, ...])
     (tmp_path / "m.yaml").write_text("groups: {g: {nodes: {bad: {service: failing}}}}")
     (tmp_path / "robo.py").write_text("")
     program = [str(Path(sys.executable).with_name("robo")), *words]
-    result = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, timeout=30, check=False)
+    result = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
     assert result.returncode != 0
     assert result.stderr.count("robo.py in this folder hides the package robo from every node") == 1
     assert len(result.stderr.splitlines()) == 1
@@ -110,7 +110,7 @@ def test_under_a_supervisor_it_is_told_once_too(endpoint: str, tmp_path: Path) -
     (tmp_path / "failing.py").write_text(FAILING.format(error="OSError('no such device')"))
     (tmp_path / "m.yaml").write_text("groups: {g: {nodes: {bad: {service: failing, required: true}}}}")
     with robo("up", "m.yaml", "--listen", endpoint, cwd=str(tmp_path)) as launch:
-        assert launch.wait(30) == 1
+        assert launch.wait(60) == 1
         assert launch.output.count('failing.py", line 5, in on_start') == 1
         assert "bad failed: exit code 1" in launch.output
 

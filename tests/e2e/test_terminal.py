@@ -176,7 +176,7 @@ def on_a_terminal(*words: str, until: str | None = None, columns: int = 200, **e
                 data += chunk
     finally:
         process.kill()
-        process.wait(10)
+        process.wait(40)
         os.close(leader)
     return data.decode(errors="surrogateescape").replace("\r\n", "\n")
 
@@ -242,7 +242,7 @@ def test_a_drawn_view_shows_control_characters(stranger: str) -> None:
 def test_completion_leaves_out_what_nobody_can_type(stranger: str) -> None:
     line = f"robo topic echo --connect {stranger} r1/"
     found = subprocess.run(
-        [sys.executable, "-m", "robo"], capture_output=True, text=True, timeout=30, check=False,
+        [sys.executable, "-m", "robo"], capture_output=True, text=True, timeout=60, check=False,
         env={**os.environ, "_ROBO_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": "5"},
     )  # fmt: skip
     assert "r1/evil" in found.stdout.split("\n")
@@ -294,7 +294,7 @@ def test_a_stdout_of_few_characters_is_no_mistake(stranger: str, line: str, tmp_
     words = re.findall(r"\{.*\}|\S+", line)
     environment = {**os.environ, "ROBO_CONNECT": stranger, "ROBO_LOG_DIR": str(tmp_path), "PYTHONIOENCODING": "ascii"}
     found = subprocess.run(
-        [sys.executable, "-m", "robo", *words], capture_output=True, timeout=30, check=False, env=environment
+        [sys.executable, "-m", "robo", *words], capture_output=True, timeout=60, check=False, env=environment
     )
     assert b"Traceback" not in found.stderr
     check(found.stdout.decode("ascii"), re.compile("(?!)"))

@@ -72,7 +72,7 @@ def test_hz_measures_and_ends(session: zenoh.Session, endpoint: str) -> None:
 def test_a_reader_that_leaves_is_no_error(session: zenoh.Session, endpoint: str) -> None:
     with Beacon(namespace="r1", session=session):
         command = f"{sys.executable} -m robo topic echo r1/words --json --connect {endpoint} | head -n 1"
-        result = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=30, check=False)
+        result = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=60, check=False)
         assert json.loads(result.stdout)["message"] == {"data": "hello"}
         assert result.stderr == ""
 

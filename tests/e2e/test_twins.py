@@ -27,7 +27,7 @@ def test_a_second_run_of_a_name_is_refused_before_anything_starts(
     with robo("up", "--robot-name", "r1", "--listen", endpoint) as first:
         first.wait_for("r1 is ready")
         with robo("up", *words, "--listen", endpoint, cwd=str(tmp_path)) as second:
-            assert second.wait(30) == 1
+            assert second.wait(60) == 1
             assert "already (process " in second.output
             assert "stop it with `robo down` or choose another --robot-name" in second.output
             assert second.output.count("\n") == 0  # nothing of it has even begun
@@ -69,7 +69,7 @@ def test_a_node_alone_and_a_run_respect_each_other(endpoint: str) -> None:
     with robo(*alone):
         eventually(lambda: "/r1/position_tracker" in run_robo("node", "list", "--connect", endpoint).stdout, "it runs")
         with robo("up", "--robot-name", "r1", "--listen", endpoint) as refused_up:
-            assert refused_up.wait(30) == 1
+            assert refused_up.wait(60) == 1
             assert "/r1/position_tracker runs already" in refused_up.output
 
 

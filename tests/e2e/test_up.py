@@ -237,5 +237,5 @@ def test_nothing_outlives_the_launch(killed: bool, endpoint: str, tmp_path: Path
             launch.interrupt()
             assert launch.wait() == 130
             assert "which a node had left behind" in launch.output
-        _, alive = psutil.wait_procs(processes, timeout=10)
+        _, alive = psutil.wait_procs(processes, timeout=40)
         assert not [p for p in alive if p.status() != psutil.STATUS_ZOMBIE]

@@ -41,7 +41,7 @@ def test_the_controller_ramps_up_and_leaves_a_standing_robot(session: zenoh.Sess
 def test_the_monitor_passes_slows_stops_and_fails_closed(session: zenoh.Session, other: zenoh.Session) -> None:
     with SafetyMonitor(namespace="r1", parameters={"scan_timeout": 0.3, "command_timeout": 0.3}, session=session):
         out, state = Inbox(other, "r1/cmd_vel"), Inbox(other, "r1/safety_state")
-        assert not wait_for_nodes(other, ["/r1/safety_monitor"], 10)
+        assert not wait_for_nodes(other, ["/r1/safety_monitor"], 40)
 
         def feed(ahead: float | None, x: float | None = 0.4) -> None:
             if ahead is not None:

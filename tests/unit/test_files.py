@@ -17,7 +17,7 @@ from robo.launch.faults import as_text
 from robo_services import carmen, world
 
 # `/dev/zero` never ends and a pipe never begins: where one of them is read, this file does not come to its end.
-pytestmark = pytest.mark.timeout(20)
+pytestmark = pytest.mark.timeout(120)
 
 HUGE = 500_000_000
 
