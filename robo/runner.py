@@ -123,6 +123,9 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
         if unseen:
             node.logger.warning("starting although it does not see %s", ", ".join(sorted(unseen)))
         node.start(session)
+        if not log.is_supervised():
+            places = ", ".join(network.listen or network.connect)
+            node.logger.info("runs as %s, at %s; Ctrl-C stops", node.full_name, places)
         heartbeat.begin(node)
         node.wait()
         node.close()

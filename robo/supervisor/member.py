@@ -75,6 +75,9 @@ class Surroundings(Protocol):
     def flow(self, key: str) -> Flow | None:
         """What comes on a topic that is watched."""
 
+    def sigkill_hint(self) -> str:
+        """What is to be said of a process that has just been ended by a SIGKILL that nobody here has sent."""
+
     def output(self, member: "Member", stream: str, text: str) -> None:
         """A line that a process has printed."""
 
@@ -111,6 +114,7 @@ class Member:
         self._ended: asyncio.Task[int] | None = None
         self._again = False
         self._killed_because = ""
+        self._end_in_words = ""
         self._ended_pids: deque[int] = deque(maxlen=20)
         """Of the last children that have ended: their tokens may still be on the way."""
         self._token_seen = asyncio.Event()
@@ -277,13 +281,16 @@ class Member:
 
     def _note_end(self, code: int) -> int:
         self.ready = False
+        nobody_here = self.wanted and not self._again and not self._killed_because
+        hint = self._run.sigkill_hint() if code == -signal.SIGKILL and nobody_here else ""
+        self._end_in_words = describe_exit(code) + hint
         if self._child is not None and self._child.pid is not None:
             self._ended_pids.append(self._child.pid)
         self.exits.append(
             Exit(
                 time=time.time_ns(),
                 exit_code=code,
-                reason=self._killed_because or describe_exit(code),
+                reason=self._killed_because or self._end_in_words,
                 uptime=time.monotonic() - self.started_at,
                 last_lines=list(self._child.last_lines) if self._child is not None else [],
             )
@@ -292,7 +299,8 @@ class Member:
 
     def _settle(self, code: int, delay: float | None) -> None:
         """It has ended by itself: come to the state that follows."""
-        why = self._killed_because or (f"was {describe_exit(code)}" if code < 0 else f"ended with exit code {code}")
+        end = self._end_in_words
+        why = self._killed_because or (f"was {end}" if code < 0 else f"ended with {end}")
         if delay is None:
             self._become("failed" if code else "completed", why)
         elif self.restarts.storm:

@@ -37,6 +37,7 @@ from robo.supervisor.early import Begun, base_environment
 from robo.supervisor.log_files import SUPERVISOR, Filter, LogFiles, LogRecord, RunInfo, record
 from robo.supervisor.log_writer import LogWriter
 from robo.supervisor.member import Changes, Member
+from robo.supervisor.memory import MemoryKills
 from robo.supervisor.process import Child, describe_exit
 from robo.supervisor.reload import FileWatch, files_of, same
 from robo.supervisor.run_environment import RunEnvironment
@@ -143,6 +144,7 @@ class Supervisor:
                 endpoints=list(router.listen),
             )
         )
+        self._memory_kills = MemoryKills(time.monotonic())
         self._log_writer = LogWriter(self._log_files, self._on_log_trouble)
         self.changes = Changes()
         self._members = {p.full_name: Member(p, label_of(plan, p), self) for p in plan.processes}
@@ -459,6 +461,10 @@ class Supervisor:
         """What comes on a topic that is watched."""
         return self._topics.flows.get(key) if self._topics is not None else None
 
+    def sigkill_hint(self) -> str:
+        """What is to be said of a process that has just been ended by a SIGKILL that nobody here has sent."""
+        return self._memory_kills.hint()
+
     def output(self, member: Member, stream: str, text: str) -> None:
         """A line that a process has printed."""
         where = member.plan.log.output
@@ -566,6 +572,7 @@ class Supervisor:
                     self._on_hang(member, why)
             last = now
             orphans.reap(process.spawned)
+            self._memory_kills.look(now)
             self._log_writer.look()
             if self._log_writer.wants_room():
                 own = self._log_files.folder

@@ -198,6 +198,7 @@ def test_one_node_alone(endpoint: str) -> None:
             plain.put("r1/robot/odom", msgpack.packb({"pose": {"pose": {"position": {"x": 1.0}}}}))
             return bool(positions.messages)
 
+        node.wait_for(f"runs as /r1/position_tracker, at {endpoint}; Ctrl-C stops")
         eventually(answered, "it tracks")
         node.wait_for("position (1.000, 0.000)")
         assert not node.children()

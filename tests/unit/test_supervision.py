@@ -15,6 +15,7 @@ from robo.errors import UsageError
 from robo.launch.plan import RestartPlan, TopicPlan
 from robo.supervisor import log_files
 from robo.supervisor.log_files import Filter, LogFiles, LogRecord, RunInfo, record
+from robo.supervisor.memory import MemoryKills, oom_kills
 from robo.supervisor.output import Budget, Lines, pump
 from robo.supervisor.reload import FileWatch
 from robo.supervisor.restart import Restarts
@@ -70,6 +71,25 @@ def test_a_delay_is_never_longer_than_is_said(plan: RestartPlan, times: list[flo
         delay = restarts.after_end(now, failed=True)
         assert delay is not None
         assert 0 <= delay <= max(plan.delay, plan.max_delay)
+
+
+def test_a_kill_for_want_of_memory_is_told_as_far_as_it_is_known(tmp_path: Path) -> None:
+    file = tmp_path / "vmstat"
+    assert oom_kills(file) is None
+    file.write_text("nr_free_pages 1\n")
+    assert oom_kills(file) is None
+    assert MemoryKills(0.0, lambda: oom_kills(file)).hint() == ", by somebody or by the kernel for want of memory"
+    file.write_text("nr_free_pages 1\noom_kill 3\n")
+    kills = MemoryKills(0.0, lambda: oom_kills(file))
+    assert kills.hint() == ""
+    file.write_text("oom_kill 4\n")
+    kills.look(0.5)
+    assert kills.hint() == ", most likely by the kernel, for want of memory"
+    assert kills.hint() == "", "it has ended one"
+    file.write_text("oom_kill 5\n")
+    kills.look(1.0)
+    kills.look(2.0)
+    assert kills.hint() == "", "that one was another"
 
 
 # -- output --------------------------------------------------------------------------------------
