@@ -422,6 +422,7 @@ class Node:
         self._given_session = session or self._given_session
         for of_an_earlier_start in (self._publishers, self._subscriptions, self._timers, self._services, self._clients):
             of_an_earlier_start.clear()
+        self._parameter_server = None
         with ExitStack() as made:  # unwinds, the last thing first, unless all of it comes about
             self._join(made)
             made.callback(self._stop_callbacks)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import PATIENCE, Command, robo
+from tests.support import PATIENCE, Command, eventually, robo
 
 pytestmark = pytest.mark.timeout(120)
 
@@ -152,6 +152,7 @@ def test_a_process_ends_quietly_while_threads_of_its_own_are_in_zenoh(endpoint: 
 
 
 MORTAL = """\
+import os
 import threading
 import robo
 
@@ -160,7 +161,9 @@ class Mortal(robo.Node):
         threading.Thread(target=self.watch, name="camera", daemon=True).start()
 
     def watch(self) -> None:
-        raise OSError("no more frames")
+        if not os.path.exists("died"):
+            open("died", "w").close()
+            raise OSError("no more frames")
 
 if __name__ == "__main__":
     robo.run(Mortal)
@@ -174,3 +177,13 @@ def test_a_node_whose_own_thread_dies_fails(endpoint: str, tmp_path: Path) -> No
         assert node.returncode == 1
         assert "ERROR mortal: the thread camera died; the node ends\nTraceback" in output
         assert output.count("OSError: no more frames") == 1
+
+
+def test_a_node_whose_own_thread_dies_is_started_again_by_its_policy(endpoint: str, tmp_path: Path) -> None:
+    (tmp_path / "mortal.py").write_text(MORTAL)
+    policy = "restart: {policy: on-failure, delay: 0.1}"
+    (tmp_path / "m.yaml").write_text(f"groups: {{g: {{nodes: {{mortal: {{service: mortal, {policy}}}}}}}}}")
+    with robo("up", "m.yaml", "--listen", endpoint, cwd=str(tmp_path)) as launch:
+        launch.wait_for("the thread camera died; the node ends")
+        launch.wait_for("mortal ended with exit code 1; starting it again in 0.")
+        eventually(lambda: " is ready" in launch.output.partition("starting it again")[2], "it is ready after that")
