@@ -1,7 +1,8 @@
 """How many messages are kept while a receiver is busy.
 
 One number, `depth`, says it on both ends. `depth=n` keeps the newest n and drops the oldest, and a
-sender never waits. `depth=KEEP_ALL` loses nothing: a full receiver makes the sender wait.
+sender never waits. `depth=KEEP_ALL` loses nothing on one machine: a full receiver makes the sender wait.
+To other hosts a router waits for nobody.
 """
 
 from typing import Final
@@ -9,7 +10,7 @@ from typing import Final
 from robo.errors import ContractError
 
 KEEP_ALL: Final = 0
-"""Lose nothing: a receiver that falls behind slows the sender down."""
+"""Lose nothing: a receiver that falls behind slows the sender down, on the same machine."""
 
 DEFAULT_DEPTH: Final = 10
 

@@ -11,20 +11,17 @@ import os
 import re
 import threading
 from collections.abc import Mapping, Sequence
-from typing import Literal, get_args
+from typing import Literal, cast, get_args
 
 import msgspec
 
-os.environ.setdefault(
-    # One receiving thread, and what else Zenoh does on its network threads: two threads fewer in each
-    # process and less latency than its default. Sending stays apart from receiving: on one runtime a
-    # receiver that is held up also holds up what it must send, and messages were lost and torn.
-    "ZENOH_RUNTIME",
-    "(rx:(worker_threads:1),acc:(handover:net),tx:(handover:net))",
-)
+from robo import zenoh_threads
+
+os.environ.setdefault(zenoh_threads.VARIABLE, zenoh_threads.OF_A_NODE)
 
 import zenoh
 
+from robo import tcp
 from robo.errors import NetworkError
 
 Mode = Literal["peer", "client", "router"]
@@ -82,7 +79,7 @@ def zenoh_config(network: Network) -> zenoh.Config:
         NetworkError: an endpoint is no Zenoh endpoint.
     """
     config = zenoh.Config()
-    for key, value in {**settings_of(network), **settings_by_path(network.more)}.items():
+    for key, value in settings_of(network).items():
         try:
             config.insert_json5(key, msgspec.json.encode(value).decode())
         except zenoh.ZError as error:
@@ -109,6 +106,44 @@ def settings_by_path(tree: Mapping[str, object], path: str = "") -> dict[str, ob
 
 def settings_of(network: Network) -> dict[str, object]:
     """What differs from Zenoh's defaults, by the path of each setting in Zenoh's configuration."""
+    settings = _own_settings(network)
+    more = settings_by_path(network.more)
+    rules = more.get(_RULES)
+    if isinstance(rules, list):  # one after the other: a rule of the user's may also take ours back for a key
+        more[_RULES] = [*cast("list[object]", settings.get(_RULES, [])), *rules]
+    return settings | more
+
+
+_RULES = "qos/network"
+
+
+def _rule(name: str, *, where: dict[str, object], express: bool, overwrite: dict[str, object]) -> dict[str, object]:
+    """What becomes, on the way out, of messages whose sender waits for a full receiver."""
+    return {
+        "id": name,
+        "flows": ["egress"],
+        **where,
+        "messages": ["put", "delete"],
+        "qos": {"congestion_control": "block", "express": express},
+        "overwrite": overwrite,
+    }
+
+
+_LOOPBACK: dict[str, object] = {"interfaces": ["lo", "lo0"]}
+_NETWORK: dict[str, object] = {"link_protocols": ["tcp", "udp", "tls", "quic", "ws"]}
+
+_NEVER_WAIT = [
+    _rule("of_this_machine", where=_LOOPBACK, express=False, overwrite={"express": True}),
+    _rule("never_wait_for_the_network", where=_NETWORK, express=False, overwrite={"congestion_control": "drop"}),
+    _rule("of_this_machine_again", where=_LOOPBACK, express=True, overwrite={"express": False}),
+]
+"""What a router sends to other hosts waits for nobody: while one message waits for a reader that has
+stopped, or whose cable is cut, all that comes from its sender waits too, for everybody. A rule cannot say
+"all interfaces but one", so what goes to this machine bears a mark, `express`, while the rule in the middle
+is applied. There `depth=KEEP_ALL` still makes a sender wait."""
+
+
+def _own_settings(network: Network) -> dict[str, object]:
     router = network.mode == "router"
     settings: dict[str, object] = {
         "mode": network.mode,
@@ -131,12 +166,18 @@ def settings_of(network: Network) -> dict[str, object]:
         settings |= {"listen/retry": _RETRY, "listen/timeout_ms": -1, "listen/exit_on_failure": False}
         # Tools ask routers who is connected, and what those declare who are no nodes of robo's.
         settings |= {"adminspace/enabled": True, "metadata": {"name": network.name}}
-    if all(endpoint.startswith("unixsock-stream/") for endpoint in network.connect + network.listen):
+        settings[_RULES] = _NEVER_WAIT
+    if _on_this_machine(network):
         # Between processes of one machine a longer queue keeps both ends busy; over a slow link it would
         # hold old messages. Leave `transport/unicast/qos` on: without it a publisher that drops a
         # message once on a full queue now and then drops all of them from then on (zenoh 1.10).
         settings["transport/link/tx/queue/size/data"] = 16
     return settings
+
+
+def _on_this_machine(network: Network) -> bool:
+    """Whether all of its links are unix sockets."""
+    return all(endpoint.startswith("unixsock-stream/") for endpoint in network.connect + network.listen)
 
 
 def open_session(network: Network) -> zenoh.Session:
@@ -145,6 +186,8 @@ def open_session(network: Network) -> zenoh.Session:
     Raises:
         NetworkError: nobody answers at the endpoints to dial within `network.timeout`.
     """
+    if network.mode == "router":
+        zenoh_threads.use_those_of_a_router()
     try:
         session = zenoh.open(zenoh_config(network))
     except zenoh.ZError as error:
@@ -154,7 +197,19 @@ def open_session(network: Network) -> zenoh.Session:
             "  Is a robot running there? `robo up` starts one; --connect names another place."
         ) from None
     _open.append(session)
+    if not _on_this_machine(network):
+        # Called on a thread of Zenoh's, once for each link: no thread more for it.
+        at_once = zenoh.handlers.Callback(_on_link, indirect=False)
+        session.info.declare_link_events_listener(at_once, history=True)
     return session
+
+
+def _on_link(event: zenoh.LinkEvent) -> None:
+    if event.kind == zenoh.SampleKind.PUT and event.link.src.startswith(_OVER_TCP):
+        tcp.end_dead_connections()
+
+
+_OVER_TCP = ("tcp/", "tls/", "ws/")
 
 
 def _plain(error: zenoh.ZError) -> str:

@@ -1,7 +1,9 @@
-"""TCP endpoints: where they are, and whether somebody answers there."""
+"""TCP endpoints: where they are, whether somebody answers there, and how connections to them end."""
 
+import os
 import queue
 import socket
+import struct
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -87,3 +89,37 @@ def listener(port: int) -> str:
     except psutil.Error:
         pass
     return ""
+
+
+DEAD_AFTER = 2.0
+"""How long the other end of a connection on this machine may take nothing of what waits for it, s."""
+
+
+def end_dead_connections() -> None:
+    """Let each TCP connection of this process end without holding up the process.
+
+    Zenoh (1.10) tells every socket to wait in `close` until the other end has taken all, for up to 10 s, and
+    has no setting for it. Where that end is stopped or its cable is cut, a thread of Zenoh stands still for so
+    long, and all that passes through it. Here `close` comes back at once, and the system sends what is left.
+
+    A connection within this machine, where no message is ever lost on the way, also ends where its other end
+    is stopped and reads no more. Elsewhere a bad link takes its time.
+    """
+    for name in os.listdir("/dev/fd"):
+        try:
+            found = socket.socket(fileno=int(name))
+        except OSError:
+            continue  # no socket, or closed meanwhile
+        try:
+            if found.type == socket.SOCK_STREAM and found.family in (socket.AF_INET, socket.AF_INET6):
+                found.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER)
+                if found.getpeername()[0] in _LOOPBACK and hasattr(socket, "TCP_USER_TIMEOUT"):
+                    found.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(DEAD_AFTER * 1000))
+        except OSError:
+            continue  # it listens, or was closed meanwhile
+        finally:
+            found.detach()  # it is Zenoh's
+
+
+_NO_LINGER = struct.pack("ii", 0, 0)
+_LOOPBACK = ("127.0.0.1", "::1", "::ffff:127.0.0.1")

@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from robo import claims, tcp
+from robo import claims, tcp, zenoh_threads
 from robo.cli.connection import note, print_text
 from robo.cli.json_text import document
 from robo.cli.network import router_network
 from robo.names import nested
 from robo.router import route
-from robo.session import close_session, settings_by_path, settings_of
+from robo.session import close_session, settings_of
 
 
 def run_router(*, name: str, listen: Sequence[str], connect: Sequence[str], config: Path | None) -> None:
@@ -18,6 +18,7 @@ def run_router(*, name: str, listen: Sequence[str], connect: Sequence[str], conf
     Raises:
         RoboError: an endpoint is none, or the configuration makes no sense.
     """
+    zenoh_threads.use_those_of_a_router()  # before the first session of this process
     network = router_network(listen, connect, config, name=name)
     dials = [endpoint for endpoint in network.connect if endpoint not in network.listen]
     towards = f", linked to {', '.join(dials)}" if dials else ""
@@ -35,5 +36,5 @@ def run_router(*, name: str, listen: Sequence[str], connect: Sequence[str], conf
 def print_config(*, name: str, listen: Sequence[str], connect: Sequence[str], config: Path | None) -> None:
     """Print the configuration by which `zenohd` does the same."""
     network = router_network(listen, connect, config, name=name)
-    tree = nested(settings_of(network) | settings_by_path(network.more), "/")
+    tree = nested(settings_of(network), "/")
     print_text(document(tree))

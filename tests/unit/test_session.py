@@ -1,10 +1,13 @@
 """What a session is told: Zenoh's settings."""
 
 import json
+import os
 from pathlib import Path
+from typing import cast
 
 import pytest
 
+from robo import zenoh_threads
 from robo.cli.network import router_network
 from robo.cli.router import print_config
 from robo.errors import NetworkError, UsageError
@@ -40,6 +43,29 @@ def test_settings_that_zenoh_does_not_know_are_told(
     file.write_text(text)
     with pytest.raises(error, match=message):
         router_network([], [], file)
+
+
+def test_rules_of_a_users_come_after_those_that_keep_a_router_from_waiting(tmp_path: Path) -> None:
+    rule = {"messages": ["put"], "key_exprs": ["r1/map"], "overwrite": {"congestion_control": "block"}}
+    file = tmp_path / "network.yaml"
+    file.write_text(json.dumps({"qos": {"network": [rule]}}))
+    network = router_network([], [], file)
+    zenoh_config(network)  # Zenoh accepts them
+    rules = cast("list[dict[str, object]]", settings_of(network)["qos/network"])
+    assert rules[-1] == rule
+    dropping = next(rule for rule in rules if rule["overwrite"] == {"congestion_control": "drop"})
+    assert dropping["flows"] == ["egress"]
+    assert "unixsock-stream" not in cast("list[str]", dropping["link_protocols"]), "a robot's own nodes may wait"
+    assert "qos/network" not in settings_of(Network(mode="client"))
+
+
+def test_a_router_has_more_threads_than_a_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(zenoh_threads.VARIABLE, zenoh_threads.OF_A_NODE)
+    zenoh_threads.use_those_of_a_router()
+    assert os.environ[zenoh_threads.VARIABLE] == zenoh_threads.OF_A_ROUTER
+    monkeypatch.setenv(zenoh_threads.VARIABLE, "(rx:(worker_threads:7))")
+    zenoh_threads.use_those_of_a_router()
+    assert os.environ[zenoh_threads.VARIABLE] == "(rx:(worker_threads:7))", "what a user has set"
 
 
 def test_the_printed_configuration_is_a_routers(capsys: pytest.CaptureFixture[str]) -> None:

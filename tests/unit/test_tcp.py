@@ -1,6 +1,7 @@
 """TCP endpoints."""
 
 import socket
+import struct
 import threading
 import time
 from collections.abc import Iterator
@@ -57,3 +58,14 @@ def test_a_name_that_nobody_looks_up_holds_nobody_up(listening: str, monkeypatch
     assert list(tcp.answering(["tcp/site.example:7447"], 0.05)) == []
     assert time.monotonic() - begin < 10
     answered.set()
+
+
+def test_connections_end_without_holding_anybody_up(listening: str) -> None:
+    address = tcp.address_of(listening)
+    assert address is not None
+    with socket.create_connection(address) as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 10))
+        tcp.end_dead_connections()
+        assert struct.unpack("ii", connection.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))[0] == 0
+        assert connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == tcp.DEAD_AFTER * 1000
+        assert connection.getpeername() == address, "and goes on"
