@@ -20,3 +20,10 @@ def brief_lines(text: str, most: int = 200) -> str:
     lines = text.split("\n")
     kept = [brief(line) for line in lines[:most]]
     return "\n".join(kept if len(lines) <= most else [*kept, f"… and {len(lines) - most:,} lines more"])
+
+
+def marked(line: str, offset: int, width: int = 100) -> tuple[str, str]:
+    """A line, cut around one of its characters where it is long, and what stands below it: a mark under that one."""
+    begin = max(0, offset - 59) if len(line) > width else 0
+    part = "".join(c if c.isprintable() else " " for c in line[begin : begin + width])
+    return part, f"{' ' * (offset - begin)}^"

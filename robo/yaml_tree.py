@@ -229,8 +229,7 @@ def parse(
         for event in yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
             builder.take(event)
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        where = Position(name, mark.line + 1, mark.column + 1) if mark else Position(name, 1, 1)
+        where = _place(text, name, error)
         problems.append(Problem(where, f"not valid YAML: {_why(text, where) or error.problem or error}"))
         return None
     except yaml.YAMLError as error:
@@ -240,6 +239,19 @@ def parse(
         problems.append(Problem(error.position, str(error)))
         return None
     return builder.root or Map((), Position(name, 1, 1))
+
+
+def _place(text: str, name: str, error: yaml.MarkedYAMLError) -> Position:
+    """Where a text is not valid YAML. PyYAML may name a line behind the last one."""
+    mark = error.problem_mark or error.context_mark
+    if error.problem == "could not find expected ':'":  # for the word at the other mark
+        mark = error.context_mark or mark
+    lines = lines_of(text)
+    if mark is None:
+        return Position(name, 1, 1)
+    if mark.line >= len(lines):
+        return Position(name, len(lines), len(lines[-1]) + 1)
+    return Position(name, mark.line + 1, mark.column + 1)
 
 
 def _why(text: str, where: Position) -> str | None:

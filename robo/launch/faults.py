@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
+from robo.brief import marked
 from robo.errors import ManifestError, UnreadableFile
 from robo.files import read_bytes
 from robo.launch.arguments import COMMAND_LINE
@@ -66,11 +67,8 @@ def _with_excerpt(problem: Problem, lines: Sequence[str]) -> str:
     head = str(problem)
     if not 0 < number <= len(lines):
         return head
-    line = lines[number - 1]
-    # A long line is shown around the mark.
-    begin = max(0, column - 60) if len(line) > 100 else 0
-    excerpt = "".join(c if c.isprintable() else " " for c in line[begin : begin + 100])
-    return f"{head}\n{number:5} | {excerpt}\n      | {' ' * (column - 1 - begin)}^"
+    excerpt, mark = marked(lines[number - 1], column - 1)
+    return f"{head}\n{number:5} | {excerpt}\n      | {mark}"
 
 
 def _lines(file: str) -> list[str]:

@@ -37,6 +37,9 @@ def find_manifest(name: str, beside: Path | None = None) -> Path:
     found = _first(name, folders)
     if found is not None:
         return found
+    given = folders[0] / name
+    if os.path.exists(given) and not given.is_dir():  # a pipe, a device
+        raise ManifestError(f"manifest {nearby(given)} cannot be read: it is not a file")
     within = _IN_PACKAGE.fullmatch(name)
     if within is not None:
         return _find_in_package(within[1], within[2])

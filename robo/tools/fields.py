@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import msgspec
 
+from robo.brief import marked
 from robo.codec import jsonable
 from robo.errors import UsageError
 from robo.launch.expression import Condition, ExpressionError
@@ -99,7 +100,8 @@ class Filter:
             raise self._mistake(error) from None
 
     def _mistake(self, error: ExpressionError) -> UsageError:
-        return UsageError(f"--filter: {error}\n  {self._text}\n  {' ' * error.offset}^")
+        excerpt, mark = marked(self._text, error.offset)
+        return UsageError(f"--filter: {error}\n  {excerpt}\n  {mark}")
 
 
 def flattened(message: object, prefix: str = "") -> Iterator[tuple[str, object]]:

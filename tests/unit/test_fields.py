@@ -56,6 +56,13 @@ def test_what_is_missing_is_told(path: str, text: str) -> None:
         Field(path).of(MESSAGE)
 
 
+def test_a_long_filter_is_not_echoed_whole() -> None:
+    with pytest.raises(UsageError) as error:
+        Filter(f"{'ok and ' * 1_000} !")
+    assert "cannot read '!'" in str(error.value)
+    assert len(str(error.value)) < 300
+
+
 @pytest.mark.parametrize(
     ("text", "holds"),
     [

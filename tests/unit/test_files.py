@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 
 from robo import parameter_files
-from robo.brief import brief, brief_lines, shown
+from robo.brief import brief, brief_lines, marked, shown
 from robo.cli.network import router_network
-from robo.errors import ParameterFileError, RoboError, UnreadableFile, UsageError
+from robo.errors import ManifestError, ParameterFileError, RoboError, UnreadableFile, UsageError
 from robo.files import read_bytes, read_text
 from robo.launch import resolve
 from robo.launch.faults import as_text
+from robo.launch.find import find_manifest
 from robo_services import carmen, world
 
 # `/dev/zero` never ends and a pipe never begins: where one of them is read, this file does not come to its end.
@@ -74,6 +75,12 @@ def test_manifests(path: str, expected: str) -> None:
     assert "cannot be read" in as_text(problems), "the excerpt does not read it either"
 
 
+def test_a_pipe_is_no_manifest() -> None:
+    Path("pipe").rename("pipe.yaml")
+    with pytest.raises(ManifestError, match=r"manifest pipe\.yaml cannot be read: it is not a file"):
+        find_manifest("pipe.yaml")
+
+
 def test_an_include_that_is_huge_is_told_where_it_is_asked_for() -> None:
     Path("huge").rename("huge.yaml")
     Path("m.yaml").write_text("include: huge.yaml\n")
@@ -125,3 +132,11 @@ def test_long_values_are_cut_and_the_end_of_a_message_is_kept() -> None:
     assert len(lines) == 201
     assert max(map(len, lines)) < 1_100
     assert lines[-1] == "… and 800 lines more"
+
+
+def test_a_long_line_is_shown_around_its_mark() -> None:
+    assert marked("a: [1", 4) == ("a: [1", "    ^")
+    excerpt, mark = marked("x" * 50_000 + "!" + "x" * 50_000, 50_000)
+    assert len(excerpt) == 100
+    assert excerpt[mark.index("^")] == "!"
+    assert marked("a\tb", 2) == ("a b", "  ^")

@@ -20,7 +20,7 @@ from robo.launch.faults import ManifestFaults, as_data, as_text
 from robo.launch.find import find_manifest
 from robo.launch.substitution import Word
 from robo.launch.values import Assignment
-from robo.yaml_tree import Position, Problem
+from robo.yaml_tree import Position, Problem, lines_of
 
 
 @pytest.fixture(autouse=True)
@@ -509,4 +509,6 @@ def test_any_tree_is_a_plan_or_messages_with_places(tree: object) -> None:
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 def test_any_text_is_a_plan_or_messages(text: str) -> None:
     Path("m.yaml").write_text(text, encoding="utf-8", errors="surrogatepass")
-    as_text(resolve.resolve(Path("m.yaml"), {}).problems)
+    problems = resolve.resolve(Path("m.yaml"), {}).problems
+    as_text(problems)
+    assert all(1 <= problem.position.line <= len(lines_of(text)) for problem in problems)

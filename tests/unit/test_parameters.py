@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 from msgspec import Meta
 
 import robo
-from robo import parameter_files
+from robo import node_options, parameter_files
 from robo.errors import ContractError, ParameterError, ParameterFileError
+from robo.loading import load_node_class
 from robo.parameters import build, change, describe, flat, parse_assignment, parse_value
-from robo.yaml_tree import Problem
+from robo.yaml_tree import Problem, lines_of
 
 
 class Tuning(robo.Parameters):
@@ -318,6 +319,46 @@ def test_a_pattern_that_contradicts_itself_is_told_and_the_last_one_holds() -> N
     ]
     # A node anywhere and the node of the root are not the same.
     assert read_file("n: {id: 1}\n/n: {id: 2}\n")[1:] == ([], [])
+
+
+def test_a_node_that_is_run_alone_tells_of_a_contradiction(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "params.yaml"
+    path.write_text("/**: {log_rate: 1.0}\n/**: {log_rate: 2.0}\n")
+    spec = node_options.parse(load_node_class("robo_services.position_tracker"), ["--params-file", str(path)])
+    assert spec.parameters["log_rate"] == 2.0
+    assert "log_rate is 2.0 here and 1.0 in line 1; the last one holds" in capsys.readouterr().err
+
+
+PIECES = [
+    "/**",
+    "/*",
+    "n",
+    "ns/n",
+    "ros__parameters",
+    ":",
+    "\n",
+    "  ",
+    "    ",
+    "{",
+    "}",
+    "1",
+    ".inf",
+    "~",
+    "- ",
+    "&a ",
+    "*a",
+    "'",
+]
+
+
+@given(st.text(max_size=100) | st.lists(st.sampled_from(PIECES), max_size=40).map("".join))
+def test_any_text_is_a_parameter_file_or_mistakes_with_places(text: str) -> None:
+    problems: list[Problem] = []
+    file = parameter_files.read(text, "f.yaml", problems)
+    file.values_for("ns", "n")
+    for problem in (*problems, *file.warnings):
+        assert problem.text
+        assert 1 <= problem.position.line <= len(lines_of(text))
 
 
 def test_nodes_beside_values_aliases_and_the_plain_form_are_read_too() -> None:
