@@ -163,8 +163,8 @@ def tokens(session: zenoh.Session, timeout: float) -> list[NodeToken | EndpointT
     return [token for token in found if isinstance(token, NodeToken | EndpointToken)]
 
 
-def publishers_of(session: zenoh.Session, topic: str, timeout: float) -> list[str]:
-    """The full names of the nodes that announce to publish a topic.
+def publishers_of(session: zenoh.Session, topic: str, timeout: float) -> list[EndpointToken]:
+    """The publishers of a topic that nodes have announced.
 
     Args:
         session: who asks.
@@ -173,7 +173,7 @@ def publishers_of(session: zenoh.Session, topic: str, timeout: float) -> list[st
     """
     replies = session.liveliness().get(tokens_of_publishers(topic), timeout=timeout)
     found = [parse_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]
-    return sorted({token.full_name for token in found if isinstance(token, EndpointToken)})
+    return [token for token in found if isinstance(token, EndpointToken)]
 
 
 def status_key(namespace: str, node: str) -> str:

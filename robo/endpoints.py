@@ -177,10 +177,10 @@ class TopicSubscription(Endpoint, Generic[M]):
         turn: Turn,
         callback: Callable[..., None],
         on_error: Callable[[BaseException], None],
-        on_malformed: Callable[[str, int, str], None],
+        on_malformed: Callable[[str, int, str, zenoh.Sample], None],
         intake: Intake | None = None,
     ) -> None:
-        """`on_error` is told what the callback raised; `on_malformed` the topic, how many there were, and why.
+        """`on_error` is told what the callback raised; `on_malformed` the topic, how many there were, why, and which.
 
         With an `intake` the callback takes what it makes of each sample as its second argument.
         """
@@ -194,7 +194,7 @@ class TopicSubscription(Endpoint, Generic[M]):
             turn,
             callback,
             on_error,
-            lambda reason: on_malformed(token.topic, self._loop.malformed, reason),
+            lambda reason, sample: on_malformed(token.topic, self._loop.malformed, reason, sample),
             intake.examine if intake is not None else None,
         )
         super().__init__(session, token)

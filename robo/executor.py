@@ -230,7 +230,7 @@ class SubscriptionLoop(Generic[M]):
         turn: Turn,
         callback: Callable[..., object],
         on_error: Callable[[BaseException], None],
-        on_malformed: Callable[[str], None],
+        on_malformed: Callable[[str, zenoh.Sample], None],
         examine: Callable[[zenoh.Sample], MessageInfo | None] | None = None,
     ) -> None:
         """`examine` makes the callback's second argument of a sample, or None of one that does not count."""
@@ -360,17 +360,17 @@ class SubscriptionLoop(Generic[M]):
         try:
             self._decoder.fast(payload)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-            self._second_try(payload, str(sample.encoding))
+            self._second_try(payload, sample)
         else:
             self.received += 1
             self._on_error(error)
 
-    def _second_try(self, payload: bytes, encoding: str) -> None:
+    def _second_try(self, payload: bytes, sample: zenoh.Sample) -> None:
         try:
-            message = self._decoder.explain(payload, encoding)
+            message = self._decoder.explain(payload, str(sample.encoding))
         except Malformed as reason:
             self.malformed += 1
-            self._on_malformed(str(reason))
+            self._on_malformed(str(reason), sample)
             return
         self.received += 1
         try:

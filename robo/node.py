@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence, Set
 from contextlib import ExitStack, nullcontext
+from functools import partial
 from types import TracebackType
 from typing import Any, ClassVar, Self, TypeVar
 
@@ -687,24 +688,27 @@ class Node:
             self.exit_code = 1
         self._shutdown.set()
 
-    def _report_malformed(self, topic: str, count: int, reason: str) -> None:
+    def _report_malformed(self, topic: str, count: int, reason: str, sample: zenoh.Sample) -> None:
         now = time.monotonic()
         if now - self._malformed_told.get(topic, float("-inf")) < MALFORMED_PERIOD:
             return
         self._malformed_told[topic] = now
-        # Who sends it is asked of the network: not in the thread that runs callbacks.
-        telling = threading.Thread(
-            target=self._tell_malformed, args=(self.session, topic, count, reason), name="robo-malformed", daemon=True
-        )
-        telling.start()
+        # Who has sent it is asked of the network: not in the thread that runs callbacks.
+        work = partial(self._tell_malformed, self.session, topic, count, reason, sample.source_info)
+        threading.Thread(target=work, name="robo-malformed", daemon=True).start()
 
-    def _tell_malformed(self, session: zenoh.Session, topic: str, count: int, reason: str) -> None:
-        try:
-            publishers = discovery.publishers_of(session, topic, timeout=0.5)
-        except zenoh.ZError:  # the node has just left
-            publishers = []
-        origin = "; it is published there by " + (", ".join(publishers) or "no node that says so")
-        self.logger.warning("dropped a malformed message on %s (%d so far): %s%s", topic, count, reason, origin)
+    def _tell_malformed(
+        self, session: zenoh.Session, topic: str, count: int, reason: str, source: zenoh.SourceInfo | None
+    ) -> None:
+        sender = "a plain Zenoh client"
+        if source is not None:
+            try:
+                announced = discovery.publishers_of(session, topic, timeout=0.5)
+            except zenoh.ZError:  # the node has just left
+                announced = []
+            wanted = discovery.source_id(source.source_id)
+            sender = next((token.full_name for token in announced if token.id == wanted), f"{wanted}, unannounced")
+        self.logger.warning("dropped a malformed message on %s (%d so far): %s; from %s", topic, count, reason, sender)
 
     def _answer_status(self, query: zenoh.Query, key: str) -> None:
         info = self.session.info
