@@ -4,7 +4,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
 
@@ -31,33 +31,44 @@ def connect_to_robot(reach: Reach) -> zenoh.Session:
     network = Network.from_environment("client", reach.connect)
     zenoh_config(network)  # an endpoint that is none is told first
     begin = time.monotonic()
-    try:
-        if not _somebody_listens(network.connect, begin + reach.refused_timeout):
-            raise NetworkError("nobody listens")
-        left = max(begin + reach.timeout - time.monotonic(), 0.1)
-        return open_session(msgspec.structs.replace(network, timeout=left))
-    except NetworkError:
-        raise NetworkError(_nothing_there(network.connect, reach, time.monotonic() - begin)) from None
+    wrong = unreached(network.connect, reach)
+    if wrong is None:
+        try:
+            return open_session(msgspec.structs.replace(network, timeout=reach.open_timeout))
+        except NetworkError:
+            wrong = dict(tcp.tried(network.connect, 0.1))
+    raise NetworkError(_nothing_there(network.connect, wrong, reach, time.monotonic() - begin))
 
 
-def _somebody_listens(endpoints: Sequence[str], end: float) -> bool:
-    """Whether one of some endpoints may answer: an address that refuses is tried again, and not for long."""
+def unreached(endpoints: Sequence[str], reach: Reach) -> dict[str, OSError | None] | None:
+    """What is wrong with endpoints of which none answers; None where one may.
+
+    An address that refuses is tried again, and not for long. One that says nothing gets as long as an answer may
+    take: where packets are lost, the system tries again after a second.
+    """
     if any(tcp.address_of(endpoint) is None for endpoint in endpoints):
-        return True  # not to be tried without Zenoh
+        return None  # not to be tried without Zenoh
+    begin = time.monotonic()
     while True:
-        left = end - time.monotonic()
-        if next(tcp.answering(endpoints, max(left, 0.05)), None) is not None:
-            return True
-        if left <= 0:
-            return False
-        time.sleep(min(0.02, left))
+        wrong: dict[str, OSError | None] = {}
+        for endpoint, error in tcp.tried(endpoints, max(begin + reach.timeout - time.monotonic(), 0.05)):
+            if error is None:
+                return None
+            wrong[endpoint] = error
+        silent = len(wrong) < len(endpoints) or any(isinstance(error, TimeoutError) for error in wrong.values())
+        if time.monotonic() - begin >= (reach.timeout if silent else reach.refused_timeout):
+            return wrong
+        time.sleep(0.02)
 
 
-def _nothing_there(endpoints: Sequence[str], reach: Reach, waited: float) -> str:
+def _nothing_there(endpoints: Sequence[str], wrong: Mapping[str, OSError | None], reach: Reach, waited: float) -> str:
     from robo.tools import logs  # what runs on this machine says where it is
 
-    lines = [f"nothing is running at {', '.join(endpoints)} (waited {waited:.1f} s)"]
-    wrong = dict(tcp.tried(endpoints, 0.1))
+    refused = all(isinstance(error, ConnectionRefusedError) for error in wrong.values()) and len(wrong) == len(
+        endpoints
+    )
+    what = "nothing is running" if refused else "no robot can be reached"
+    lines = [f"{what} at {', '.join(endpoints)} (waited {waited:.1f} s)"]
     lines += [f"  {endpoint}: {_what_is_wrong(wrong.get(endpoint, TimeoutError()))}" for endpoint in endpoints]
     for run in logs.live_runs():
         elsewhere = [place for place in run.info.endpoints if place not in endpoints]
@@ -69,7 +80,7 @@ def _nothing_there(endpoints: Sequence[str], reach: Reach, waited: float) -> str
 
 
 def _what_is_wrong(error: OSError | None) -> str:
-    return tcp.reason(error) if error is not None else "what listens there does not speak Zenoh"
+    return tcp.reason(error) if error is not None else "what listens there does not speak Zenoh, or packets are lost"
 
 
 def nodes_of(session: zenoh.Session, reach: Reach) -> list[NodeToken]:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from robo.cli.connection import connect_to_robot, note
 from robo.cli.json_text import to_json
+from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
 from robo.errors import UsageError
@@ -46,7 +47,7 @@ def print_messages(
         RoboError: a name, a field or the condition makes no sense for what comes.
     """
     keys = [reach.key(name) for name in names]
-    with connect_to_robot(reach) as session:
+    with connect_to_robot(reach) as session, watched(session, reach):
         stream = Stream(session, keys)
         end = time.monotonic() + duration if duration is not None else None
         tell_who_is_waited_for(session, keys, reach)

@@ -4,6 +4,7 @@ import time
 from collections.abc import Sequence
 
 from robo.cli.connection import connect_to_robot, data_size, note, print_json, print_line
+from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
 from robo.terminal import visible
@@ -30,7 +31,7 @@ def print_figures(
         1 where the time was over before as many windows were printed as were asked for, or any.
     """
     keys = [reach.key(name) for name in names]
-    with connect_to_robot(reach) as session:
+    with connect_to_robot(reach) as session, watched(session, reach):
         stream = Stream(session, keys)
         found = tell_who_is_waited_for(session, keys, reach)
         publishers = {topic.key: len(topic.publishers) for topic in found}

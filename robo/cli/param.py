@@ -7,6 +7,7 @@ import msgspec
 import zenoh
 
 from robo.cli.connection import clock_time, connect_to_robot, hint, nodes_of, note, print_json, print_line, print_text
+from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.discovery import NodeToken
 from robo.errors import NodeUnreachable, UsageError
@@ -134,7 +135,7 @@ def explain(node: str, names: Sequence[str], reach: Reach, *, json: bool) -> Non
 
 def watch(node: str | None, reach: Reach, *, json: bool) -> None:
     """Print changes as they come."""
-    with connect_to_robot(reach) as session:
+    with connect_to_robot(reach) as session, watched(session, reach):
         wanted = _find(session, node, reach).full_name if node else None
         stream = Stream(session, [reach.key("**/parameter_events")])
         hint("waiting for changes …")

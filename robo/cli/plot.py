@@ -11,6 +11,7 @@ from rich.live import Live
 from rich.text import Text
 
 from robo.cli.connection import connect_to_robot
+from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.cli.screen import Screen
 from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
@@ -40,7 +41,7 @@ def plot(name: str, fields: Sequence[str], reach: Reach, *, window: float, durat
     key = reach.one_key(name, "plot")
     curves = _Curves(key, [Field(path) for path in fields])
     live = sys.stdout.isatty()
-    with connect_to_robot(reach) as session:
+    with connect_to_robot(reach) as session, watched(session, reach):
         stream = Stream(session, [key])
         tell_who_is_waited_for(session, [key], reach)
         end = time.monotonic() + (duration if duration is not None else math.inf if live else window)

@@ -8,6 +8,8 @@ from robo.errors import UsageError
 
 ANSWER_TIMEOUT = 2.0
 """How long to wait for what is there, s: a machine may be busy."""
+OPEN_TIMEOUT = 5.0
+"""How long to wait for the network where somebody listens, s: packets may be lost, each for some time."""
 REFUSED_TIMEOUT = 0.3
 """How long to wait where nobody listens, s: a robot that leaves hands the meeting point over within that."""
 
@@ -35,6 +37,11 @@ class Reach(NamedTuple):
     def timeout(self) -> float:
         """How long to wait for an answer, s."""
         return ANSWER_TIMEOUT if self.given_timeout is None else self.given_timeout
+
+    @property
+    def open_timeout(self) -> float:
+        """How long to wait for the network where somebody listens, s."""
+        return OPEN_TIMEOUT if self.given_timeout is None else max(self.given_timeout, 0.1)
 
     @property
     def refused_timeout(self) -> float:

@@ -4,20 +4,24 @@ import time
 from collections.abc import Sequence
 
 import msgspec
+import zenoh
 
 from robo.cli.connection import (
     clear_screen,
     clock_time,
     connect_to_robot,
     hint,
+    note,
     paint,
     print_json,
     print_line,
     print_lines,
     print_table,
 )
+from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.discovery import NodeToken
+from robo.errors import RunError
 from robo.supervisor.status import Event, Exit, Explanation, ProcessStatus
 from robo.tools import nodes, runs
 
@@ -32,22 +36,35 @@ def print_processes(reach: Reach, *, json: bool, watch: bool, interval: float) -
     Raises:
         RunError: no supervisor answers.
     """
-    with connect_to_robot(reach) as session:
+    with connect_to_robot(reach) as session, watched(session, reach) as link:
         while True:
-            waits = reach.robot is not None or watch
-            found = runs.processes(session, reach.robot) if waits else runs.all_processes(session)
+            found = _watched(session, reach) if watch else _asked_once(session, reach)
             found = _with_twins(found, nodes.list_nodes(session))
             if watch and not json:
                 clear_screen()
             if json:
                 for status in found:
                     print_json(status)
+            elif watch and not found:
+                note(link.lost or "no supervisor answers")
             else:
                 print_table([_HEAD, *map(_row, found)], _SPARED)
                 _print_log_problems(found)
             if not watch:
                 return
             time.sleep(interval)
+
+
+def _asked_once(session: zenoh.Session, reach: Reach) -> list[ProcessStatus]:
+    return runs.processes(session, reach.robot) if reach.robot is not None else runs.all_processes(session)
+
+
+def _watched(session: zenoh.Session, reach: Reach) -> list[ProcessStatus]:
+    """What runs just now: a robot that does not answer may come back."""
+    try:
+        return runs.processes(session, reach.robot)
+    except RunError:
+        return []
 
 
 def _with_twins(found: Sequence[ProcessStatus], there: Sequence[NodeToken]) -> list[ProcessStatus]:
@@ -200,7 +217,7 @@ def _when(ended: Exit) -> str:
 
 def print_events(reach: Reach, *, json: bool, follow: bool) -> None:
     """Print what has happened and what happens, until Ctrl-C."""
-    with connect_to_robot(reach) as session:
+    with connect_to_robot(reach) as session, watched(session, reach):
         stream = runs.EventStream(session, reach.robot)
         seen: set[tuple[int, str, str]] = set()
         for event in stream.past():

@@ -17,6 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from robo.cli.connection import connect_to_robot, data_size, print_json
+from robo.cli.link import Link, watched
 from robo.cli.reach import Reach
 from robo.cli.runs import duration
 from robo.cli.screen import Screen
@@ -44,11 +45,12 @@ def watch(reach: Reach, *, once: bool, json: bool, interval: float) -> None:
                 system.take_in(time.monotonic() + interval)
                 _print(system.look(), json=json)
             elif json or not sys.stdout.isatty():
-                while True:
-                    system.take_in(time.monotonic() + interval)
-                    _print(system.look(), json=json)
+                with watched(session, reach):
+                    while True:
+                        system.take_in(time.monotonic() + interval)
+                        _print(system.look(), json=json)
             else:
-                _show(system, interval)
+                _show(system, Link(session, reach), interval)
         finally:
             system.close()
 
@@ -61,13 +63,14 @@ def _print(snapshot: Snapshot, *, json: bool) -> None:
         console.print(render(snapshot, console.width, height=None))
 
 
-def _show(system: Watch, interval: float) -> None:
+def _show(system: Watch, link: Link, interval: float) -> None:
     console = Screen()
     with _keys() as pressed, Live(console=console, screen=True, auto_refresh=False) as display:
         snapshot = system.look()
         due = time.monotonic() + interval / 2  # something to see soon
         while True:
-            display.update(render(snapshot, console.width, console.height), refresh=True)
+            link.look()
+            display.update(render(snapshot, console.width, console.height, link.lost), refresh=True)
             while time.monotonic() < due:
                 system.take_in(min(due, time.monotonic() + _LOOK))
                 if next(pressed) in ("q", "Q"):
@@ -91,10 +94,12 @@ def _keys() -> Iterator[Iterator[str]]:
         termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
 
 
-def render(snapshot: Snapshot, width: int, height: int | None) -> RenderableType:
-    """A picture of a look, as wide and, where a height is given, no higher than a terminal."""
+def render(snapshot: Snapshot, width: int, height: int | None, lost: str = "") -> RenderableType:
+    """A picture of a look, as wide and, where a height is given, no higher than a terminal; `lost` stands first."""
     stale = sum(topic.stale for topic in snapshot.topics)
     head = Text(no_wrap=True, overflow="ellipsis")
+    if lost:
+        head.append(f"{lost}  ", style="bold red")
     head.append(time.strftime("%H:%M:%S", time.localtime(snapshot.time / 1e9)), style="bold")
     head.append(f"  {len(snapshot.nodes)} nodes  {len(snapshot.topics)} topics")
     head.append(f"  {sum(topic.rate for topic in snapshot.topics):.0f} messages/s")

@@ -13,6 +13,7 @@ from robo.cli.connection import (
     print_line,
     print_table,
 )
+from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.tools import runs, topics
 from robo.tools.topics import End, Topic
@@ -24,7 +25,7 @@ def print_topics(reach: Reach, *, verbose: bool, json: bool, watch: bool, interv
     Raises:
         NodeNotFound: the robot that is named is not there, and it was asked once.
     """
-    with connect_to_robot(reach) as session:
+    with connect_to_robot(reach) as session, watched(session, reach) as link:
         while True:
             found = [topic for topic in topics.list_topics(session, reach.timeout) if reach.covers(topic.key)]
             if not found and not watch:
@@ -36,7 +37,7 @@ def print_topics(reach: Reach, *, verbose: bool, json: bool, watch: bool, interv
                 for topic in found:
                     print_json(topic)
             elif not found:
-                note("no topics: a router answers, and no node is there")
+                note(link.lost or "no topics: a router answers, and no node is there")
             elif verbose:
                 for topic in found:
                     _print_ends(topic)

@@ -13,7 +13,7 @@ import termios
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from fcntl import ioctl
 from typing import Any
 
@@ -464,6 +464,41 @@ def test_a_robot_that_is_not_there_is_told(robot: str, words: tuple[str, ...]) -
     told = run_robo(*words, "--robot-name", "r7", "--connect", robot)
     assert (told.returncode, told.stdout) == (1, "")
     assert told.stderr == "error: no node of a robot r7 is on this network; there is r1\n"
+
+
+# -- the link --------------------------------------------------------------------------------------
+
+
+def test_what_goes_on_says_when_its_link_is_lost_and_back(endpoint: str) -> None:
+    lost, back = f"the link to {endpoint} is lost; it is dialled until it answers", f"the link to {endpoint} is back, "
+    with ExitStack() as stack:
+        with robo("up", "--robot-name", "r1", "--listen", endpoint) as first:
+            first.wait_for("is ready")
+            waiting = {
+                verb: stack.enter_context(robo(*verb.split(), "--connect", endpoint))
+                for verb in ("topic echo r1/odom", "topic hz r1/odom", "ps --watch --robot-name r1", "events")
+            }
+            waiting["ps --watch --robot-name r1"].wait_for("/r1/diff_drive_sim")
+            for verb in ("topic echo r1/odom", "topic hz r1/odom", "events"):
+                waiting[verb].wait_for("r1")
+        for command in waiting.values():
+            command.wait_for(lost)
+        with robo("up", "--robot-name", "r1", "--listen", endpoint) as again:
+            again.wait_for("is ready")
+            for command in waiting.values():
+                command.wait_for(back)
+            eventually(lambda: "ready" in waiting["ps --watch --robot-name r1"].output.rpartition(back)[2], "its table")
+        assert [verb for verb, command in waiting.items() if "Traceback" in command.output] == []
+
+
+def test_a_live_view_says_that_its_link_is_lost(endpoint: str) -> None:
+    with robo("up", "--robot-name", "r1", "--listen", endpoint) as robot:
+        robot.wait_for("is ready")
+        with terminal("top", "--connect", endpoint, columns=140) as screen:
+            screen.wait_for("/r1/safety_monitor")
+            robot.interrupt()
+            robot.wait()
+            screen.wait_for(f"the link to {endpoint} is lost")
 
 
 # -- live views ------------------------------------------------------------------------------------

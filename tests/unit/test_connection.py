@@ -1,0 +1,41 @@
+"""Whether somebody answers, before a tool opens a session."""
+
+import socket
+import time
+
+from robo.cli.connection import unreached
+from robo.cli.reach import Reach
+from tests.conftest import free_port
+
+
+def test_an_address_that_refuses_is_not_tried_for_long() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    begin = time.monotonic()
+    wrong = unreached([endpoint], Reach(given_timeout=None))
+    assert wrong is not None
+    assert isinstance(wrong[endpoint], ConnectionRefusedError)
+    assert time.monotonic() - begin >= Reach().refused_timeout
+
+
+def test_one_that_says_nothing_has_as_long_as_an_answer_may_take() -> None:
+    with socket.create_server(("127.0.0.1", 0), backlog=0) as server:
+        address = server.getsockname()
+        # The system takes no more than these: it passes over who comes next, as if the packet were lost.
+        before = [socket.socket() for _ in range(3)]
+        for one in before:
+            one.setblocking(False)
+            one.connect_ex(address)
+        begin = time.monotonic()
+        wrong = unreached([f"tcp/127.0.0.1:{address[1]}"], Reach(given_timeout=0.8))
+        assert wrong is not None
+        assert time.monotonic() - begin >= 0.8
+        for one in before:
+            one.close()
+    assert isinstance(wrong.get(f"tcp/127.0.0.1:{address[1]}", TimeoutError()), TimeoutError)
+
+
+def test_one_that_answers_is_enough() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        endpoints = [f"tcp/127.0.0.1:{free_port()}", f"tcp/127.0.0.1:{server.getsockname()[1]}"]
+        assert unreached(endpoints, Reach()) is None
+    assert unreached(["unixsock-stream//tmp/nobody.sock"], Reach()) is None
