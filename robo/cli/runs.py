@@ -170,12 +170,13 @@ def why(names: Sequence[str], reach: Reach, *, json: bool) -> None:
         if json:
             print_json(explanation)
         else:
-            print_lines(_explained(explanation))
+            print_lines(explained(explanation))
     if not json:
         _print_log_problems([explanation.process for explanation in found])
 
 
-def _explained(found: Explanation) -> list[str]:
+def explained(found: Explanation) -> list[str]:
+    """Why a node is in its state, for people."""
     status = found.process
     for_how_long = f" for {duration(status.uptime)}" if status.uptime is not None else ""
     pid = f", process {status.pid}" if status.pid is not None else ""
@@ -193,6 +194,8 @@ def _explained(found: Explanation) -> list[str]:
             pass  # what has come waits for that callback: the input is not to blame
         elif entry.received == 0:
             lines.append(f"  has received nothing on {entry.topic} for {duration(entry.age)}")
+            whom = f"robo topic info {entry.topic}: who publishes it"
+            lines.append(f"    {whom}; robo logs {status.node}: what it says of it")
         elif entry.age > _STALE:
             lines.append(f"  has received nothing on {entry.topic} for {duration(entry.age)}, {entry.received} before")
         if entry.malformed:

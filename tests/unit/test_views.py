@@ -6,8 +6,10 @@ import msgspec
 import pytest
 from rich.console import Console
 
+from robo.cli.runs import explained
 from robo.cli.top import render, shares
 from robo.codec import Attachment
+from robo.supervisor.status import Explanation, Input, ProcessStatus
 from robo.tools.chart import Chart
 from robo.tools.stream import Arrival
 from robo.tools.top import Flow, NodeFigures, Snapshot, TopicFigures
@@ -114,3 +116,16 @@ def test_a_chart_of_nothing_and_of_gaps_is_drawn() -> None:
     drawn = [column for row in chart.rows for column, cell in enumerate(row) if cell[1] == 0]
     assert len(drawn) == 2, "a point on each side of the gap"
     assert (chart.low, chart.high) == (0.5, 1.5)
+
+
+def test_an_input_on_which_nothing_comes_is_told_with_where_to_look() -> None:
+    process = ProcessStatus(
+        robot="r1", group="control", node="/r1/safety_monitor", state="ready", reason="", pid=1, restarts=0, uptime=8.0,
+        cpu=None, memory=None, published={}, received={}, run="a", host="here",
+    )  # fmt: skip
+    scan = Input(topic="r1/scan", received=0, age=7.9, malformed=0, dropped=0)
+    why = Explanation(process=process, exits=[], unmet_needs=[], inputs=[scan], callback_errors=0, next_start=None)
+    assert explained(why)[2:] == [
+        "  has received nothing on r1/scan for 7.9s",
+        "    robo topic info r1/scan: who publishes it; robo logs /r1/safety_monitor: what it says of it",
+    ]
