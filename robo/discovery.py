@@ -19,6 +19,7 @@ Anybody may declare any key: what does not spell a token to the letter is none.
 """
 
 import os
+import pwd
 import threading
 from collections.abc import Iterable
 from typing import ClassVar, Literal, get_args
@@ -183,7 +184,19 @@ def status_key(namespace: str, node: str) -> str:
 
 def hostname() -> str:
     """This machine's name, as a chunk of a key may hold it."""
-    return "".join(c if c.isalnum() or c in "._-" else "_" for c in os.uname().nodename) or "_"
+    return _as_chunk(os.uname().nodename)
+
+
+def user() -> str:
+    """The name of the user whose process this is, as a chunk of a key may hold it."""
+    try:
+        return _as_chunk(pwd.getpwuid(os.geteuid()).pw_name)
+    except KeyError:  # a number that has no name, as containers have them
+        return str(os.geteuid())
+
+
+def _as_chunk(text: str) -> str:
+    return "".join(c if c.isalnum() or c in "._-" else "_" for c in text) or "_"
 
 
 def wait_for_nodes(session: zenoh.Session, full_names: Iterable[str], timeout: float) -> set[str]:

@@ -68,12 +68,13 @@ def print_logs(wanted: Wanted, reach: Reach, run: str | None) -> None:
     if run is None and (reach.connect or os.environ.get("ROBO_CONNECT") or not kept_here):
         _print_from_network(wanted, reach)
     else:
-        _print_from_files(wanted, logs.find_run(reach.robot, run))
+        chosen = logs.find_run(reach.robot, run)
+        _print_from_files(wanted, chosen, reach.namespace if chosen.info.robot != reach.robot else "")
 
 
-def _print_from_files(wanted: Wanted, chosen: logs.Run) -> None:
+def _print_from_files(wanted: Wanted, chosen: logs.Run, part: str) -> None:
     wants = wanted.filter().wants
-    labels = logs.labels_meant(wanted.nodes, chosen.processes)
+    labels = logs.labels_meant(wanted.nodes, chosen.processes, part)
     printer = _Printer(wanted, sorted(labels) or chosen.labels)
     follower = logs.Follower(chosen, labels)  # made first: what comes meanwhile is not lost
     problem, session = _where_files_lack(chosen)
@@ -122,8 +123,8 @@ def _and_after(written: Iterable[LogRecord], session: zenoh.Session, robot: str,
 def _print_from_network(wanted: Wanted, reach: Reach) -> None:
     wants = wanted.filter().wants
     with connect_to_robot(reach) as session:
-        robot = runs.robot_of(session, reach.robot, wanted.nodes)
-        labels = logs.labels_meant(wanted.nodes, [status.name for status in runs.processes(session, robot)])
+        robot, part = runs.target_of(session, reach.robot, wanted.nodes)
+        labels = logs.labels_meant(wanted.nodes, [status.name for status in runs.processes(session, robot)], part)
         stream = runs.OutputStream(session, robot)
         asked = Asked(sorted(labels), wanted.begin(), wanted.level, wanted.lines)
         found = runs.output(session, robot, asked)

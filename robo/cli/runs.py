@@ -21,8 +21,8 @@ from robo.cli.connection import (
 from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.discovery import NodeToken
-from robo.errors import RunError
-from robo.supervisor.status import Event, Exit, Explanation, ProcessStatus
+from robo.errors import RunError, UsageError
+from robo.supervisor.status import Event, Exit, Explanation, ProcessStatus, SupervisorToken
 from robo.tools import nodes, runs
 
 COLOURS = {"ready": "32", "completed": "32", "degraded": "33", "restarting": "33", "starting": "36", "failed": "31"}
@@ -123,7 +123,7 @@ def command(verb: str, names: Sequence[str], reach: Reach, *, json: bool) -> Non
         RoboError: there is no such robot or node, or it is not clear which robot is meant.
     """
     with connect_to_robot(reach) as session:
-        done = runs.command(session, runs.robot_of(session, reach.robot, names), verb, names)
+        done = runs.command(session, runs.target_of(session, reach.robot, names), verb, names)
     if json:
         print_json(done)
         return
@@ -134,24 +134,57 @@ def command(verb: str, names: Sequence[str], reach: Reach, *, json: bool) -> Non
         hint("nothing to do: all of it runs")
 
 
-def down(reach: Reach, *, every: bool, timeout: float) -> None:
-    """End the run of a robot, or of all, and wait until it is over.
+def down(reach: Reach, *, every: bool, everyone: bool, timeout: float) -> None:
+    """End the run of a robot, or of all, and wait until it is over. A robot that is part of a run is stopped.
+
+    Args:
+        reach: which robot; where none is named, the only one of this user.
+        every: all robots, but those of other users of this machine.
+        everyone: those too.
+        timeout: how long to wait for the end, s.
 
     Raises:
         RoboError: there is no such robot, it is not clear which is meant, or it does not end.
     """
     with connect_to_robot(reach) as session:
-        if every:
-            robots = sorted({status.robot for status in runs.all_processes(session)})
+        if reach.robot is None:
+            robots = _robots_to_end(runs.supervisors(session), every=every or everyone, everyone=everyone)
         else:
-            robots = [runs.robot_of(session, reach.robot)]
+            target = runs.target_of(session, reach.robot)
+            if target.part and not all(s.name.is_within(target.part) for s in runs.processes(session, target.robot)):
+                runs.command(session, target, "stop", [])
+                print_line(f"{target.part} is stopped; it is part of the run {target.robot}, which goes on")
+                note(f"`robo start {target.part}` starts it; `robo down --robot-name {target.robot}` ends the run")
+                return
+            robots = [target.robot]
         supervisors = {r: runs.supervisors_of(session, r) for r in robots}
         for name in robots:
-            runs.command(session, name, "down", [])
+            runs.command(session, runs.Target(name), "down", [])
     for name, found in supervisors.items():
         for supervisor in found:
             runs.wait_for_end(supervisor, timeout)
         print_line(f"{name} is down")
+
+
+def _robots_to_end(found: Sequence[SupervisorToken], *, every: bool, everyone: bool) -> list[str]:
+    """The robots that are ended where none is named.
+
+    Raises:
+        UsageError: it is not clear which, or they are another user's.
+        RunError: there is none.
+    """
+    whose = {token.robot: token.user for token in found if not everyone and not runs.is_mine(token)}
+    robots = sorted({token.robot for token in found} - whose.keys())
+    others = ", ".join(f"{robot} of {user}" for robot, user in sorted(whose.items()))
+    if not found:
+        raise RunError("no supervisor answers: no robot was started here with `robo up`")
+    if not robots:
+        raise UsageError(f"other users run {others}; --everyone, or --robot-name, ends what is theirs")
+    if every and others:
+        note(f"left alone: {others}; --everyone ends what is of other users too")
+    if len(robots) > 1 and not every:
+        raise UsageError(f"several robots run: {', '.join(robots)}; say --robot-name, or --all")
+    return robots
 
 
 def why(names: Sequence[str], reach: Reach, *, json: bool) -> None:
@@ -161,9 +194,9 @@ def why(names: Sequence[str], reach: Reach, *, json: bool) -> None:
         RoboError: there is no such robot or node.
     """
     with connect_to_robot(reach) as session:
-        robot = runs.robot_of(session, reach.robot, names)
-        found = runs.explain(session, robot, names)
-        lost = runs.lost_sites(session, robot)
+        target = runs.target_of(session, reach.robot, names)
+        found = runs.explain(session, target, names)
+        lost = runs.lost_sites(session, target.robot)
     for site in lost if not json else ():
         print_line(site)
     for explanation in found:

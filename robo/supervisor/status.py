@@ -26,10 +26,15 @@ class ProcessName(NamedTuple):
         return names.within(self.robot, self.node)
 
     def is_meant(self, word: str) -> bool:
-        """Whether a word means it: its full name, its name with or without namespace, a group that it is in."""
+        """Whether a word means it: its full name, its name with or without namespace, a group or namespace of it."""
         wanted = word.strip("/")
         own = (self.node.strip("/"), self.label, self.node.rpartition("/")[2])
-        return wanted in own or (wanted != "" and f"/{wanted}/" in f"/{self.group}/")
+        around = f"/{wanted}/" in f"/{self.group}/" or self.is_within(wanted)
+        return wanted in own or (wanted != "" and around)
+
+    def is_within(self, namespace: str) -> bool:
+        """Whether it is in a namespace, or in one within that."""
+        return not namespace or self.node.startswith(f"/{namespace}/")
 
 
 class ProcessStatus(msgspec.Struct, frozen=True, kw_only=True):
@@ -170,10 +175,13 @@ class SupervisorToken(msgspec.Struct, frozen=True):
     """The host of the manifest whose part it runs; empty for all of it."""
     zid: str = ""
     """The id of its Zenoh session."""
+    user: str = ""
+    """The name of the user whose process it is."""
 
     def key(self) -> str:
         """The token's key expression."""
-        return names.join("@robo", self.robot, "run", str(self.pid), f"{self.part}%{self.machine}%{self.zid}")
+        parts = (self.part, self.machine, self.zid, self.user)
+        return names.join("@robo", self.robot, "run", str(self.pid), "%".join(parts))
 
 
 def supervisors_key(robot: str) -> str:
@@ -184,10 +192,10 @@ def supervisors_key(robot: str) -> str:
 def parse_supervisor_token(key: str) -> SupervisorToken | None:
     """The token that a key of `supervisors_key` spells; None for a key that spells none."""
     chunks, parts = key.split("/"), key.rpartition("/")[2].split("%")
-    if len(chunks) < 5 or len(parts) != 3 or not all(map(names.is_word, chunks[1:-3])) or not key.isprintable():
+    if len(chunks) < 5 or len(parts) != 4 or not all(map(names.is_word, chunks[1:-3])) or not key.isprintable():
         return None
     pid = parse_number(chunks[-2])
-    token = SupervisorToken("/".join(chunks[1:-3]), pid or 0, parts[1], parts[0], parts[2])
+    token = SupervisorToken("/".join(chunks[1:-3]), pid or 0, parts[1], parts[0], parts[2], parts[3])
     return token if token.key() == key else None
 
 

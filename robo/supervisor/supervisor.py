@@ -375,9 +375,8 @@ class Supervisor:
             "down": self._down,
         }
         self._control = Control(session, self._plan.robot, verbs, loop)
-        token = SupervisorToken(
-            self._plan.robot, os.getpid(), discovery.hostname(), self._plan.host, str(session.zid())
-        )
+        host, user = discovery.hostname(), discovery.user()
+        token = SupervisorToken(self._plan.robot, os.getpid(), host, self._plan.host, str(session.zid()), user)
         self._token_key = token.key()
         self._token = session.liveliness().declare_token(self._token_key)
         return True

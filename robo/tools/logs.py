@@ -43,15 +43,16 @@ class Run(msgspec.Struct, frozen=True):
 
 
 def list_runs(robot: str | None = None, base: Path | None = None) -> list[Run]:
-    """The runs that are kept, oldest first."""
+    """The runs that are kept, oldest first: all, or those of a robot and those that have it as a part."""
     found = []
     for file in (base or log_base()).glob("*/*/run.json"):
         try:
             info = msgspec.json.decode(file.read_bytes(), type=RunInfo)
         except (OSError, msgspec.DecodeError):
             continue  # cut short, or being removed
-        if robot is None or info.robot == robot.strip("/"):
-            found.append(Run(file.parent, info))
+        run = Run(file.parent, info)
+        if robot is None or info.robot == robot or any(one.is_within(robot) for one in run.processes):
+            found.append(run)
     return sorted(found, key=lambda run: run.info.begin)
 
 
@@ -78,12 +79,20 @@ def find_run(robot: str | None, name: str | None, base: Path | None = None) -> R
     raise RunError(f"no logs{whose} are kept in {base or log_base()}; `robo up` writes them")
 
 
-def labels_meant(words: Sequence[str], processes: Sequence[ProcessName]) -> set[str]:
-    """The labels of the output that words mean: those of nodes, of groups, or the supervisor's own.
+def labels_meant(words: Sequence[str], processes: Sequence[ProcessName], part: str = "") -> set[str]:
+    """The labels of the output that words mean: those of nodes, of groups, or the supervisor's own; none mean all.
+
+    Args:
+        words: what somebody has typed.
+        processes: those of the run.
+        part: the namespace of the robot that is meant, where it is only a part of the run.
 
     Raises:
         NodeNotFound: one of them means nothing.
     """
+    if part:
+        processes = [process for process in processes if process.is_within(part)]
+        words = words or [part]
     found: set[str] = set()
     for word in words:
         meant = {process.label for process in processes if process.is_meant(word)}

@@ -2,12 +2,13 @@
 
 import time
 from collections.abc import Iterator, Sequence
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import msgspec
 import zenoh
 
-from robo.discovery import hostname
+from robo import names
+from robo.discovery import hostname, user
 from robo.errors import NodeNotFound, RunError, UsageError
 from robo.queries import Fault, read_fault
 from robo.suggestions import suggest
@@ -17,6 +18,7 @@ from robo.supervisor.status import (
     Done,
     Event,
     Explanation,
+    ProcessName,
     ProcessStatus,
     Site,
     SupervisorToken,
@@ -42,6 +44,8 @@ COMMAND_TIMEOUT = 60.0
 def processes(session: zenoh.Session, robot: str | None = None, timeout: float = TIMEOUT) -> list[ProcessStatus]:
     """Every process of one robot or of all, in the order of their manifests.
 
+    A robot is a run, or what a run has in the robot's namespace: one of a fleet.
+
     Raises:
         RunError: no supervisor runs that robot.
     """
@@ -53,8 +57,12 @@ def processes(session: zenoh.Session, robot: str | None = None, timeout: float =
         answered = answered or told is not None
         found += told or []
     if not answered and robot is not None:
-        there = sorted({status.robot for status in processes(session, timeout=timeout)})
-        raise RunError(f"no supervisor runs a robot {robot}; there is {', '.join(there) or 'none'}")
+        everybody = processes(session, timeout=timeout)
+        found = [status for status in everybody if status.name.is_within(robot)]
+        if not found:
+            robots = {status.robot for status in everybody} | {names.split(status.node)[0] for status in everybody}
+            there = ", ".join(sorted(robots - {""})) or "none"
+            raise RunError(f"no supervisor runs a robot {robot}; there is {there}")
     return sorted(found, key=lambda status: status.robot)
 
 
@@ -70,50 +78,82 @@ def all_processes(session: zenoh.Session) -> list[ProcessStatus]:
     return found
 
 
-def robot_of(session: zenoh.Session, robot: str | None, asked: Sequence[str] = ()) -> str:
-    """The robot that a command is for: the one that is named, else the only one.
+class Target(NamedTuple):
+    """What a command is for."""
+
+    robot: str
+    """What the run is called."""
+    part: str = ""
+    """The namespace of a robot that is only a part of the run; empty where all of it is meant."""
+
+
+def target_of(session: zenoh.Session, robot: str | None, asked: Sequence[str] = ()) -> Target:
+    """What a command is for: the robot that is named, else the only one.
 
     Raises:
-        UsageError: several run and none is named; a command goes to one.
-        RunError: none runs.
+        UsageError: several are meant; a command goes to one.
+        RunError: there is none.
     """
+    if robot is not None and supervisors(session, robot):
+        return Target(robot)
+    found = all_processes(session) if robot is None else processes(session, robot)
+    runs = sorted({status.robot for status in found})
     if robot is not None:
-        return robot.strip("/")
-    found = all_processes(session)
-    robots = sorted({status.robot for status in found})
-    if len(robots) == 1:
-        return robots[0]
-    nodes = {status.node: status.robot for status in found}
-    meant = {nodes.get(name) for name in asked}
-    if len(meant) == 1 and None not in meant:  # full names say whose they are
-        return str(meant.pop())
-    raise UsageError(f"several robots run: {', '.join(robots)}; say --robot-name")
+        if len(runs) > 1:
+            raise UsageError(f"{robot} is in several runs: {', '.join(runs)}; say --robot-name of one of them")
+        return Target(runs[0], robot if runs[0] != robot else "")
+    if len(runs) == 1:
+        return Target(runs[0])
+    # Full names, and names of namespaces, say whose they are.
+    meant = [
+        {s.robot for s in found if s.node.strip("/") == word.strip("/") or s.name.is_within(word.strip("/") or "/")}
+        for word in asked
+    ]
+    if meant and all(len(owners) == 1 for owners in meant) and len(set.union(*meant)) == 1:
+        return Target(meant[0].pop())
+    raise UsageError(f"several robots run: {', '.join(runs)}; say --robot-name")
 
 
-def command(session: zenoh.Session, robot: str, verb: str, names: Sequence[str]) -> Done:
+def _named(session: zenoh.Session, target: Target, words: Sequence[str]) -> list[str]:
+    """What a supervisor is asked for: words as they are, or what they mean in a part of its run."""
+    if not target.part:
+        return list(words)
+    there = [status for status in processes(session, target.robot) if status.name.is_within(target.part)]
+    found: list[str] = [] if words else [status.node for status in there]
+    for word in words:
+        meant = [s.node for s in there if ProcessName(target.part, s.node, s.group).is_meant(word)]
+        if not meant:
+            known = [names.within(target.part, status.node) for status in there]
+            raise NodeNotFound(f"robot {target.part} has no node or group {word}; {suggest(word, known)}")
+        found += meant
+    return list(dict.fromkeys(found))
+
+
+def command(session: zenoh.Session, target: Target, verb: str, words: Sequence[str]) -> Done:
     """Have `stop`, `start`, `restart` or `down` done to nodes or groups of a robot, on all its hosts.
 
     Raises:
         NodeNotFound: it has no such node or group.
         RunError: no supervisor runs that robot, or it could not do it.
     """
-    answers = _ask(session, robot, verb, Asked(list(names)), Done, COMMAND_TIMEOUT)
-    unknown = [name for name in names if all(name in answer.unknown for answer in answers)]
+    asked = _named(session, target, words)
+    answers = _ask(session, target.robot, verb, Asked(asked), Done, COMMAND_TIMEOUT)
+    unknown = [name for name in asked if all(name in answer.unknown for answer in answers)]
     if unknown:
-        raise _not_found(session, robot, unknown)
+        raise _not_found(session, target.robot, unknown)
     return Done([node for answer in answers for node in answer.nodes])
 
 
-def explain(session: zenoh.Session, robot: str, names: Sequence[str]) -> list[Explanation]:
+def explain(session: zenoh.Session, target: Target, words: Sequence[str]) -> list[Explanation]:
     """Why nodes are in their states.
 
     Raises:
         NodeNotFound, RunError: as for `command`.
     """
-    answers = _ask(session, robot, "why", Asked(list(names)), list[Explanation], TIMEOUT)
+    answers = _ask(session, target.robot, "why", Asked(_named(session, target, words)), list[Explanation], TIMEOUT)
     found = [explanation for answer in answers for explanation in answer]
-    if names and not found:
-        raise _not_found(session, robot, names)
+    if words and not found:
+        raise _not_found(session, target.robot, words)
     return found
 
 
@@ -135,9 +175,9 @@ def lost_sites(session: zenoh.Session, robot: str | None = None, timeout: float 
     ]
 
 
-def _not_found(session: zenoh.Session, robot: str, names: Sequence[str]) -> NodeNotFound:
+def _not_found(session: zenoh.Session, robot: str, words: Sequence[str]) -> NodeNotFound:
     there = [status.node for status in processes(session, robot)]
-    return NodeNotFound(f"robot {robot} has no node or group {', '.join(names)}; {suggest(names[0], there)}")
+    return NodeNotFound(f"robot {robot} has no node or group {', '.join(words)}; {suggest(words[0], there)}")
 
 
 def output(session: zenoh.Session, robot: str, asked: Asked) -> list[LogRecord]:
@@ -184,6 +224,11 @@ def supervisors(session: zenoh.Session, robot: str = "**", timeout: float = TIME
     return [token for token in found if token is not None]
 
 
+def is_mine(supervisor: SupervisorToken) -> bool:
+    """Whether a supervisor is this user's, as far as this machine knows its users: those of others are not asked."""
+    return supervisor.machine != hostname() or supervisor.user in ("", user())
+
+
 def wait_for_end(supervisor: SupervisorToken, timeout: float) -> None:
     """Wait until a supervisor on this machine has ended; one elsewhere ends by itself.
 
@@ -211,8 +256,9 @@ class EventStream:
     """The events of one robot or of all: those so far, then those to come."""
 
     def __init__(self, session: zenoh.Session, robot: str | None = None) -> None:
+        target = target_of(session, robot) if robot is not None else Target("**")
         self._session = session
-        self._robot = robot if robot is not None else "**"
+        self._robot, self._part = target
         # Before the past is asked for, so that nothing falls between.
         self._subscriber = session.declare_subscriber(event_key(self._robot), zenoh.handlers.FifoChannel(10_000))
 
@@ -221,14 +267,17 @@ class EventStream:
         found: list[Event] = []
         key = control_key(self._robot, "events")
         for sample in samples(_get(self._session, key, Asked(), TIMEOUT)):
-            found += read(sample, list[Event]) or []
+            found += filter(self._is_wanted, read(sample, list[Event]) or [])
         return sorted(found, key=lambda event: event.time)
+
+    def _is_wanted(self, event: Event) -> bool:
+        return ProcessName(event.robot, event.node, "").is_within(self._part)
 
     def coming(self) -> Iterator[Event]:
         """Events as they happen, without end."""
         while True:
             event = read(self._subscriber.handler.recv(), Event)
-            if event is not None:
+            if event is not None and self._is_wanted(event):
                 yield event
 
 

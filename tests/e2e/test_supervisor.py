@@ -398,6 +398,38 @@ def test_commands_from_another_terminal(background: str) -> None:
     assert "there is no node or group position_traker; did you mean position_tracker?" in nobody.stderr
 
 
+def test_a_robot_of_a_fleet_can_be_asked_and_told_by_its_own_name(endpoint: str) -> None:
+    started = run_robo("up", "fleet.yaml", "robots:=2", "-d", "--wait", "--listen", endpoint)
+    assert started.returncode == 0, started.stderr
+    try:
+        own = ("--robot-name", "r2")
+        assert {line.split()[2] for line in tell(endpoint, "ps", *own).splitlines()[1:]} == {
+            *("/r2/diff_drive_sim", "/r2/position_tracker", "/r2/safety_monitor", "/r2/velocity_controller")
+        }
+        assert tell(endpoint, "restart", "position_tracker", *own) == "restarted /r2/position_tracker\n"
+        assert tell(endpoint, "stop", "/r2/position_tracker") == "stopped /r2/position_tracker\n"
+        assert "/r2/position_tracker is stopped" in tell(endpoint, "why", *own)
+        assert "/r1/" not in tell(endpoint, "why", *own)
+        events = tell(endpoint, "events", "--no-follow", *own)
+        assert "/r2/position_tracker stopped" in events
+        assert "/r1/" not in events
+        assert "r2/position_tracker" in tell(endpoint, "logs", *own)
+        assert "r1/" not in tell(endpoint, "logs", *own)
+        assert "r1/" not in run_robo("logs", *own).stdout  # from files
+        nobody = run_robo("restart", "nobody", *own, "--connect", endpoint)
+        assert "robot r2 has no node or group nobody" in nobody.stderr
+        down = run_robo("down", *own, "--connect", endpoint)
+        assert down.stdout == "r2 is stopped; it is part of the run my_robot, which goes on\n"
+        assert "`robo start r2` starts it; `robo down --robot-name my_robot` ends the run" in down.stderr
+        states = {name: status["state"] for name, status in processes(endpoint).items()}
+        assert {name for name, state in states.items() if state == "ready"} == {n for n in states if "/r1/" in n}
+        assert len(tell(endpoint, "start", "r2").splitlines()) == 4
+        wrong = run_robo("ps", "--robot-name", "r7", "--connect", endpoint)
+        assert "no supervisor runs a robot r7; there is my_robot, r1, r2" in wrong.stderr
+    finally:
+        tell(endpoint, "down")
+
+
 def test_a_run_in_the_background_that_fails_says_why(endpoint: str, tmp_path: Path) -> None:
     file = write(
         tmp_path,

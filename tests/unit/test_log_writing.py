@@ -19,7 +19,7 @@ from robo.tools import logs
 
 def info(number: int = 1, robot: str = "r1", run: str = "") -> RunInfo:
     begin = (1_700_000_000 + number) * 10**9
-    return RunInfo(run=run or over(), robot=robot, manifest="m.yaml", begin=begin, pid=number, nodes=["/r1/a"])
+    return RunInfo(run=run or over(), robot=robot, manifest="m.yaml", begin=begin, pid=number, nodes=[f"/{robot}/a"])
 
 
 def over() -> str:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robo.errors import UsageError
+from robo.errors import NodeNotFound, UsageError
 from robo.launch.plan import RestartPlan, TopicPlan
 from robo.supervisor import log_files
 from robo.supervisor.log_files import Filter, LogFiles, LogRecord, RunInfo, record
@@ -204,6 +204,12 @@ def test_a_word_means_a_process(word: str, *, meant: bool) -> None:
     assert not ProcessName("r1", "/r1/other", "").is_meant(word)
 
 
+def test_a_namespace_means_all_that_is_in_it() -> None:
+    process = ProcessName("fleet", "/r1/arm/tracker", "")
+    assert all(map(process.is_meant, ("r1", "/r1", "/r1/arm", "r1/arm/")))
+    assert not any(map(process.is_meant, ("r", "r1/a", "/r2", "fleet")))
+
+
 # -- log files -----------------------------------------------------------------------------------
 
 
@@ -247,6 +253,23 @@ def test_what_was_cut_short_is_passed_over(tmp_path: Path) -> None:
     (tmp_path / "r1" / "x" / "run.json").write_text("{")
     (run,) = logs.list_runs(base=tmp_path)
     assert [r.message for r in logs.read(run, set())] == ["whole"]
+
+
+def test_a_robot_of_a_fleet_has_the_logs_of_the_run_that_it_is_part_of(tmp_path: Path) -> None:
+    for begin, robot in ((1, "r2"), (2, "fleet"), (3, "other")):
+        nodes = {"r2": ["/r2/base"], "fleet": ["/r1/base", "/r2/base", "/r2/arm/motor"]}.get(robot, [])
+        groups = ["left", "right", "right"]
+        info = msgspec.structs.replace(_info(begin * 10**9), robot=robot, nodes=nodes, groups=groups)
+        files = LogFiles(info, tmp_path)
+        files.begin()
+    assert [run.info.robot for run in logs.list_runs("r2", tmp_path)] == ["r2", "fleet"]
+    run = logs.find_run("r2", None, tmp_path)
+    assert run.info.robot == "fleet"
+    assert logs.labels_meant([], run.processes, "r2") == {"r2/base", "r2/arm/motor"}
+    assert logs.labels_meant(["base"], run.processes, "r2") == {"r2/base"}
+    assert logs.labels_meant(["/r2/arm"], run.processes) == {"r2/arm/motor"}
+    with pytest.raises(NodeNotFound, match="left"):
+        logs.labels_meant(["left"], run.processes, "r2")
 
 
 def test_a_traceback_belongs_to_its_error() -> None:

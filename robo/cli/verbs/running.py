@@ -74,13 +74,19 @@ def _have_done(what: str, names: list[str], reach: Reach, *, json: bool) -> None
 @verb(app, "down", "robo down", "robo down --robot-name r1", "robo down --all", short_help="End the run of a robot.")
 def down(
     reach: Reach,
-    every: Annotated[bool, typer.Option("--all", help="Every robot on the network.")] = False,
+    every: Annotated[
+        bool, typer.Option("--all", help="Every robot on the network, but those of other users of this machine.")
+    ] = False,
+    everyone: Annotated[bool, typer.Option("--everyone", help="Those too.")] = False,
     timeout: Annotated[float, typer.Option("--timeout", metavar="S", help="How long to wait for its end.")] = 30.0,
 ) -> None:
-    """End the run of a robot, wherever it was started, and wait until it is over."""
+    """End the run of a robot, wherever it was started, and wait until it is over.
+
+    A robot that is only a part of its run, as one of a fleet is, is stopped, and the run goes on.
+    """
     from robo.cli.runs import down as end
 
-    end(reach, every=every, timeout=timeout)
+    end(reach, every=every, everyone=everyone, timeout=timeout)
 
 
 @verb(app, "why", "robo why position_tracker", "robo why --json", short_help="Tell why nodes are as they are.")
