@@ -115,13 +115,14 @@ class Claim:
             seen: whether it shows at a router that was there before.
         """
         end = time.monotonic() + SEEN_WITHIN
-        while time.monotonic() < end and not self._over.wait(0.02):
-            if self.sessions:
-                shows = all(map(seen, self.sessions))
-            else:
-                shows = not self._own or next(tcp.answering(self._own, ANSWERS_WITHIN), None) is not None
-            if shows:
-                break
+        with suppress(zenoh.ZError):  # it ends already, and its sessions are closed
+            while time.monotonic() < end and not self._over.wait(0.02):
+                if self.sessions:
+                    shows = all(map(seen, [*self.sessions]))
+                else:
+                    shows = not self._own or next(tcp.answering(self._own, ANSWERS_WITHIN), None) is not None
+                if shows:
+                    break
         self.close()
 
     def close(self) -> None:
