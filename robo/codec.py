@@ -12,12 +12,16 @@ from typing import Generic, NamedTuple, TypeVar
 import msgspec
 
 import robo_messages
+from robo.brief import brief
 from robo_messages import Message
 
 M = TypeVar("M", bound=Message)
 
 MSGPACK = "application/msgpack"
 JSON = "application/json"
+
+_MOST_QUOTED = 200
+"""How much of what somebody sent a reason may hold, characters."""
 
 _ATTACHMENT = struct.Struct("<qq")
 pack_attachment = _ATTACHMENT.pack
@@ -94,9 +98,10 @@ class TopicDecoder(Generic[M]):
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             expected = robo_messages.type_name(self._type)
             if schema and schema != expected:
-                raise Malformed(f"it is a {schema}, expected {expected}") from None
+                raise Malformed(f"it is a {brief(schema, _MOST_QUOTED)}, expected {expected}") from None
             form = "JSON" if is_json else "MessagePack"
-            raise Malformed(f"not a {expected} in {form}: {error}") from None
+            # The error may quote a name of a field, which may be as long as the payload.
+            raise Malformed(f"not a {expected} in {form}: {brief(str(error), _MOST_QUOTED)}") from None
 
 
 def decode_any(payload: bytes) -> object:
@@ -113,7 +118,7 @@ def decode_any(payload: bytes) -> object:
     try:
         return msgspec.msgpack.decode(payload)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise Malformed(f"neither MessagePack nor JSON: {error}") from None
+        raise Malformed(f"neither MessagePack nor JSON: {brief(str(error), _MOST_QUOTED)}") from None
 
 
 def jsonable(value: object) -> object:

@@ -50,8 +50,8 @@ READY_PERIOD = 0.05
 STOP_TIMEOUT = 2.0
 """How long `close` waits for callbacks that are running, all together, s."""
 
-MALFORMED_PERIOD = 5.0
-"""How often a topic on which malformed messages come is told of, s."""
+MALFORMED_PERIOD = 60.0
+"""How often a topic on which malformed messages come is told of, s: at once, and then with how many there were."""
 
 GRACE = 0.1
 """How long they have at least, where `main` took all the time, s."""

@@ -155,7 +155,8 @@ def _read(payload: bytes) -> object:
 def _changes(request: object) -> dict[str, object]:
     """`{name: value}`, or ROS's list of `{name: …, value: …}`."""
     if isinstance(request, list) and all(
-        isinstance(item, dict) and {"name", "value"} <= item.keys() for item in request
+        isinstance(item, dict) and {"name", "value"} <= item.keys() and isinstance(item["name"], str)
+        for item in request
     ):
         request = {item["name"]: item["value"] for item in request}
     if not isinstance(request, dict) or not request or not all(isinstance(name, str) for name in request):

@@ -14,15 +14,19 @@ import msgspec
 import zenoh
 
 from robo import codec
+from robo.brief import brief_lines
 from robo.suggestions import suggest
 
 _logger = logging.getLogger("robo.queries")
 
-MOST_WAITING = 10_000
-"""Queries that may wait; further ones make their senders wait."""
+MOST_WAITING = 1_000
+"""Queries of one queryable that may wait. Of more the oldest get no answer: nothing else is held up by them."""
 
 MOST_WORKERS = 64
 """Handlers of one queryable that may wait for other services at the same time."""
+
+MOST_IDLE = 4
+"""Threads of one queryable that are kept for the next such time."""
 
 
 def reached(asked: str, acts: Iterable[str], tells: Iterable[str]) -> list[str]:
@@ -64,7 +68,7 @@ class QueryLoop:
         self._answer = answer
         self._name = key
         self._acts, self._tells = acts, tells
-        self._queryable = session.declare_queryable(key, zenoh.handlers.FifoChannel(MOST_WAITING), complete=complete)
+        self._queryable = session.declare_queryable(key, zenoh.handlers.RingChannel(MOST_WAITING), complete=complete)
         self._handler = self._queryable.handler
         self._workers: list[threading.Thread] = []
         self._idle = 0
@@ -95,20 +99,23 @@ class QueryLoop:
             with query:
                 self._answer_all(query)
             with self._lock:
+                if self._idle >= MOST_IDLE:
+                    self._workers.remove(threading.current_thread())
+                    return
                 self._idle += 1
 
     def _answer_all(self, query: zenoh.Query) -> None:
         asked = str(query.key_expr)
-        try:
-            keys = reached(asked, self._acts, self._tells)
+        keys = reached(asked, self._acts, self._tells)
+        with suppress(zenoh.ZError):  # whoever asked may be gone, or this node may be leaving
             for key in keys:
-                self._answer(query, key)
+                try:
+                    self._answer(query, key)
+                except Exception as error:  # whatever a request brings about, the next one is answered
+                    _logger.exception("a query on %s failed", self._name)
+                    reply_error(query, type(error).__name__, str(error))
             if not keys:
                 reply_error(query, *self._refusal(asked))
-        except Exception as error:  # whatever a request brings about, the next one is answered
-            _logger.exception("a query on %s failed", self._name)
-            with suppress(zenoh.ZError):  # it may be gone, or this node may be leaving
-                reply_error(query, type(error).__name__, str(error))
 
     def _refusal(self, asked: str) -> tuple[str, str]:
         """What is said to a query that reaches the queryable and none of its keys."""
@@ -121,7 +128,8 @@ class QueryLoop:
     def stop(self, timeout: float) -> bool:
         """Take no more queries. Returns whether the handlers came back within `timeout` seconds."""
         self._queryable.undeclare()
-        others = [worker for worker in self._workers if worker is not threading.current_thread()]
+        with self._lock:
+            others = [worker for worker in self._workers if worker is not threading.current_thread()]
         end = time.monotonic() + timeout
         for worker in others:
             worker.join(max(0.0, end - time.monotonic()))
@@ -163,4 +171,6 @@ def reply(query: zenoh.Query, key: str, value: object, encoding: str = codec.MSG
 
 def reply_error(query: zenoh.Query, kind: str, message: str) -> None:
     """Answer a query with an error."""
-    query.reply_err(msgspec.msgpack.encode(Fault(kind, message)), encoding=codec.MSGPACK)
+    # What a message quotes may be long, and may hold half a surrogate pair, which cannot be sent.
+    text = brief_lines(message).encode("utf-8", "replace").decode()
+    query.reply_err(msgspec.msgpack.encode(Fault(kind, text)), encoding=codec.MSGPACK)

@@ -42,7 +42,9 @@ def route(network: Network, is_over: Callable[[], bool], linger: float = LINGER)
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
-    session = open_session(network)
+    # Zenoh 1.10 keeps the shared memory of everybody who has ever sent a large message mapped and locked, also
+    # when he is gone: some 20 MB for each tool and stranger, in the router and in the nodes behind it.
+    session = open_session(msgspec.structs.replace(network, shared_memory=False))
     while not ended.wait(1.0) and not is_over():
         pass
     # Zenoh does not tell when its queues are empty, and closing empties them the short way.

@@ -50,6 +50,8 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
     """What a router calls itself where one asks who is there."""
     timeout: float = 10.0
     """How long a peer or client waits for its first connection, s."""
+    shared_memory: bool = True
+    """Whether large messages may come and go through shared memory."""
     more: dict[str, object] = {}
     """What else is said of it in Zenoh's own terms: maps within maps, as in Zenoh's configuration."""
 
@@ -160,7 +162,7 @@ def _own_settings(network: Network) -> dict[str, object]:
         # holds 20 MB of it. By default (3 kB) laser scans would, and gain nothing.
         "transport/shared_memory/transport_optimization/message_size_threshold": 65_536,
     }
-    if os.environ.get("ROBO_SHM") == "off":
+    if not network.shared_memory or os.environ.get("ROBO_SHM") == "off":
         settings["transport/shared_memory/enabled"] = False
     if router:
         settings |= {"listen/retry": _RETRY, "listen/timeout_ms": -1, "listen/exit_on_failure": False}

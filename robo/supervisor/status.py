@@ -138,8 +138,8 @@ class Site(msgspec.Struct, frozen=True):
     """Why it is not reached; empty where that is not known yet."""
 
 
-class Asked(msgspec.Struct, frozen=True):
-    """What a control verb is to be done to."""
+class Asked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a control verb is to be done to. A field that is not known is refused: `{"name": "x"}` would mean all."""
 
     names: Annotated[list[str], Meta(max_length=1000)] = []
     """Nodes or groups; all where there is none."""

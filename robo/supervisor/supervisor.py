@@ -707,7 +707,9 @@ class Supervisor:
     def _done(self, members: Sequence[Member], asked: Asked) -> Done:
         return Done([m.plan.full_name for m in members], [name for name in asked.names if not self._meant(name)])
 
-    async def _down(self, _: Asked) -> Done:
+    async def _down(self, asked: Asked) -> Done:
+        if asked.names:
+            raise RuntimeError("down ends the whole run and takes no names; stop ends nodes and groups")
         self._say("stopping, as robo down asks")
         asyncio.get_running_loop().call_later(0.05, self._finish, 0)  # the answer leaves before the network does
         return Done([*self._members])

@@ -9,7 +9,7 @@ from robo import KEEP_ALL, Node, Publisher, Unit, service, subscribe, timer
 from robo_messages import Odometry, Point, Trigger
 from robo_services.odometry import Limits, OdometryTrack, fix_of
 
-TOLD_EVERY = 5.0
+TOLD_EVERY = 60.0
 """How often the same doubt is told at most, s."""
 
 

@@ -3,9 +3,11 @@
 from collections.abc import Iterator
 
 import msgpack
+import psutil
 import pytest
 import zenoh
 
+from benchmarks.abuse import MOST_GROWTH, Stranger, memory, processes, throw
 from robo.session import Network, close_session, open_session
 from tests.support import Command, Inbox, eventually, robo, run_robo
 
@@ -144,3 +146,21 @@ def test_queries_with_wildcards_run_nothing(robot: Command, stranger: zenoh.Sess
     (reply,) = stranger.get("@robo/r1/supervisor/down", timeout=40)
     assert reply.ok is not None
     assert robot.wait() == 0
+
+
+def test_random_things_at_a_thousand_a_second_hurt_nobody(robot: Command, stranger: zenoh.Session) -> None:
+    # `python -m benchmarks.abuse` throws 100,000 and measures pauses too.
+    supervisor = psutil.Process(robot.process.pid)
+    before = processes(supervisor)
+    sizes = memory(before)
+    rogue = Stranger(stranger, "r1", seed=14)
+    throw(rogue, 4_000, 1_000.0)
+    assert set(rogue.thrown) == {"message", "token", "query", "parameter request", "command"}
+    (reply,) = stranger.get("r1/emergency_stop", timeout=10)
+    assert reply.ok is not None
+    robot.wait_for("emergency stop, until reset_emergency_stop is called")
+    assert processes(supervisor) == before
+    assert {name: size for name, size in memory(before).items() if size > sizes[name] + 2 * MOST_GROWTH} == {}
+    assert "Traceback" not in robot.output
+    for kind in ("/cmd_vel (", "/cmd_vel_raw (", "/scan (", "ignoring a liveliness token", "left out odometry"):
+        assert sum(kind in line for line in robot.output.splitlines()) <= 2, robot.output  # /scan: two nodes at most

@@ -10,10 +10,12 @@ import pytest
 import zenoh
 
 import robo
-from robo import Client, Node, ServiceError, ServiceTimeout, service, timer
+from robo import Client, Node, ServiceError, ServiceTimeout, queries, service, subscribe, timer
 from robo.discovery import wait_for_nodes
+from robo.executor import paused
+from robo.queries import MOST_IDLE
 from robo.session import Network, close_session, open_session
-from robo_messages import Message, SetBool, Trigger, message
+from robo_messages import Message, SetBool, String, Trigger, message
 from tests.support import PATIENCE, eventually
 
 
@@ -148,6 +150,78 @@ def test_a_query_with_wildcards_runs_nothing(
         assert actor.calls == ["emergency_stop", "elsewhere"]
         assert set(actor.status.served.values()) == {1}
         assert actor.parameters.speed == 9.0
+
+
+BIG = b"\x91" * 3_000_000
+ODD_PAYLOADS = [None, b"", b"\xc1", b"\xff" * 1_500_000, BIG, b"[" * 100_000, b'{"x": "\\ud800"}']
+
+
+@pytest.mark.parametrize(
+    ("key", "wrong", "right"),
+    [
+        ("r1/double", msgpack.packb({"number": "x"}), msgpack.packb({"number": 4})),
+        ("r1/server/parameters/list", BIG, msgpack.packb({})),
+        ("r1/server/parameters/get", msgpack.packb({"names": [{}]}), msgpack.packb(["use_sim_time"])),
+        ("r1/server/parameters/set", msgpack.packb([{"name": [], "value": 1}]), msgpack.packb({"use_sim_time": True})),
+        ("r1/server/parameters/unknown", b"", None),
+        ("@robo/r1/status/server", None, BIG),
+    ],
+)
+def test_every_query_gets_one_answer_that_says_something(
+    session: zenoh.Session,
+    other: zenoh.Session,
+    key: str,
+    wrong: bytes | None,
+    right: bytes | None,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with Server(namespace="r1", session=session):
+        assert not wait_for_nodes(other, ["/r1/server"], 10)
+        for payload in (*ODD_PAYLOADS, wrong, right):
+            for encoding in (None, "application/json", "application/msgpack;no/Such", "x" * 200):
+                for attachment in (None, b"", b"\xff" * 16, b"x" * 10_000):
+                    replies = list(
+                        other.get(key, payload=payload, encoding=encoding, attachment=attachment, timeout=10)
+                    )
+                    assert len(replies) == 1
+                    if replies[0].ok is not None:
+                        assert len(replies[0].ok.payload) > 0
+                    else:
+                        assert replies[0].err is not None
+                        fault = msgpack.unpackb(replies[0].err.payload.to_bytes())
+                        assert fault["error"] in ("Malformed", "ParameterError", "UsageError")
+                        assert 0 < len(fault["message"]) < 2000
+        (reply,) = other.get(key, payload=right, timeout=10)
+        assert reply.ok is not None or right is None
+    assert not caplog.records
+
+
+def test_queries_that_wait_hold_up_no_message(
+    session: zenoh.Session, other: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(queries, "MOST_WAITING", 10)
+    free, heard = threading.Event(), threading.Event()
+
+    class Slow(Node):
+        @service("take")
+        def take(self, _request: Trigger.Request) -> Trigger.Response:
+            with paused():  # as while it calls another service
+                free.wait(30)
+            return Trigger.Response()
+
+        @subscribe("words")
+        def listen(self, _word: String) -> None:
+            heard.set()
+
+    with Slow(namespace="r1", session=session):
+        assert not wait_for_nodes(other, ["/r1/slow"], 10)
+        for _ in range(300):
+            other.get("r1/take", lambda _: None, timeout=30)
+        other.put("r1/words", msgpack.packb({"data": "hello"}))
+        assert heard.wait(10)
+        assert threading.active_count() > 64
+        free.set()
+        eventually(lambda: sum("r1/take" in t.name for t in threading.enumerate()) <= MOST_IDLE + 1, "the threads end")
 
 
 def test_an_exception_reaches_the_caller(session: zenoh.Session, other: zenoh.Session) -> None:
