@@ -65,6 +65,28 @@ def answering(endpoints: Sequence[str], within: float) -> Iterator[str]:
     return (endpoint for endpoint, wrong in tried(endpoints, within) if wrong is None)
 
 
+def speaks_zenoh(endpoint: str, within: float) -> bool | None:
+    """Whether what listens at an endpoint over TCP answers as Zenoh does; None where it says nothing in time."""
+    address = address_of(endpoint)
+    if address is None:
+        return None
+    try:
+        with socket.create_connection(address, timeout=within) as connection:
+            connection.sendall(_INIT_SYN)
+            connection.settimeout(within)
+            answer = connection.recv(3)
+    except OSError:
+        return None
+    if not answer:
+        return None
+    # A length of two bytes, then a message of kind 1 (init) that is an answer (bit 5).
+    return len(answer) == 3 and answer[2] & 0x3F == 0x21
+
+
+_INIT_SYN = bytes.fromhex("2000c109f2dbc794ecefc1319f7bda204e27c220260ac8ff81c205f183b0b2092701")
+"""What a client of Zenoh 1 says first."""
+
+
 def reason(error: OSError) -> str:
     """Why an endpoint cannot be reached, in words."""
     match error:
@@ -113,7 +135,7 @@ def end_dead_connections() -> None:
         try:
             if found.type == socket.SOCK_STREAM and found.family in (socket.AF_INET, socket.AF_INET6):
                 found.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER)
-                if found.getpeername()[0] in _LOOPBACK and hasattr(socket, "TCP_USER_TIMEOUT"):
+                if found.getpeername()[0] in LOOPBACK and hasattr(socket, "TCP_USER_TIMEOUT"):
                     found.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(DEAD_AFTER * 1000))
         except OSError:
             continue  # it listens, or was closed meanwhile
@@ -122,4 +144,5 @@ def end_dead_connections() -> None:
 
 
 _NO_LINGER = struct.pack("ii", 0, 0)
-_LOOPBACK = ("127.0.0.1", "::1", "::ffff:127.0.0.1")
+LOOPBACK = ("127.0.0.1", "::1", "::ffff:127.0.0.1")
+"""Addresses of this machine, between which nothing gets lost."""

@@ -43,20 +43,20 @@ def connect_to_robot(reach: Reach) -> zenoh.Session:
 def unreached(endpoints: Sequence[str], reach: Reach) -> dict[str, OSError | None] | None:
     """What is wrong with endpoints of which none answers; None where one may.
 
-    An address that refuses is tried again, and not for long. One that says nothing gets as long as an answer may
-    take: where packets are lost, the system tries again after a second.
+    An address that refuses is tried again, and not for long. One that says nothing gets longer: where packets
+    are lost, the system tries again after one second and after three.
     """
     if any(tcp.address_of(endpoint) is None for endpoint in endpoints):
         return None  # not to be tried without Zenoh
     begin = time.monotonic()
     while True:
         wrong: dict[str, OSError | None] = {}
-        for endpoint, error in tcp.tried(endpoints, max(begin + reach.timeout - time.monotonic(), 0.05)):
+        for endpoint, error in tcp.tried(endpoints, max(begin + reach.silent_timeout - time.monotonic(), 0.05)):
             if error is None:
                 return None
             wrong[endpoint] = error
         silent = len(wrong) < len(endpoints) or any(isinstance(error, TimeoutError) for error in wrong.values())
-        if time.monotonic() - begin >= (reach.timeout if silent else reach.refused_timeout):
+        if time.monotonic() - begin >= (reach.silent_timeout if silent else reach.refused_timeout):
             return wrong
         time.sleep(0.02)
 
@@ -69,7 +69,9 @@ def _nothing_there(endpoints: Sequence[str], wrong: Mapping[str, OSError | None]
     )
     what = "nothing is running" if refused else "no robot can be reached"
     lines = [f"{what} at {', '.join(endpoints)} (waited {waited:.1f} s)"]
-    lines += [f"  {endpoint}: {_what_is_wrong(wrong.get(endpoint, TimeoutError()))}" for endpoint in endpoints]
+    lines += [
+        f"  {endpoint}: {_what_is_wrong(endpoint, wrong.get(endpoint, TimeoutError()))}" for endpoint in endpoints
+    ]
     for run in logs.live_runs():
         elsewhere = [place for place in run.info.endpoints if place not in endpoints]
         if elsewhere:
@@ -79,8 +81,16 @@ def _nothing_there(endpoints: Sequence[str], wrong: Mapping[str, OSError | None]
     return "\n".join(lines)
 
 
-def _what_is_wrong(error: OSError | None) -> str:
-    return tcp.reason(error) if error is not None else "what listens there does not speak Zenoh, or packets are lost"
+def _what_is_wrong(endpoint: str, error: OSError | None) -> str:
+    if error is not None:
+        return tcp.reason(error)
+    match tcp.speaks_zenoh(endpoint, 0.5):
+        case True:
+            return "Zenoh listens there, and has not answered in time: --timeout S waits longer"
+        case False:
+            return "what listens there does not speak Zenoh"
+        case None:
+            return "what listens there does not speak Zenoh, or packets are lost"
 
 
 def nodes_of(session: zenoh.Session, reach: Reach) -> list[NodeToken]:

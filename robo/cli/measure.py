@@ -1,15 +1,19 @@
 """`robo topic hz`, `bw`, `delay` and `loss`: printing figures about topics, window by window."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from robo.cli.connection import connect_to_robot, data_size, note, print_json, print_line
 from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
 from robo.terminal import visible
+from robo.tools import net
 from robo.tools.meters import Bandwidth, Delay, Loss, Measure, Meter, Rate, Window
 from robo.tools.stream import Stream
+from robo.tools.topics import Topic
+
+import zenoh  # isort: skip  (after robo.cli.connection, which sets how Zenoh starts its threads)
 
 SILENT = 3.0
 """After how long without a message it is said that a topic is silent, s."""
@@ -35,7 +39,8 @@ def print_figures(
         stream = Stream(session, keys)
         found = tell_who_is_waited_for(session, keys, reach)
         publishers = {topic.key: len(topic.publishers) for topic in found}
-        measuring = _Measuring(measure, publishers, json=json)
+        differing = _clocks_that_differ(session, keys, found, reach) if measure == "delay" else set()
+        measuring = _Measuring(measure, publishers, differing, json=json)
         end = time.monotonic() + duration if duration is not None else None
         due = time.monotonic() + window
         shown = 0
@@ -56,10 +61,21 @@ def print_figures(
     return complain_of_few(keys, shown, count, duration, what="message" if count is None else "window with messages")
 
 
+def _clocks_that_differ(session: zenoh.Session, keys: Sequence[str], there: Sequence[Topic], reach: Reach) -> set[str]:
+    """Of the topics that are meant, those with a publisher whose clock is not this machine's; says which."""
+    wanted = [zenoh.KeyExpr(key) for key in keys]
+    meant = [topic for topic in there if any(key.intersects(zenoh.KeyExpr(topic.key)) for key in wanted)]
+    off = net.clocks_off(session, {node for topic in meant for node in topic.publishers}, reach.timeout)
+    for text in off.values():
+        note(visible(text))
+    return {topic.key for topic in meant if not off.keys().isdisjoint(topic.publishers)}
+
+
 class _Measuring:
-    def __init__(self, measure: Measure, publishers: dict[str, int], *, json: bool) -> None:
+    def __init__(self, measure: Measure, publishers: dict[str, int], differing: Collection[str], *, json: bool) -> None:
         self._measure = measure
         self._publishers = publishers
+        self._differing = differing
         self._json = json
         self._meters: dict[str, Meter] = {}
         self._heard: dict[str, float] = {}
@@ -79,15 +95,19 @@ class _Measuring:
             if figures is not None:
                 found = True
                 self._heard[key] = now
-                (print_json if self._json else _print_figures)(figures)
+                if self._json:
+                    print_json(figures)
+                else:
+                    _print_figures(figures, differs=key in self._differing)
             elif now - self._heard.setdefault(key, now) >= SILENT:
                 self._heard[key] = now
                 note(f"{visible(key)}: no messages for {SILENT:g} s")
         return found
 
 
-def _print_figures(figures: Window) -> None:
-    print_line(f"{figures.key}  {_text(figures)}  n {figures.count}")
+def _print_figures(figures: Window, *, differs: bool) -> None:
+    told = "  (clocks differ)" if isinstance(figures, Delay) and (differs or figures.min < 0) else ""
+    print_line(f"{figures.key}  {_text(figures)}{told}  n {figures.count}")
 
 
 def _text(figures: Window) -> str:
@@ -98,8 +118,7 @@ def _text(figures: Window) -> str:
         sizes = f"min {data_size(figures.min)} mean {data_size(figures.mean)} max {data_size(figures.max)}"
         return f"{data_size(figures.bandwidth, 'B/s')}  {sizes}  {figures.rate:.2f} Hz"
     if isinstance(figures, Delay):
-        differs = "  (clocks differ)" if figures.min < 0 else ""
-        return f"mean {figures.mean * 1e3:.3f} {_milliseconds(figures)}{differs}"
+        return f"mean {figures.mean * 1e3:.3f} {_milliseconds(figures)}"
     assert isinstance(figures, Loss)
     return f"lost {figures.lost} of {figures.count + figures.lost} ({figures.loss:.2%})  in all {figures.total_lost}"
 

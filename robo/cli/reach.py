@@ -13,6 +13,9 @@ OPEN_TIMEOUT = 5.0
 REFUSED_TIMEOUT = 0.3
 """How long to wait where nobody listens, s: a robot that leaves hands the meeting point over within that."""
 
+SILENT_TIMEOUT = 3.5
+"""How long to wait for an address that says nothing, s: where packets get lost, it is asked again after 1 and 3 s."""
+
 
 class Reach(NamedTuple):
     """Where and how far a verb looks."""
@@ -42,6 +45,11 @@ class Reach(NamedTuple):
     def open_timeout(self) -> float:
         """How long to wait for the network where somebody listens, s."""
         return OPEN_TIMEOUT if self.given_timeout is None else max(self.given_timeout, 0.1)
+
+    @property
+    def silent_timeout(self) -> float:
+        """How long to wait for an address that says nothing, s."""
+        return SILENT_TIMEOUT if self.given_timeout is None else self.given_timeout
 
     @property
     def refused_timeout(self) -> float:

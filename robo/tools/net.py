@@ -1,7 +1,7 @@
 """The Zenoh network as one process sees it, and why two nodes do not see each other."""
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import msgspec
 import zenoh
@@ -89,6 +89,13 @@ def _node(
 ) -> NodeOnNet:
     if status is None:
         return NodeOnNet(token.full_name, token.host, token.pid, "", [], None, None)
+    best, clock = _clock(session, token, timeout)
+    links = sorted(names.get(zid, f"zenoh:{zid}") for zid in status.links)
+    return NodeOnNet(token.full_name, token.host, token.pid, status.zid, links, best, clock)
+
+
+def _clock(session: zenoh.Session, token: NodeToken, timeout: float) -> tuple[float | None, float | None]:
+    """The best round trip to a node, and how far its clock is ahead of this machine's, s."""
     best, clock = None, None
     for _ in range(_PINGS):
         begin, wall = time.monotonic(), time.time()
@@ -99,8 +106,22 @@ def _node(
         took = time.monotonic() - begin
         if best is None or took < best:
             best, clock = took, answer.time * 1e-9 - (wall + took / 2)
-    links = sorted(names.get(zid, f"zenoh:{zid}") for zid in status.links)
-    return NodeOnNet(token.full_name, token.host, token.pid, status.zid, links, best, clock)
+    return best, clock
+
+
+def clocks_off(session: zenoh.Session, names: Collection[str], timeout: float) -> dict[str, str]:
+    """Of some nodes, those whose clocks differ from this machine's, and what is to be said of each."""
+    found = {}
+    for token in nodes.list_nodes(session, timeout):
+        if token.full_name in names:
+            best, clock = _clock(session, token, timeout)
+            if clock is not None and abs(clock) > _CLOCKS_AGREE + (best or 0.0):
+                found[token.full_name] = _differs(token.full_name, token.host, clock)
+    return found
+
+
+def _differs(node: str, host: str, clock: float) -> str:
+    return f"the clock of {node} on {host} is {clock:+.3f} s off: so are delays"
 
 
 def _latency(session: zenoh.Session, timeout: float) -> float | None:
@@ -120,7 +141,7 @@ def _problems(routers: Sequence[Router], found: Sequence[NodeOnNet], status: Map
         if not node.zid:
             yield f"{node.node} is there and does not answer: robo why {node.node}"
         elif node.clock is not None and abs(node.clock) > _CLOCKS_AGREE + (node.latency or 0.0):
-            yield f"the clock of {node.node} on {node.host} is {node.clock:+.3f} s off: so are delays"
+            yield _differs(node.node, node.host, node.clock)
     # The nodes of one robot are linked directly: with each other, or not at all.
     peers = {one.zid: router for router in routers for one in router.sessions if one.whatami == "peer"}
     for a in found:

@@ -103,5 +103,31 @@ def test_stopped_clients_hold_up_nobody_else(control: zenoh.CongestionControl) -
         assert longest < LONGEST
 
 
+def test_tools_tell_that_the_connection_is_lost_and_back() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with ExitStack() as stack:
+        up = stack.enter_context(robo("up", "robot.yaml", "--robot-name", "r1", "--listen", endpoint))
+        up.wait_for("r1 is ready")
+        echo = stack.enter_context(robo("topic", "echo", "r1/safety_state", "--connect", endpoint))
+        echo.wait_for("# r1/safety_state")
+        ps = stack.enter_context(robo("ps", "--watch", "--interval", "0.2", "--connect", endpoint))
+        ps.wait_for("safety_monitor")
+
+        router = up.child("robo.router")
+        router.suspend()
+        for tool in (echo, ps):
+            tool.wait_for(f"the link to {endpoint} is lost")
+        router.resume()
+        for tool in (echo, ps):
+            tool.wait_for(f"the link to {endpoint} is back")
+        before = ps.output.count("safety_monitor")
+        eventually(lambda: ps.output.count("safety_monitor") > before, "the table is printed again")
+        for tool in (echo, ps):
+            tool.interrupt()
+            tool.wait()
+        tables = ps.output.split("ROBOT ")
+        assert all("safety_monitor" in table for table in tables[1:-1]), f"an empty one in:\n{ps.output}"
+
+
 def answered(session: zenoh.Session) -> bool:
     return any(reply.ok is not None for reply in session.get("service", timeout=WATCHED))

@@ -1,14 +1,18 @@
 """`robo` in a terminal: what it prints, how it fails."""
 
 import json
+import re
 import subprocess
 import sys
+import time
+from types import SimpleNamespace
 
 import pytest
 import zenoh
 
 import robo as runtime
 from robo import Publisher, timer
+from robo.tools import net
 from robo_messages import LaserScan, String
 from tests.support import robo, run_robo
 
@@ -45,6 +49,15 @@ def test_topics_are_listed(session: zenoh.Session, endpoint: str) -> None:
             "subscribers": [],
         }
         assert {**words, "rate": None} in found
+
+
+def test_clocks_that_differ_are_told_beside_delays(session: zenoh.Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Beacon(namespace="r1", session=session):
+        assert net.clocks_off(session, {"/r1/beacon"}, 5.0) == {}
+        ahead = SimpleNamespace(monotonic=time.monotonic, time=lambda: time.time() + 5)
+        monkeypatch.setattr(net, "time", ahead)
+        told = net.clocks_off(session, {"/r1/beacon"}, 5.0)["/r1/beacon"]
+        assert re.search(r"the clock of /r1/beacon on \S+ is -[45]\.\d+ s off", told)
 
 
 def test_echo_prints_messages(session: zenoh.Session, endpoint: str) -> None:

@@ -69,3 +69,19 @@ def test_connections_end_without_holding_anybody_up(listening: str) -> None:
         assert struct.unpack("ii", connection.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))[0] == 0
         assert connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == tcp.DEAD_AFTER * 1000
         assert connection.getpeername() == address, "and goes on"
+
+
+@pytest.mark.parametrize(("answer", "speaks"), [(b"HTTP/1.0 400", False), (b"", None), (b"\x20\x00\xe1\x09", True)])
+def test_what_speaks_zenoh_is_told_by_its_answer(answer: bytes, speaks: bool | None) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            connection, _ = server.accept()
+            with connection:
+                connection.recv(100)
+                connection.sendall(answer)
+
+        serving = threading.Thread(target=serve)
+        serving.start()
+        assert tcp.speaks_zenoh(f"tcp/127.0.0.1:{server.getsockname()[1]}", 10.0) is speaks
+        serving.join()
