@@ -15,6 +15,7 @@ from robo.discovery import EndpointKind, EndpointToken, source_id
 from robo.executor import SubscriptionLoop, Turn
 from robo.intake import Intake
 from robo.message_check import MessageCheck
+from robo.node_status import Refused
 from robo.qos import KEEP_ALL
 from robo_messages import Message
 
@@ -215,9 +216,9 @@ class TopicSubscription(Endpoint, Generic[M]):
         return self._loop.dropped
 
     @property
-    def refused(self) -> dict[str, int]:
-        """Messages so far that were left out because another source is the one, by sender."""
-        return self._intake.refused if self._intake is not None else {}
+    def refused(self) -> list[Refused]:
+        """Whose messages were left out so far because another source is the one."""
+        return self._intake.refused if self._intake is not None else []
 
     def start(self) -> None:
         """Begin to call the callback."""

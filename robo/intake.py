@@ -11,6 +11,7 @@ from robo import codec, discovery
 from robo.clock import monotonic_ns
 from robo.discovery import EndpointToken
 from robo.message_info import Clocks, MessageInfo, SoleSource
+from robo.node_status import Refused
 
 _INTRODUCTION = 500_000_000
 """How long a publisher's announcement may come after its first message, ns."""
@@ -53,9 +54,9 @@ class Intake:
         )
 
     @property
-    def refused(self) -> dict[str, int]:
-        """Messages refused so far, by sender."""
-        return dict(self._sole.refused)
+    def refused(self) -> list[Refused]:
+        """Whose messages were refused so far."""
+        return self._sole.refused(monotonic_ns() * 1e-9)
 
     def examine(self, sample: zenoh.Sample) -> MessageInfo | None:
         """What is known of a sample; None where its sender's messages do not count."""

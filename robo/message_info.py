@@ -11,6 +11,8 @@ from collections.abc import Callable
 
 import msgspec
 
+from robo.node_status import Refused
+
 DRIFT = 1e-3
 """How much two clocks may drift apart, s a second: quartz and what NTP slews, with room."""
 
@@ -114,8 +116,12 @@ class SoleSource:
         self._heard = -math.inf
         self._waiting: dict[str, int] = {}
         """Messages of others since the holder was last heard, by sender."""
-        self.refused: dict[str, int] = {}
-        """Messages refused so far, by sender."""
+        self._refused: dict[str, tuple[int, float]] = {}
+        """Messages refused so far and when the last one was, by sender."""
+
+    def refused(self, now: float) -> list[Refused]:
+        """Whose messages were refused so far; `now` as for `admits`."""
+        return [Refused(sender, count, now - last) for sender, (count, last) in list(self._refused.items())]
 
     def admits(self, info: MessageInfo, wanted: str, now: float, tell: Callable[[str, int], None]) -> bool:
         """Whether a message counts.
@@ -131,18 +137,19 @@ class SoleSource:
         if may and (self._holder in (None, info.source_id) or now - self._heard > LEASE):
             if self._holder == info.source_id:
                 for sender, count in self._waiting.items():
-                    self._refuse(sender, count, tell)
+                    self._refuse(sender, count, now, tell)
             self._waiting.clear()
             self._holder, self._heard = info.source_id, now
             return True
         if may:
             self._waiting[info.sender] = self._waiting.get(info.sender, 0) + 1
         else:
-            self._refuse(info.sender, 1, tell)
+            self._refuse(info.sender, 1, now, tell)
         return False
 
-    def _refuse(self, sender: str, count: int, tell: Callable[[str, int], None]) -> None:
-        if sender not in self.refused and len(self.refused) >= _MOST_SOURCES:
+    def _refuse(self, sender: str, count: int, now: float, tell: Callable[[str, int], None]) -> None:
+        if sender not in self._refused and len(self._refused) >= _MOST_SOURCES:
             sender = "others"
-        self.refused[sender] = self.refused.get(sender, 0) + count
-        tell(sender, self.refused[sender])
+        so_far = self._refused.get(sender, (0, now))[0] + count
+        self._refused[sender] = so_far, now
+        tell(sender, so_far)

@@ -3,6 +3,16 @@
 import msgspec
 
 
+class Refused(msgspec.Struct, frozen=True):
+    """Messages that a node has left out because another source is the one."""
+
+    sender: str
+    """A node's full name, or `a plain Zenoh client`."""
+    count: int
+    age: float
+    """How long ago the last one came, s."""
+
+
 class NodeStatus(msgspec.Struct, frozen=True):
     """What a node has seen so far; also the reply to a query on its status key."""
 
@@ -18,8 +28,8 @@ class NodeStatus(msgspec.Struct, frozen=True):
     """Messages dropped because the callback fell behind, by topic."""
     callback_errors: int
     """Exceptions that callbacks raised."""
-    refused: dict[str, dict[str, int]] = {}
-    """Messages left out because another source is the one, by topic and sender."""
+    refused: dict[str, list[Refused]] = {}
+    """Whose messages were left out because another source is the one, by topic."""
     missed: dict[str, int] = {}
     """Ticks that timers skipped because callbacks took too long, by the timer's callback."""
     served: dict[str, int] = {}

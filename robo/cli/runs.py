@@ -23,7 +23,8 @@ from robo.cli.reach import Reach
 from robo.discovery import NodeToken
 from robo.errors import RunError, UsageError
 from robo.supervisor.status import Event, Exit, Explanation, ProcessStatus, SupervisorToken
-from robo.tools import nodes, runs
+from robo.tools import nodes, runs, strangers
+from robo.tools.strangers import Stranger
 
 COLOURS = {"ready": "32", "completed": "32", "degraded": "33", "restarting": "33", "starting": "36", "failed": "31"}
 _STALE = 2.0
@@ -197,19 +198,20 @@ def why(names: Sequence[str], reach: Reach, *, json: bool) -> None:
         target = runs.target_of(session, reach.robot, names)
         found = runs.explain(session, target, names)
         lost = runs.lost_sites(session, target.robot)
+        refused = strangers.refused(nodes.all_status(session, reach.timeout)) if not json else []
     for site in lost if not json else ():
         print_line(site)
     for explanation in found:
         if json:
             print_json(explanation)
         else:
-            print_lines(explained(explanation))
+            print_lines(explained(explanation, [one for one in refused if one.receiver == explanation.process.node]))
     if not json:
         _print_log_problems([explanation.process for explanation in found])
 
 
-def explained(found: Explanation) -> list[str]:
-    """Why a node is in its state, for people."""
+def explained(found: Explanation, refused: Sequence[Stranger] = ()) -> list[str]:
+    """Why a node is in its state, and whose messages it leaves out, for people."""
     status = found.process
     for_how_long = f" for {duration(status.uptime)}" if status.uptime is not None else ""
     pid = f", process {status.pid}" if status.pid is not None else ""
@@ -235,6 +237,7 @@ def explained(found: Explanation) -> list[str]:
             lines.append(f"  could not read {entry.malformed} messages on {entry.topic}")
         if entry.dropped:
             lines.append(f"  fell behind by {entry.dropped} messages on {entry.topic}")
+    lines += [f"  {one}" for one in refused]
     if found.callback_errors:
         lines.append(f"  its callbacks raised {times(found.callback_errors)}; robo logs {status.node} --level error")
     if status.restarts:

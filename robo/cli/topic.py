@@ -83,6 +83,8 @@ def print_info(name: str, reach: Reach, *, json: bool) -> None:
             print_line(f"    {_end(end, info.types)}")
     for other in info.others:
         print_line(f"  {other}, which is no node of robo's")
+    for stranger in info.strangers:
+        print_line(f"  {paint('!!', '33')} {stranger}")
 
 
 def _end(end: End, types: list[str]) -> str:

@@ -25,6 +25,7 @@ from robo.supervisor import orphans
 from robo.supervisor.cgroup import ControlGroup
 from robo.supervisor.log_files import log_base
 from robo.tools import nodes, runs
+from robo.tools import strangers as unannounced
 
 T = TypeVar("T")
 
@@ -54,6 +55,7 @@ def examine(connect: Sequence[str], *, kill_test: bool = False) -> Iterator[Find
         lambda: port(connect),
         lambda: router(connect),
         lambda: twins(connect),
+        lambda: strangers(connect),
         lambda: sites(connect),
         multicast,
         clock,
@@ -120,6 +122,14 @@ def twins(connect: Sequence[str]) -> Finding:
         fix = "stop one of them: they publish on the same topics, each against the other"
         return Finding("names", "fault", "; ".join(map(str, found)), fix)
     return Finding("names", "ok", f"each of {len(there)} nodes has a name of its own" if there else "no node runs")
+
+
+def strangers(connect: Sequence[str]) -> Finding:
+    """Whether all who publish on the topics of nodes have said so, and nobody fights over one."""
+    found = _asked(connect, unannounced.find) or []
+    if found:
+        return Finding("sources", "fault", "; ".join(map(str, found)), "find out who that is, and end it")
+    return Finding("sources", "ok", "every message that nodes receive is of a publisher that is announced")
 
 
 def sites(connect: Sequence[str]) -> Finding:

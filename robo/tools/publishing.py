@@ -10,7 +10,7 @@ import msgspec
 import zenoh
 
 from robo import codec
-from robo.discovery import EndpointToken
+from robo.discovery import EndpointToken, source_id
 from robo.errors import MessageError
 from robo.qos import DEFAULT_DEPTH
 from robo.tools.records import Record, payload_of, sample_of
@@ -42,7 +42,10 @@ class Sender:
         )
         namespace, _, _ = key.rpartition("/")
         name = f"topic_pub_{os.getpid()}"
-        token = EndpointToken(namespace, name, "pub", type_name if _is_key(type_name) else "", DEFAULT_DEPTH, key)
+        known_type = type_name if _is_key(type_name) else ""
+        id_ = source_id(self._publisher.id)
+        token = EndpointToken(namespace, name, "pub", known_type, DEFAULT_DEPTH, key, id_)
+        self._source = zenoh.SourceInfo(self._publisher.id, 0)
         self._token = session.liveliness().declare_token(token.key())
         self._number = 0
         self._sent: deque[tuple[int, int | None]] = deque(maxlen=_REMEMBERED)
@@ -52,7 +55,8 @@ class Sender:
         self._number += 1
         now = time.time_ns()
         self._sent.append((now, self._number))
-        self._publisher.put(payload, encoding=encoding, attachment=codec.pack_attachment(self._number, now))
+        stamp = codec.pack_attachment(self._number, now)
+        self._publisher.put(payload, encoding=encoding, attachment=stamp, source_info=self._source)
 
     def has_sent(self, origin: tuple[int, int | None]) -> bool:
         """Whether a message, by publish time and sequence number, is one of its own that has come back."""

@@ -10,7 +10,7 @@ from robo.errors import MessageError, TopicNotFound, TopicTaken
 from robo.suggestions import suggest
 from robo.supervisor.status import ProcessStatus
 from robo.terminal import visible
-from robo.tools import admin, runs
+from robo.tools import admin, runs, strangers
 
 RATES_TIMEOUT = 0.2
 """How long supervisors may take to tell the rates, s; a list does not wait for one that hangs."""
@@ -52,6 +52,8 @@ class TopicInfo(msgspec.Struct, frozen=True):
     rate: float | None
     others: list[str]
     """Ends that are no nodes of robo's: `publisher zenoh:<id>`."""
+    strangers: list[str] = []
+    """Who publishes without being announced, and whose messages a node leaves out, in words."""
 
 
 def list_topics(session: zenoh.Session, timeout: float = 1.0) -> list[Topic]:
@@ -105,7 +107,10 @@ def topic_info(session: zenoh.Session, key: str, timeout: float = 1.0) -> TopicI
     rates = published_rates(runs.processes(session, timeout=RATES_TIMEOUT))
     others = [f"publisher {name}" for name in topic.publishers if name.startswith("zenoh:")]
     others += [f"subscriber {name}" for name in topic.subscribers if name.startswith("zenoh:")]
-    return TopicInfo(key, topic.type, topic.types, _sorted(ends, "pub"), _sorted(ends, "sub"), rates.get(key), others)
+    found = [str(one) for one in strangers.find(session, timeout, key)]
+    return TopicInfo(
+        key, topic.type, topic.types, _sorted(ends, "pub"), _sorted(ends, "sub"), rates.get(key), others, found
+    )
 
 
 def find_topic(topics: Iterable[Topic], key: str) -> Topic:

@@ -15,7 +15,7 @@ import pytest
 import zenoh
 
 from robo.session import Network, close_session, open_session
-from tests.support import Command, Inbox, eventually, robo
+from tests.support import Command, Inbox, eventually, robo, run_robo
 
 COMMAND_TIMEOUT = 0.5
 """Of the base and of the monitor: `cmd_vel_timeout` and `command_timeout`, s."""
@@ -203,7 +203,14 @@ def test_a_stranger_moves_nothing_and_is_named(endpoint: str, rate: int) -> None
         try:
             robot.wait_for_state(lambda s: s.get("rival") == "a plain Zenoh client", "the state names it")
             robot.command.wait_for("left out messages of a plain Zenoh client on r1/cmd_vel")
-            robot.odometry.wait_for(len(robot.odometry.messages) + 100)
+            for command, words in (
+                (("why", "diff_drive_sim"), "leaves out messages of a plain Zenoh client on r1/cmd_vel"),
+                (("topic", "info", "r1/cmd_vel"), "leaves out messages of a plain Zenoh client on r1/cmd_vel"),
+                (("doctor",), "leaves out messages of a plain Zenoh client on r1/cmd_vel"),
+            ):
+                told = run_robo(*command, "--connect", endpoint).stdout
+                assert words in told, told
+            robot.odometry.wait_for(len(robot.odometry.messages) + 50)
         finally:
             leave.set()
             stranger.join()
