@@ -28,7 +28,8 @@ LABEL org.opencontainers.image.title="robo" \
       org.opencontainers.image.description="Robots as microservices over Zenoh" \
       org.opencontainers.image.version="${VERSION}" \
       org.opencontainers.image.licenses="Apache-2.0"
-RUN useradd --uid 1000 --create-home robo
+# What nodes keep over restarts of their container is in a volume there.
+RUN useradd --uid 1000 --create-home robo && install -d -o robo /var/lib/robo
 COPY --from=build /usr/bin/tini /usr/bin/tini
 COPY --from=build /opt/robo /opt/robo
 # Containers share no /dev/shm, and a small one that is full would end Zenoh's threads.

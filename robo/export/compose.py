@@ -21,6 +21,7 @@ from robo.export.placeholders import Placeholders
 from robo.launch.expression import as_text
 from robo.launch.find import SHARE
 from robo.launch.plan import Plan, ProcessPlan
+from robo.memory import MEMORY_VARIABLE
 from robo.parameters import parse_value
 from robo.runner import SPEC_VARIABLE, NodeSpec
 
@@ -33,6 +34,9 @@ PROJECT = "/srv"
 
 PACKAGES = "/opt/robo/site-packages"
 """Where the image has the packages that are installed in it; its Dockerfile makes this link."""
+
+MEMORY = "/var/lib/robo"
+"""What a node keeps over restarts of its container: a volume without a name, which is as old as the container."""
 
 _CONDITIONS = {"started": "service_started", "ready": "service_healthy", "completed": "service_completed_successfully"}
 _RESTARTS = {"never": "no", "on-failure": "on-failure", "always": "always"}
@@ -203,8 +207,12 @@ class _Export:
             service["configs"] = [{"source": name, "target": target} for name, target in files.items()]
         if process.cwd is not None:
             service["working_dir"] = self._working_folder(process.cwd, volumes)
-        if volumes:
-            service["volumes"] = [f"{source}:{target}:ro" for source, target in volumes.items()]
+        mounts = [f"{source}:{target}:ro" for source, target in volumes.items()]
+        if process.service is not None and process.restart.policy != "never":
+            mounts.append(MEMORY)
+            service["environment"][MEMORY_VARIABLE] = MEMORY
+        if mounts:
+            service["volumes"] = mounts
         service["depends_on"] = self._needs(process)
         service["restart"] = _RESTARTS[process.restart.policy]
         if process.stop.signal != "INT":
