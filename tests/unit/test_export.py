@@ -12,6 +12,7 @@ import yaml
 from robo import node_options
 from robo.cli.export import export_compose, export_dockerfile
 from robo.errors import UsageError
+from robo.export.compose import MEMORY
 from robo.launch import resolve
 from robo.loading import load_node_class
 
@@ -247,7 +248,11 @@ def test_files_of_installed_packages_are_those_of_the_image(
     shipped = "/opt/robo/site-packages/robo/share/config"
     assert f"world:={shipped}/room.yaml" in base["command"]
     assert f"{shipped}/params.yaml" in tracker["command"]
-    assert "volumes" not in str(tree)
+    mounted = [volume for service in tree["services"].values() for volume in service.get("volumes", [])]
+    assert set(mounted) == {MEMORY}, "nothing of this machine"
+    kept = {name for name, service in tree["services"].items() if "volumes" in service}
+    assert kept == {name for name, service in tree["services"].items() if service["restart"] == "on-failure"}
+    assert all(tree["services"][name]["environment"]["ROBO_MEMORY"] == MEMORY for name in kept)
 
     environment = tmp_path / ".venv"
     share = environment / "lib" / "python3.11" / "site-packages" / "batt" / "share"
