@@ -146,17 +146,25 @@ class Running:
 
     def close(self) -> None:
         """End it, whatever it does; nothing of it survives."""
-        if self.process.poll() is None:
+        try:
+            if self.process.poll() is None:
+                self._end()
+        finally:
+            self._reader.join(5)
+            self._out.close()
+
+    def _end(self) -> None:
+        children: list[psutil.Process] = []
+        with suppress(psutil.Error, ProcessLookupError):  # it may be just ending
             children = self.children()
             self.interrupt()
-            try:
-                self.wait(10)
-            except subprocess.TimeoutExpired:
-                for process in [*children, psutil.Process(self.process.pid)]:
+        try:
+            self.wait(10)
+        except subprocess.TimeoutExpired:
+            for process in [*children, psutil.Process(self.process.pid)]:
+                with suppress(psutil.Error):
                     process.kill()
-                self.wait(10)
-        self._reader.join(5)
-        self._out.close()
+            self.wait(10)
 
     def children(self) -> list[psutil.Process]:
         """The processes that the command has started."""
@@ -195,6 +203,9 @@ def run_robo(*arguments: str, timeout: float = 60.0, cwd: str | None = None) -> 
     command = [sys.executable, "-m", "robo", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False, cwd=cwd)
 
+
+INTERRUPTED = (130, -signal.SIGINT)
+"""Exit codes of what Ctrl-C ends: by itself, and where it comes before anybody cares for it."""
 
 _ENDLESS = (
     (r"robo up\b", r" -d\b|--dry-run|--show-args"),
@@ -267,9 +278,10 @@ class Desk:
             terminal.wait_for("", timeout)
             terminal.interrupt()
         code = terminal.wait(timeout)
-        return 0 if not by_itself and code == 130 else code, terminal.output
+        return 0 if not by_itself and code in INTERRUPTED else code, terminal.output
 
     def close(self) -> None:
         """Press Ctrl-C in every terminal, and give up the network."""
-        for terminal in [*self._terminals, self._network]:
-            terminal.close()
+        with ExitStack() as ends:
+            for terminal in [self._network, *self._terminals]:
+                ends.callback(terminal.close)

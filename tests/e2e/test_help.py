@@ -13,7 +13,7 @@ from robo import health
 from robo.cli import run
 from robo.cli.app import app
 from tests.pages import ROOT
-from tests.support import Desk, Running, eventually, is_endless
+from tests.support import INTERRUPTED, Desk, Running, eventually, is_endless
 
 pytestmark = pytest.mark.timeout(300)
 
@@ -144,7 +144,7 @@ class Lab:
             self._leave(terminal, line)
         code = terminal.wait(60)
         said = terminal.output
-        assert code in ((0, 130) if endless else (0,)), f"{line} ended with {code}\n{said}"
+        assert code in ((0, *INTERRUPTED) if endless else (0,)), f"{line} ended with {code}\n{said}"
         assert "Traceback" not in said, f"{line}\n{said}"
         assert "FATAL" not in said, f"{line}\n{said}"
         if beside is not None:
