@@ -281,7 +281,18 @@ class Desk:
         return 0 if not by_itself and code in INTERRUPTED else code, terminal.output
 
     def close(self) -> None:
-        """Press Ctrl-C in every terminal, and give up the network."""
+        """Press Ctrl-C in every terminal, end what is left in the background, and give up the network."""
         with ExitStack() as ends:
-            for terminal in [self._network, *self._terminals]:
+            ends.callback(self._network.close)
+            ends.callback(self._sweep)
+            for terminal in self._terminals:
                 ends.callback(terminal.close)
+
+    def _sweep(self) -> None:
+        """End what runs in the network, such as a robot that a command has left in the background."""
+        ours = os.readlink(f"/proc/{self._network.process.pid}/ns/net")
+        assert ours != os.readlink("/proc/self/ns/net")
+        for process in psutil.process_iter():
+            with suppress(OSError, psutil.Error):  # it has just ended, or it is somebody else's
+                if process.pid != self._network.process.pid and os.readlink(f"/proc/{process.pid}/ns/net") == ours:
+                    process.kill()

@@ -5,10 +5,11 @@ import shutil
 import sys
 from pathlib import Path
 
+import psutil
 import pytest
 
 from tests.pages import PAGES, ROOT, Block, blocks
-from tests.support import Desk, Running, is_endless
+from tests.support import Desk, Running, eventually, is_endless
 
 INSTALL = re.compile(r"^python3 -m venv \.venv && \.venv/bin/pip install -q \S+ && ")
 """It is installed here: that takes a minute, and CI does it before the tests."""
@@ -71,3 +72,14 @@ def test_a_page_works_from_top_to_bottom(page: Path, desk: Desk) -> None:
     reader = Reader(desk)
     for block in blocks(page):
         reader.follow(block)
+
+
+def test_a_desk_leaves_no_robot_in_the_background(tmp_path: Path) -> None:
+    desk = Desk(tmp_path)
+    try:
+        assert desk.run("robo up --robot-name r1 -d --wait")[0] == 0
+        pids = [int(pid) for pid in re.findall(r'"pid": ?(\d+)', desk.run("robo ps --json")[1])]
+        assert len(pids) == 4
+    finally:
+        desk.close()
+    eventually(lambda: not any(map(psutil.pid_exists, pids)), "all of it has ended")
