@@ -114,6 +114,17 @@ def client(project: Project, published: None) -> Iterator[zenoh.Session]:
     close_session(session)
 
 
+def crash(project: Project, service: str) -> None:
+    """End a node's process within its container, and wait until its policy has started it again."""
+    before = project.state(service)["RestartCount"]
+    kill = (
+        "import os, signal; [os.kill(int(p), signal.SIGKILL) for p in os.listdir('/proc') if p.isdigit() and p != '1' "
+    )
+    kill += "and b'robo.node_process' in open(f'/proc/{p}/cmdline', 'rb').read()]"
+    project("exec", "-T", service, "python", "-c", kill, check=False)
+    eventually(lambda: project.state(service)["RestartCount"] > before, "it is started again")
+
+
 def drives(odometry: Inbox) -> bool:
     """Whether the newest odometry tells of motion."""
     return bool(odometry.messages) and odometry.messages[-1]["twist"]["twist"]["linear"]["x"] > 0.05
@@ -140,13 +151,7 @@ def test_the_robot_drives_in_containers_and_heals(project: Project, client: zeno
     odometry.wait_until(lambda m: abs(m[-1]["twist"]["twist"]["linear"]["x"] - 0.3) < 0.01, "it drives slower")
 
     # A node that crashes comes back by its policy.
-    before = project.state("position_tracker")["RestartCount"]
-    kill = (
-        "import os, signal; [os.kill(int(p), signal.SIGKILL) for p in os.listdir('/proc') if p.isdigit() and p != '1' "
-    )
-    kill += "and b'robo.node_process' in open(f'/proc/{p}/cmdline', 'rb').read()]"
-    project("exec", "-T", "position_tracker", "python", "-c", kill, check=False)
-    eventually(lambda: project.state("position_tracker")["RestartCount"] > before, "it is started again")
+    crash(project, "position_tracker")
     position = Inbox(client, "r1/current_position")
     position.wait_for(1)
 
@@ -180,6 +185,30 @@ def test_the_robot_drives_in_containers_and_heals(project: Project, client: zeno
     project("down", "--timeout", "3")
     assert docker("ps", "--all", "--quiet", "--filter", f"name={project.name}") == ""
     assert project.name not in docker("network", "ls")
+
+
+def test_an_emergency_stop_outlives_the_monitors_container(project: Project, client: zenoh.Session) -> None:
+    odometry, state = Inbox(client, "r1/odom"), Inbox(client, "r1/safety_state")
+    odometry.wait_until(lambda _: drives(odometry), "it drives")
+
+    def call(service: str) -> None:
+        done = run_robo("service", "call", f"r1/{service}", "--connect", project.endpoint)
+        assert done.returncode == 0, done.stderr
+
+    def stopped(messages: list[dict[str, Any]]) -> bool:
+        return "emergency stop" in messages[-1]["message"]
+
+    call("emergency_stop")
+    odometry.wait_until(lambda m: m[-1]["twist"]["twist"]["linear"]["x"] == 0.0, "it stands")
+    for again in (lambda: crash(project, "safety_monitor"), lambda: project("restart", "safety_monitor")):
+        state.forget()
+        odometry.forget()
+        again()
+        state.wait_until(stopped, "the next monitor knows of it")
+        odometry.wait_for(len(odometry.messages) + 50)
+        assert not any(m["twist"]["twist"]["linear"]["x"] for m in odometry.messages)
+    call("reset_emergency_stop")
+    odometry.wait_until(lambda _: drives(odometry), "it drives on")
 
 
 def yaml_services() -> list[str]:
