@@ -1,5 +1,6 @@
 """One node as a process of its own, started by hand: how it begins, fails and ends."""
 
+import shutil
 import signal
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from robo import modules
 from tests.support import PATIENCE, Command, eventually, robo
 
 pytestmark = pytest.mark.timeout(120)
@@ -104,6 +106,13 @@ def test_a_file_that_hides_robo_is_named(tmp_path: Path, words: tuple[str, ...])
     assert result.returncode != 0
     assert result.stderr.count("robo.py in this folder hides the package robo from every node") == 1
     assert len(result.stderr.splitlines()) == 1
+
+
+def test_a_checkout_of_robo_does_not_hide_it(tmp_path: Path, endpoint: str) -> None:
+    # As the README's first command does: an installed robo starts in the folder that it was installed from.
+    shutil.copytree(Path(modules.__file__).parent, tmp_path / "robo", ignore=shutil.ignore_patterns("__pycache__"))
+    with robo("up", "--robot-name", "r1", "--listen", endpoint, cwd=str(tmp_path)) as launch:
+        launch.wait_for("r1 is ready: 4 nodes")
 
 
 def test_under_a_supervisor_it_is_told_once_too(endpoint: str, tmp_path: Path) -> None:
