@@ -16,7 +16,7 @@ _LOOK = 0.3
 
 
 class Link:
-    """A client's link to its router."""
+    """A client's link to the router, or the node, that it has dialled."""
 
     def __init__(self, session: zenoh.Session, reach: Reach) -> None:
         self._session = session
@@ -26,7 +26,8 @@ class Link:
     def look(self) -> str:
         """See whether it is there; returns what has changed, in a sentence, or nothing."""
         now = time.monotonic()
-        if next(iter(self._session.info.routers_zid()), None) is None:
+        info = self._session.info
+        if not (info.routers_zid() or info.peers_zid()):
             if self._since is not None:
                 return ""
             self._since = now

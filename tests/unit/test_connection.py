@@ -4,8 +4,11 @@ import socket
 import time
 
 from robo.cli.connection import unreached
+from robo.cli.link import Link
 from robo.cli.reach import Reach
+from robo.session import Network, close_session, open_session
 from tests.conftest import free_port
+from tests.support import eventually
 
 
 def test_an_address_that_refuses_is_not_tried_for_long() -> None:
@@ -39,3 +42,14 @@ def test_one_that_answers_is_enough() -> None:
         endpoints = [f"tcp/127.0.0.1:{free_port()}", f"tcp/127.0.0.1:{server.getsockname()[1]}"]
         assert unreached(endpoints, Reach()) is None
     assert unreached(["unixsock-stream//tmp/nobody.sock"], Reach()) is None
+
+
+def test_a_link_to_a_node_alone_is_a_link_too(endpoint: str) -> None:
+    node = open_session(Network(mode="peer", listen=(endpoint,)))
+    tool = open_session(Network(mode="client", connect=(endpoint,)))
+    link = Link(tool, Reach((endpoint,)))
+    assert (link.look(), link.lost) == ("", "")
+    close_session(node)
+    eventually(lambda: link.look() == f"the link to {endpoint} is lost; it is dialled until it answers", "it is gone")
+    assert link.lost == f"the link to {endpoint} is lost"
+    close_session(tool)
