@@ -175,9 +175,9 @@ def test_commands_that_waited_in_a_paused_base_are_old(endpoint: str) -> None:
 
 def test_timeouts_of_monitor_and_base_do_not_add_up(endpoint: str) -> None:
     with driving_robot(endpoint) as robot:
-        monitor = robot.process("safety_monitor")
+        monitor, controller = robot.process("safety_monitor"), robot.process("velocity_controller")
         robot.odometry.forget()
-        robot.process("velocity_controller").kill()
+        controller.kill()
         time.sleep(0.4)
         with paused(monitor):
             robot.stands()
