@@ -17,6 +17,9 @@ from robo_messages import Message
 
 M = TypeVar("M", bound=Message)
 
+UNREADABLE = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
+"""What decoding by msgspec may raise, whatever the bytes are."""
+
 MSGPACK = "application/msgpack"
 JSON = "application/json"
 
@@ -80,7 +83,7 @@ class TopicDecoder(Generic[M]):
         """
         try:
             return self.fast(payload)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        except UNREADABLE:
             return self.explain(payload, encoding)
 
     def explain(self, payload: bytes, encoding: str) -> M:
@@ -95,7 +98,7 @@ class TopicDecoder(Generic[M]):
             if is_json:
                 return robo_messages.decode_json(payload, self._type)
             return self.fast(payload)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        except UNREADABLE as error:
             expected = robo_messages.type_name(self._type)
             if schema and schema != expected:
                 raise Malformed(f"it is a {brief(schema, _MOST_QUOTED)}, expected {expected}") from None
@@ -113,11 +116,11 @@ def decode_any(payload: bytes) -> object:
     if payload.lstrip()[:1] in (b"{", b"["):
         try:
             return msgspec.json.decode(payload)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        except UNREADABLE:
             pass  # a MessagePack number may begin with the same byte
     try:
         return msgspec.msgpack.decode(payload)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+    except UNREADABLE as error:
         raise Malformed(f"neither MessagePack nor JSON: {brief(str(error), _MOST_QUOTED)}") from None
 
 

@@ -18,11 +18,10 @@ from time import monotonic
 from types import CoroutineType, TracebackType
 from typing import Generic, TypeVar
 
-import msgspec
 import zenoh
 
 from robo.clock import Clock
-from robo.codec import Malformed, TopicDecoder
+from robo.codec import UNREADABLE, Malformed, TopicDecoder
 from robo.errors import ContractError
 from robo.message_info import MessageInfo
 from robo.qos import KEEP_ALL
@@ -359,7 +358,7 @@ class SubscriptionLoop(Generic[M]):
         payload = sample.payload.to_bytes()
         try:
             self._decoder.fast(payload)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        except UNREADABLE:
             self._second_try(payload, sample)
         else:
             self.received += 1

@@ -160,7 +160,7 @@ def read_fault(reply: zenoh.Reply) -> Fault | None:
         return None
     try:
         return msgspec.msgpack.decode(reply.err.payload.to_bytes(), type=Fault)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+    except codec.UNREADABLE:
         return None
 
 

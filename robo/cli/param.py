@@ -9,6 +9,7 @@ import zenoh
 from robo.cli.connection import clock_time, connect_to_robot, hint, nodes_of, note, print_json, print_line, print_text
 from robo.cli.link import watched
 from robo.cli.reach import Reach
+from robo.codec import UNREADABLE
 from robo.discovery import NodeToken
 from robo.errors import NodeUnreachable, UsageError
 from robo.parameters import range_text
@@ -142,7 +143,7 @@ def watch(node: str | None, reach: Reach, *, json: bool) -> None:
         for arrival in stream.until(None):
             try:
                 event = msgspec.msgpack.decode(arrival.sample.payload.to_bytes(), type=ParameterEvent)
-            except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            except UNREADABLE:
                 continue  # somebody else's topic
             if wanted is not None and event.node != wanted:
                 continue

@@ -94,7 +94,7 @@ def read_request(payload: bytes) -> Asked:
         raise UsageError(f"the request has {len(payload):,} bytes; it may have {_LARGEST:,}")
     try:
         asked = msgspec.msgpack.decode(payload, type=Asked) if payload else Asked()
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+    except codec.UNREADABLE as error:
         what, _, field = str(error).partition(" - at `$.")
         where = f"{field.rstrip('`')}: " if field else ""
         raise UsageError(f"the request cannot be read: {where}{what}") from None

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
+from robo.codec import UNREADABLE
 from robo.heartbeat import Beat
 from robo.launch.manifest import Until
 from robo.launch.plan import ProcessPlan
@@ -603,7 +604,7 @@ class Member:
     def _on_beat(self, data: bytes) -> None:
         try:
             beat = msgspec.msgpack.decode(data, type=Beat)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        except UNREADABLE:
             return  # a command that writes something else there has no heart
         now = time.monotonic()
         self._late = beat if beat.late else None

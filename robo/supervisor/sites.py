@@ -10,6 +10,7 @@ import msgspec
 import zenoh
 
 from robo import tcp
+from robo.codec import UNREADABLE
 from robo.supervisor.status import Site
 
 _PERIOD = 1.0
@@ -121,6 +122,6 @@ def _linked(session: zenoh.Session) -> list[Linked] | None:
                 continue
             try:
                 return msgspec.json.decode(reply.ok.payload.to_bytes(), type=_Router).sessions
-            except (msgspec.DecodeError, UnicodeDecodeError):
+            except UNREADABLE:
                 continue
     return None

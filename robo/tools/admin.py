@@ -6,7 +6,7 @@ from typing import Literal, TypeVar
 import msgspec
 import zenoh
 
-from robo.tools.replies import UNREADABLE
+from robo.codec import UNREADABLE
 
 T = TypeVar("T")
 

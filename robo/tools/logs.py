@@ -12,6 +12,7 @@ from typing import BinaryIO
 
 import msgspec
 
+from robo.codec import UNREADABLE
 from robo.errors import NodeNotFound, RunError, UsageError
 from robo.run_id import supervisor_lives
 from robo.suggestions import suggest
@@ -202,5 +203,5 @@ def _whole_lines(file: BinaryIO, place: int) -> tuple[list[LogRecord], int]:
 def _parsed(line: bytes) -> LogRecord | None:
     try:
         return msgspec.json.decode(line, type=LogRecord)
-    except (msgspec.DecodeError, UnicodeDecodeError):
+    except UNREADABLE:
         return None  # cut short when its writer was killed

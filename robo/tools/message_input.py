@@ -11,6 +11,7 @@ import msgspec
 from msgspec import inspect
 
 import robo_messages
+from robo.brief import shown
 from robo.errors import MessageError
 from robo.suggestions import suggest
 from robo_messages import Header, Message, Time
@@ -159,8 +160,7 @@ def field_types(type_: type[Message]) -> dict[str, str]:
 
 
 def _shown(value: object) -> str:
-    text = repr(value)
-    return f"{type(value).__name__} {text if len(text) <= 40 else text[:39] + '…'}"
+    return f"{type(value).__name__} {shown(value, 40)}"
 
 
 def _from_msgspec(type_name: str, error: str) -> str:

@@ -7,12 +7,12 @@ import msgspec
 import zenoh
 
 from robo import parameter_files
+from robo.codec import UNREADABLE
 from robo.discovery import NodeToken
 from robo.errors import NodeUnreachable, ParameterError
 from robo.names import nested
 from robo.parameter_server import Result, Said, parameters_key
 from robo.queries import Fault, first_answer
-from robo.tools.replies import UNREADABLE
 from robo.yaml_tree import Problem
 
 T = TypeVar("T")

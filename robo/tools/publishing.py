@@ -101,7 +101,7 @@ def line_of(text: str, key: str | None, type_name: str | None) -> Line:
     """
     try:
         data = msgspec.json.decode(text)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+    except codec.UNREADABLE as error:
         raise MessageError(f"no JSON: {error}") from None
     if not isinstance(data, dict):
         raise MessageError("expected an object: a message, or what `robo topic echo --json` prints")

@@ -7,10 +7,10 @@ from typing import TypeVar
 import msgspec
 import zenoh
 
-T = TypeVar("T")
+from robo.brief import brief, shown
+from robo.codec import UNREADABLE
 
-UNREADABLE = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
-"""What decoding a payload may raise."""
+T = TypeVar("T")
 
 _logger = logging.getLogger("robo.tools")
 
@@ -35,6 +35,5 @@ _told: set[object] = set()
 def _tell_once(kind: object, key: str, why: str) -> None:
     if kind not in _told:
         _told.add(kind)
-        _logger.warning(
-            "left out what cannot be read on %s: %s; a stranger's, or of another version of robo?", ascii(key), why
-        )
+        what = f"{shown(key, 200)}: {brief(why)}"
+        _logger.warning("left out what cannot be read on %s; a stranger's, or of another version of robo?", what)
