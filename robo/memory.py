@@ -28,7 +28,7 @@ class Memory:
         self._file = file
         self._values: dict[str, object] = {}
         self.lost = False
-        """Whether what this node had kept cannot be read. It then has to expect the worst."""
+        """Whether what this node had kept cannot be read, or nothing can be written: it expects the worst."""
         if file is None:
             return
         try:
@@ -37,6 +37,9 @@ class Memory:
             self.lost = expected
         except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             self.lost = True
+        if not self.lost:
+            with suppress(NotKept):  # what cannot be written now may hold less than was to be kept
+                self._write()
 
     @classmethod
     def of(cls, full_name: str, file: str = "") -> "Memory":
@@ -68,9 +71,10 @@ class Memory:
             new.replace(self._file)
         except OSError as error:
             self.lost = True
-            for file in (new, self._file):
-                with suppress(OSError):  # a folder that is read-only, or gone
-                    file.unlink(missing_ok=True)
+            with suppress(OSError):  # a folder that is read-only, or gone
+                new.unlink(missing_ok=True)
+            with suppress(OSError):
+                self._file.write_bytes(b"")  # a file that is missing may never have been; an empty one is a loss
             raise NotKept(f"{self._file}: {error.strerror}; a restart of this node cannot know what was") from None
 
 

@@ -49,6 +49,26 @@ def test_a_container_keeps_it_in_a_folder_of_its_own(tmp_path: Path, monkeypatch
     assert Memory.of("/r2/arm/monitor").recall("stop") is None
 
 
+def test_a_container_whose_folder_was_full_knows_that_something_is_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(MEMORY_VARIABLE, str(tmp_path))
+    memory = Memory.of("/r1/monitor")
+    (tmp_path / "r1%monitor.new").mkdir()  # so that nothing can be written
+    with pytest.raises(NotKept):
+        memory.keep("stop", True)
+    (tmp_path / "r1%monitor.new").rmdir()
+    assert Memory.of("/r1/monitor").lost
+
+
+@pytest.mark.parametrize("expected", [True, False])
+def test_what_cannot_be_written_at_the_start_may_have_been_lost_before(tmp_path: Path, expected: bool) -> None:
+    file = tmp_path / "m.json"
+    file.write_text('{"stop": false}')
+    (tmp_path / "m.new").mkdir()
+    assert Memory(file, expected=expected).lost
+
+
 def test_a_node_that_is_run_alone_keeps_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(MEMORY_VARIABLE, raising=False)
     memory = Memory.of("/r1/monitor")
