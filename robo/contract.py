@@ -220,10 +220,14 @@ def subscribe(topic: str, *, depth: int = DEFAULT_DEPTH, sole_source: str | None
 
 def takes_info(callback: Callable[..., object]) -> bool:
     """Whether a callback of a subscription takes a `MessageInfo` beside the message."""
-    code = getattr(callback, "__code__", None)
+    function: Any = callback
+    code = getattr(function, "__code__", None)
+    while code is not None and code.co_flags & _TAKES_ALL and hasattr(function, "__wrapped__"):
+        function = function.__wrapped__  # what a decorator hands all on to
+        code = getattr(function, "__code__", None)
     if code is None:
         return False
-    given = len(getattr(callback, "__defaults__", None) or ()) + (getattr(callback, "__self__", None) is not None)
+    given = len(getattr(function, "__defaults__", None) or ()) + (getattr(callback, "__self__", None) is not None)
     return bool(code.co_argcount - given >= 2)
 
 
@@ -323,7 +327,7 @@ def check_constructor(cls: type[Node]) -> None:
         return
 
 
-_TAKES_KEYWORDS = 0x08
+_TAKES_ALL, _TAKES_KEYWORDS = 0x04, 0x08  # as in `inspect`
 _GIVEN_TO_A_NODE = {"name", "namespace", "parameters", "remappings", "sources"}
 
 

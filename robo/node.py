@@ -335,12 +335,16 @@ class Node:
             sole_source: says whose messages alone count, as for `@subscribe`; the callback takes a `MessageInfo`.
 
         Raises:
-            ContractError: the node has not started, or the callback is async.
+            ContractError: the node has not started, the callback is async, or there is a sole source and it takes
+                no `MessageInfo`.
         """
         session = self._joined("create_subscription")
         check_plain(callback)
+        informed = takes_info(callback)
+        if sole_source is not None and not informed:
+            raise ContractError(f"{name_of(callback)}: a sole source needs a callback that takes a MessageInfo too")
         token = endpoint_token(self.namespace, self.name, "sub", message_type, depth, self.resolve(topic))
-        intake = self._intake(token.topic, sole_source) if takes_info(callback) else None
+        intake = self._intake(token.topic, sole_source) if informed else None
         subscription = TopicSubscription(
             session,
             token,

@@ -481,6 +481,8 @@ def test_endpoints_made_while_running(session: zenoh.Session, other: zenoh.Sessi
         eventually(lambda: subscription.received == 1, "the image is counted")
         with pytest.raises(TypeError, match="camera takes sensor/Image, not String"):
             publisher.publish(String("no"))  # type: ignore[arg-type]
+        with pytest.raises(ContractError, match="on_image: a sole source needs a callback that takes a MessageInfo"):
+            node.create_subscription(Image, "camera", on_image, sole_source=lambda: "/src")
 
 
 def test_main_runs_beside_callbacks_and_ends_the_node(session: zenoh.Session) -> None:

@@ -1,5 +1,5 @@
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import partial, wraps
 from typing import Annotated, Any
 from unittest.mock import MagicMock
 
@@ -7,8 +7,8 @@ import pytest
 from msgspec import Meta
 
 import robo
-from robo import KEEP_ALL, Node, Publisher, service, subscribe, timer
-from robo.contract import check_constructor, check_plain, contract_of, snake_case
+from robo import KEEP_ALL, MessageInfo, Node, Publisher, service, subscribe, timer
+from robo.contract import check_constructor, check_plain, contract_of, snake_case, takes_info
 from robo.errors import ContractError, ParameterError
 from robo.loading import load_node_class
 from robo_messages import Message, Odometry, Point, Twist
@@ -103,6 +103,33 @@ def test_callbacks_whose_call_does_nothing_are_refused(callback: Callable[[], ob
 @pytest.mark.parametrize("callback", [print, partial(print, 1), [].append, Caller, str, MagicMock(), lambda: None])
 def test_other_callbacks_are_fine(callback: Callable[[], object]) -> None:
     check_plain(callback)
+
+
+def decorated(method: Callable[..., None]) -> Callable[..., None]:
+    @wraps(method)
+    def hand_on(*arguments: Any) -> None:
+        method(*arguments)
+
+    return hand_on
+
+
+class Receiver:
+    def plain(self, message: Twist) -> None:
+        """Take a message."""
+
+    def informed(self, message: Twist, info: MessageInfo) -> None:
+        """Take what is known of it, too."""
+
+    decorated_plain = decorated(plain)
+    decorated_informed = decorated(informed)
+
+
+def test_what_takes_what_is_known_of_a_message_does_so_behind_a_decorator_too() -> None:
+    one = Receiver()
+    informed: list[Callable[..., object]] = [one.informed, one.decorated_informed, lambda _twist, _info: None]
+    assert all(takes_info(callback) for callback in informed)
+    others: list[Callable[..., object]] = [one.plain, one.decorated_plain, lambda _twist, _more=1: None, print]
+    assert not any(takes_info(callback) for callback in others)
 
 
 @pytest.mark.parametrize("mark", [subscribe("odom"), timer(rate=1.0), service("reset")])
