@@ -23,6 +23,10 @@ ever smaller ones, all within a moment."""
 STEP = 20_000_000
 """A stamp that contradicts what was learnt by more than this means a clock that was set, ns."""
 
+LONGEST_SILENCE = round(STEP / DRIFT)
+"""Over a longer one the clocks may have drifted so far apart that a message may be late by more than STEP
+unnoticed, ns: the publisher's clock is learnt anew."""
+
 PLAIN = "plain"
 """What a sole source is called that says no name: any plain Zenoh client."""
 
@@ -62,7 +66,7 @@ class SourceClock:
         """The least difference between arrival and stamp so far, as of `_seen`."""
         self._seen = 0
         self._begun: int | None = None
-        """Since when no stamp has contradicted what was learnt."""
+        """Since when it is learnt: no stamp has contradicted it, and no silence was too long."""
         self._stamp = 0
 
     def age(self, stamp: int, arrival: int, wall: int) -> float:
@@ -78,8 +82,10 @@ class SourceClock:
             wall: this machine's wall clock now.
         """
         difference = arrival - stamp
-        least = self._least + int((arrival - self._seen) * DRIFT)
-        if self._begun is None or stamp < self._stamp - STEP or difference < least - STEP:
+        silence = arrival - self._seen
+        least = self._least + int(silence * DRIFT)
+        contradicts = stamp < self._stamp - STEP or difference < least - STEP
+        if self._begun is None or contradicts or silence > LONGEST_SILENCE:
             self._begun, least = arrival, difference
         self._least, self._seen, self._stamp = min(least, difference), arrival, stamp
         learnt = difference - self._least

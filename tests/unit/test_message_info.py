@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo.message_info import LEASE, PLAIN, MessageInfo, SoleSource, SourceClock
-from robo_services.arrivals import DOUBT, Arrivals
+from robo_messages import String
+from robo_services.arrivals import DOUBT, Arrivals, Newest
 
 S = 1_000_000_000
 DAY = 86_400 * S
@@ -39,6 +40,17 @@ def test_it_is_so_across_hosts_whose_clocks_differ() -> None:
         link = Link(offset)
         link.settle()
         assert math.isclose(link.age(1.0, 2.25), 1.25, abs_tol=0.01), offset
+
+
+def test_after_a_long_silence_a_late_burst_is_as_old_as_it_is() -> None:
+    """A commander that was quiet for an hour, and the first that it says then waits for 3.7 s."""
+    for offset in (-7.0, 0.0, 7.0):
+        link = Link(offset)
+        link.settle()
+        ages = [link.age(3600.0 + n / 10, 3603.7) for n in range(10)]
+        assert min(ages) > 2.0, (offset, ages)
+        fresh = [link.age(3604.0 + n / 10, 3604.001 + n / 10) for n in range(5)]
+        assert fresh[-1] < 0.01, (offset, fresh)
 
 
 def test_a_queue_that_is_drained_is_not_taken_for_a_fresh_stream() -> None:
@@ -163,3 +175,15 @@ def test_a_message_without_a_stamp_counts_from_its_arrival_unless_somebody_was_h
     assert Arrivals(unstamped=False).sent(plain, 1.0, 1.0) == -math.inf
     assert arrivals.sent(MessageInfo(math.inf, source_time=1), 12.41, 12.41) == -math.inf
     assert arrivals.sent(MessageInfo(0.25), 12.41, 12.41) == 12.16
+
+
+def test_the_newest_message_is_the_one_that_was_sent_last() -> None:
+    newest: Newest[String] = Newest()
+    assert newest.age(5.0) == math.inf
+    newest.take(String("a"), 10.0, 10.5)
+    newest.take(String("late"), 9.0, 10.5)
+    assert newest.message == String("a")
+    assert newest.age(11.0) == 1.0
+    assert newest.age(2.0) == math.inf, "simulated time has stepped back"
+    newest.take(String("b"), 2.0, 2.0)
+    assert (newest.message, newest.age(2.5)) == (String("b"), 0.5)
