@@ -108,7 +108,7 @@ class NodeLogger:
         """How many of this text were held back since the last one shown; None to hold this one back."""
         now = self._clock()
         last, held = self._throttled.get(text, (float("-inf"), 0))
-        if now - last < throttle:
+        if 0.0 <= now - last < throttle:  # simulated time may step back
             self._throttled[text] = (last, held + 1)
             return None
         self._throttled[text] = (now, 0)

@@ -1,8 +1,12 @@
 """When messages were sent, by the clock of the node that gets them: what safety may rely on."""
 
 import math
+from typing import Generic, TypeVar
 
 from robo import MessageInfo
+from robo_messages import Message
+
+M = TypeVar("M", bound=Message)
 
 HELD_UP = 0.1
 """A node that has not ticked for this long beyond its period was held up, s."""
@@ -49,3 +53,20 @@ class Arrivals:
 
     def _was_held_up(self, monotonic: float, period: float) -> bool:
         return self._ticked is not None and monotonic - self._ticked > 2 * period + HELD_UP
+
+
+class Newest(Generic[M]):
+    """Of the messages of a topic the one that was sent last."""
+
+    def __init__(self) -> None:
+        self.message: M | None = None
+        self._sent = -math.inf
+
+    def take(self, message: M, sent: float, now: float) -> None:
+        """Take a message, if it is newer than what there is; times in s, by one clock."""
+        if sent >= self._sent or self._sent > now:  # the latter where simulated time has stepped back
+            self.message, self._sent = message, sent
+
+    def age(self, now: float) -> float:
+        """How old it is, s; infinite where it is not known: simulated time may have stepped back since."""
+        return now - self._sent if self._sent <= now else math.inf

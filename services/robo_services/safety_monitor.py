@@ -1,16 +1,18 @@
 """Stands between whoever commands the robot and its base."""
 
 import math
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from msgspec import Meta
 
 import robo
 from robo import READ_ONLY, MessageInfo, Node, NotKept, Publisher, Unit, service, subscribe, timer
 from robo.clock import Clock
-from robo_messages import DiagnosticStatus, KeyValue, LaserScan, Odometry, Trigger, Twist
-from robo_services.arrivals import Arrivals
+from robo_messages import DiagnosticStatus, KeyValue, LaserScan, Message, Odometry, Trigger, Twist
+from robo_services.arrivals import Arrivals, Newest
 from robo_services.safety import Action, Decision, Limits, Seen, decide
+
+M = TypeVar("M", bound=Message)
 
 PATIENCE = 3.0
 """Without any scan for so long after the start, it says what may be done, s."""
@@ -74,10 +76,8 @@ class SafetyMonitor(Node):
         """Nothing is known yet, so nothing is safe; what was before a restart still holds."""
         self._arrivals = Arrivals(unstamped=self.parameters.unstamped)
         self._wall = Clock()
-        self._command: Twist | None = None
-        self._command_time = -math.inf
-        self._scan: LaserScan | None = None
-        self._scan_time = -math.inf
+        self._command: Newest[Twist] = Newest()
+        self._scan: Newest[LaserScan] = Newest()
         self._speed: float | None = None
         self._emergency_stop = self.memory.lost or bool(self.memory.recall(_EMERGENCY_STOP))
         if self.memory.lost:
@@ -92,16 +92,12 @@ class SafetyMonitor(Node):
     @subscribe("cmd_vel_raw", depth=1)
     def on_command(self, twist: Twist, info: MessageInfo) -> None:
         """Remember the newest command and when it was sent."""
-        sent = self._sent(info)
-        if sent >= self._command_time:
-            self._command, self._command_time = twist, sent
+        self._take(self._command, twist, info)
 
     @subscribe("scan", depth=1)
     def on_scan(self, scan: LaserScan, info: MessageInfo) -> None:
         """Remember the newest scan and when it was sent."""
-        sent = self._sent(info)
-        if sent >= self._scan_time:
-            self._scan, self._scan_time = scan, sent
+        self._take(self._scan, scan, info)
 
     @subscribe("cmd_vel", depth=1)
     def on_passed(self, _twist: Twist, info: MessageInfo) -> None:
@@ -139,9 +135,9 @@ class SafetyMonitor(Node):
             return "; a restart of the safety monitor stops the robot, since this cannot be written down"
         return ""
 
-    def _sent(self, info: MessageInfo) -> float:
-        """When a message was sent, by this node's clock."""
-        return self._arrivals.sent(info, self.clock.monotonic(), self._wall.monotonic())
+    def _take(self, newest: Newest[M], message: M, info: MessageInfo) -> None:
+        now = self.clock.monotonic()
+        newest.take(message, self._arrivals.sent(info, now, self._wall.monotonic()), now)
 
     @timer(rate="rate")
     def guard(self) -> None:
@@ -151,10 +147,10 @@ class SafetyMonitor(Node):
         if not p.use_sim_time:
             self._arrivals.tick(self._wall.monotonic(), 1.0 / p.rate)
         seen = Seen(
-            command=self._command,
-            command_age=now - self._command_time,
-            scan=self._scan,
-            scan_age=now - self._scan_time,
+            command=self._command.message,
+            command_age=self._command.age(now),
+            scan=self._scan.message,
+            scan_age=self._scan.age(now),
             speed=self._speed,
             emergency_stop=self._emergency_stop,
         )
@@ -183,7 +179,7 @@ class SafetyMonitor(Node):
             changed, self._last_rival = True, rival
             if rival:
                 self.logger.warning("%s commands the base too, past this monitor, on %s", rival, self.command.topic)
-        if changed or now - self._last_state >= 1.0:
+        if changed or not 0.0 <= now - self._last_state < 1.0:  # simulated time may step back
             self._last_state = now
             values = [KeyValue("action", decision.action), KeyValue("reason", decision.reason)]
             level, text = _LEVELS[decision.action], decision.text

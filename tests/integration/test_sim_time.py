@@ -8,8 +8,9 @@ import pytest
 import zenoh
 
 from robo import Node, Publisher, timer
-from robo_messages import Clock, String, Time
+from robo_messages import Clock, String, Time, Twist, Vector3
 from robo_services.diff_drive_sim import DiffDriveSim
+from robo_services.safety_monitor import SafetyMonitor
 from robo_services.velocity_controller import VelocityController
 from tests.support import Inbox, eventually
 
@@ -79,3 +80,36 @@ def test_ten_times_as_fast_is_the_same_drive(session: zenoh.Session, other: zeno
             # At ten times the speed a thread that waits 150 ms for a busy processor is 1.5 s late, at 0.2 m/s.
             assert math.hypot(x - other_x, y - other_y) < 0.3, t
     assert fast[-1][1] ** 2 + fast[-1][2] ** 2 == pytest.approx(slow[-1][1] ** 2 + slow[-1][2] ** 2, rel=0.5)
+
+
+def test_a_command_from_before_the_time_stepped_back_moves_nothing(
+    session: zenoh.Session, other: zenoh.Session
+) -> None:
+    """The simulator was started again, or a log begins anew."""
+    parameters = {"use_sim_time": True, "laser": False}
+    with SafetyMonitor(namespace="r1", parameters=parameters, session=session):
+        out, states = Inbox(other, "r1/cmd_vel"), Inbox(other, "r1/safety_state")
+        clock = other.declare_publisher("clock")
+        eventually(lambda: bool(clock.matching_status.matching), "it listens to /clock")  # type: ignore[attr-defined]
+        time = 100.0
+
+        def reaches(wanted: float, *, commanded: bool) -> None:
+            out.forget()
+
+            def there() -> bool:
+                nonlocal time
+                time += 0.02
+                clock.put(msgspec.msgpack.encode(Clock(Time.from_seconds(time))))
+                if commanded:
+                    other.put("r1/cmd_vel_raw", msgspec.msgpack.encode(Twist(Vector3(x=0.4))))
+                return bool(out.samples) and out.messages[-1]["linear"]["x"] == wanted
+
+            eventually(there, f"{wanted} m/s")
+
+        reaches(0.4, commanded=True)
+        time = 1.0
+        states.forget()
+        reaches(0.0, commanded=False)
+        assert time < 99.0
+        states.wait_until(lambda ms: ms[-1]["values"][1]["value"] == "stale_command", "it says so")
+        reaches(0.4, commanded=True)
