@@ -146,8 +146,8 @@ def _expand(name: str, namespace: str, node: str) -> str:
 def _check_chunks(what: str, shown: str, body: str) -> None:
     for chunk in body.split("/"):
         if not _CHUNK.match(chunk):
-            part = f"part {chunk!r}" if chunk else "an empty part"
-            raise InvalidName(f"{what} {shown!r} has {part}; use {RULE}, parts joined by /{_instead(body)}")
+            fault = "is not valid" if chunk == shown else f"has part {chunk!r}" if chunk else "has an empty part"
+            raise InvalidName(f"{what} {shown!r} {fault}; use {RULE}, parts joined by /{_instead(body)}")
 
 
 def _instead(body: str) -> str:

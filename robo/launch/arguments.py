@@ -18,7 +18,7 @@ from robo.yaml_tree import Position
 
 ROBOT_NAME = "robot_name"
 DEFAULT_ROBOT = "my_robot"
-COMMAND_LINE = Position("command line", 1, 1)
+COMMAND_LINE = Position("command line", 0, 0)
 
 _HINTS = {
     "bool": "write true or false",

@@ -43,7 +43,7 @@ class Setting(msgspec.Struct, frozen=True):
     @property
     def source(self) -> str:
         """Where it is said, for people."""
-        return "command line" if self.name_at is COMMAND_LINE else str(self.name_at)
+        return str(self.name_at)
 
 
 class Assignment(msgspec.Struct, frozen=True):

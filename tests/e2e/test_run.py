@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from robo import modules
-from tests.support import PATIENCE, Command, eventually, robo
+from tests.support import PATIENCE, Command, Running, eventually, plain_environment, robo
 
 pytestmark = pytest.mark.timeout(120)
 
@@ -111,8 +111,12 @@ def test_a_file_that_hides_robo_is_named(tmp_path: Path, words: tuple[str, ...])
 def test_a_checkout_of_robo_does_not_hide_it(tmp_path: Path, endpoint: str) -> None:
     # As the README's first command does: an installed robo starts in the folder that it was installed from.
     shutil.copytree(Path(modules.__file__).parent, tmp_path / "robo", ignore=shutil.ignore_patterns("__pycache__"))
-    with robo("up", "--robot-name", "r1", "--listen", endpoint, cwd=str(tmp_path)) as launch:
+    words = [str(Path(sys.executable).with_name("robo")), "up", "--robot-name", "r1", "--listen", endpoint]
+    launch = Running(words, cwd=str(tmp_path), env=plain_environment())
+    try:
         launch.wait_for("r1 is ready: 4 nodes")
+    finally:
+        launch.close()
 
 
 def test_under_a_supervisor_it_is_told_once_too(endpoint: str, tmp_path: Path) -> None:

@@ -122,10 +122,10 @@ def test_ctrl_c_is_quiet(session: zenoh.Session, endpoint: str) -> None:
         (("node", "show", "robo_services.position_traker"), "did you mean robo_services.position_tracker?"),
         (("topic", "echo", "r1//odom"), "has an empty part"),
         (("up", "nowhere.yaml"), "there is no manifest 'nowhere.yaml'"),
-        (("up", "replay.yaml", "log:=run.log"), "command line:1:1: argument log: there is no file "),
+        (("up", "replay.yaml", "log:=run.log"), "command line: argument log: there is no file "),
         (("up", "robot.yaml", "wrold:=x"), "did you mean world?"),
         (("up", "robot.yaml", "contrl"), "has no group 'contrl'; did you mean control?"),
-        (("up", "--robot-name", "r-1"), "command line:1:1: robot name 'r-1' has part 'r-1'"),
+        (("up", "--robot-name", "r-1"), "command line: robot name 'r-1' is not valid"),
         (("up", "-d", "--wait", "--robot-name", ""), "robot name '' is empty"),
         (("up", "--log-level", "loud"), "use debug, info, warn"),
         (("up", "--dry-run", "params_file:=nowhere.yaml"), "nowhere.yaml does not exist"),
@@ -135,7 +135,7 @@ def test_ctrl_c_is_quiet(session: zenoh.Session, endpoint: str) -> None:
             "log_rate = 0: expected float >= 0.001 (reports per second, Hz",
         ),
         (("run", "robo_services.position_tracker", "-r", "odom=x"), "write from:=to"),
-        (("run", "robo_services.position_tracker", "--robot-name", "r-1"), "namespace 'r-1' has part 'r-1'"),
+        (("run", "robo_services.position_tracker", "--robot-name", "r-1"), "namespace 'r-1' is not valid"),
     ],
 )
 def test_mistakes_are_told_and_never_a_traceback(words: tuple[str, ...], message: str, endpoint: str) -> None:

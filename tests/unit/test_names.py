@@ -61,7 +61,7 @@ def test_namespaces() -> None:
     [
         ("", "robot name '' is empty"),
         ("//", "robot name '//' is empty"),
-        ("r-1", "has part 'r-1'; use letters, digits and _, .* did you mean r_1?"),
+        ("r-1", "robot name 'r-1' is not valid; use letters, digits and _, .* did you mean r_1?"),
         ("turtle bot-3", "did you mean turtle_bot_3?"),
         ("rö1", "did you mean ro1?"),
         ("fleet/3d", "has part '3d'.* did you mean fleet/_3d?"),
