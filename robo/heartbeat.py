@@ -6,6 +6,7 @@ travel on a socket that the supervisor hands down, so that they say nothing abou
 none.
 """
 
+import errno
 import os
 import socket
 import sys
@@ -25,6 +26,10 @@ WATCH_VARIABLE = "ROBO_WATCH"
 """Set where the supervisor wants to know a node's source files."""
 
 
+_BEHIND = (errno.EAGAIN, errno.ENOBUFS)
+"""What the system says where the supervisor has not read for a while; the latter on macOS."""
+
+
 class Beat(msgspec.Struct, frozen=True):
     """What a beat says."""
 
@@ -42,16 +47,25 @@ def begin(node: Node) -> None:
     if given is None:
         return
     descriptor, _, period = given.partition(":")
-    heart = _Heart(node, int(descriptor), float(period), _own_files() if watched else [])
+    os.set_inheritable(int(descriptor), False)
+    heart = Heart(node, socket.socket(fileno=int(descriptor)), float(period), _own_files() if watched else [])
     heart.beat()
     node.create_timer(float(period), heart.beat, Clock())
     threading.Thread(target=heart.watch, name="robo-heart", daemon=True).start()
 
 
-class _Heart:
-    def __init__(self, node: Node, descriptor: int, period: float, files: list[str]) -> None:
-        os.set_inheritable(descriptor, False)
-        self._socket = socket.socket(fileno=descriptor)
+class Heart:
+    """Sends what a node says of itself."""
+
+    def __init__(self, node: Node, supervisor: socket.socket, period: float, files: list[str]) -> None:
+        """
+        Args:
+            node: whose it is.
+            supervisor: the socket.
+            period: the time from one beat to the next, s.
+            files: for the first beat.
+        """
+        self._socket = supervisor
         self._socket.setblocking(False)
         self._node = node
         self._period = period
@@ -77,12 +91,27 @@ class _Heart:
 
     def _send(self, beat: Beat) -> None:
         try:
-            self._socket.send(msgspec.msgpack.encode(beat))
-        except BlockingIOError:
-            pass  # the supervisor is behind; the next beat says it all again
-        except OSError:
+            try:
+                self._socket.send(msgspec.msgpack.encode(beat))
+            except OSError as error:
+                if error.errno != errno.EMSGSIZE:
+                    raise
+                self._socket.send(msgspec.msgpack.encode(_brief(beat)))
+        except OSError as error:
+            if error.errno in _BEHIND:
+                return  # the next beat says it all again
             self._node.logger.fatal("the supervisor is gone; ending")
             self._node.shutdown(1)
+
+
+def _brief(beat: Beat) -> Beat:
+    """A beat without its counters and files: of a thousand topics they are more than a socket takes at once."""
+    status = beat.status
+    little = NodeStatus(status.node, {}, {}, {}, {}, status.callback_errors)
+    return Beat(
+        msgspec.structs.replace(little, uptime=status.uptime, running=status.running, running_for=status.running_for),
+        beat.late,
+    )
 
 
 def _own_files() -> list[str]:

@@ -20,6 +20,7 @@ _LAST_LINES = 30
 _DRAIN = 0.3
 """How long an ended process's output may pause before it is taken for complete, s."""
 _LONGEST_BEAT = 1_000_000
+_HEART_BUFFER = 200_000
 
 
 class Spawned:
@@ -123,6 +124,9 @@ class Child:
             if self._on_beat is not None:
                 self._heart, heart = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
                 self._heart.setblocking(False)
+                # macOS grants 2 kB by default, less than what a node with some topics says.
+                self._heart.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _HEART_BUFFER)
+                heart.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _HEART_BUFFER)
                 ours.callback(self._close_heart)
                 theirs.enter_context(heart)
                 handed_down = (heart.fileno(),)
