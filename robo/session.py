@@ -208,7 +208,7 @@ def open_session(network: Network) -> zenoh.Session:
 
 def _on_link(event: zenoh.LinkEvent) -> None:
     if event.kind == zenoh.SampleKind.PUT and event.link.src.startswith(_OVER_TCP):
-        tcp.end_dead_connections()
+        tcp.end_without_waiting(event.link.src, event.link.dst)
 
 
 _OVER_TCP = ("tcp/", "tls/", "ws/")

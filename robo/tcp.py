@@ -117,8 +117,8 @@ DEAD_AFTER = 2.0
 """How long the other end of a connection on this machine may take nothing of what waits for it, s."""
 
 
-def end_dead_connections() -> None:
-    """Let each TCP connection of this process end without holding up the process.
+def end_without_waiting(here: str, there: str) -> None:
+    """Let a TCP connection of this process end without holding up the process.
 
     Zenoh (1.10) tells every socket to wait in `close` until the other end has taken all, for up to 10 s, and
     has no setting for it. Where that end is stopped or its cable is cut, a thread of Zenoh stands still for so
@@ -126,14 +126,21 @@ def end_dead_connections() -> None:
 
     A connection within this machine, where no message is ever lost on the way, also ends where its other end
     is stopped and reads no more. Elsewhere a bad link takes its time.
+
+    Args:
+        here: Zenoh's name of this end, `tcp/127.0.0.1:56888`; what else is open here stays as it is.
+        there: of the other.
     """
+    ports = _port(here), _port(there)
     for name in os.listdir("/dev/fd"):
         try:
             found = socket.socket(fileno=int(name))
         except OSError:
             continue  # no socket, or closed meanwhile
         try:
-            if found.type == socket.SOCK_STREAM and found.family in (socket.AF_INET, socket.AF_INET6):
+            if found.type != socket.SOCK_STREAM or found.family not in (socket.AF_INET, socket.AF_INET6):
+                continue
+            if (found.getsockname()[1], found.getpeername()[1]) == ports:
                 found.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER)
                 if found.getpeername()[0] in LOOPBACK and hasattr(socket, "TCP_USER_TIMEOUT"):
                     found.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(DEAD_AFTER * 1000))
@@ -141,6 +148,11 @@ def end_dead_connections() -> None:
             continue  # it listens, or was closed meanwhile
         finally:
             found.detach()  # it is Zenoh's
+
+
+def _port(locator: str) -> int:
+    digits = locator.partition("?")[0].partition("#")[0].rpartition(":")[2]
+    return int(digits) if digits.isdecimal() else 0
 
 
 _NO_LINGER = struct.pack("ii", 0, 0)

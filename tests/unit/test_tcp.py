@@ -63,11 +63,14 @@ def test_a_name_that_nobody_looks_up_holds_nobody_up(listening: str, monkeypatch
 def test_connections_end_without_holding_anybody_up(listening: str) -> None:
     address = tcp.address_of(listening)
     assert address is not None
-    with socket.create_connection(address) as connection:
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 10))
-        tcp.end_dead_connections()
+    with socket.create_connection(address) as connection, socket.create_connection(address) as of_a_user:
+        for one in (connection, of_a_user):
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 10))
+        tcp.end_without_waiting(f"tcp/127.0.0.1:{connection.getsockname()[1]}", listening)
         assert struct.unpack("ii", connection.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))[0] == 0
         assert connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == tcp.DEAD_AFTER * 1000
+        assert struct.unpack("ii", of_a_user.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)) == (1, 10)
+        assert of_a_user.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 0
         assert connection.getpeername() == address, "and goes on"
 
 
