@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import msgspec
 
+from robo.brief import brief
 from robo.node_status import Refused
 
 DRIFT = 1e-3
@@ -33,6 +34,9 @@ PLAIN = "plain"
 LEASE = 0.5
 """A sole source that has been silent for this long, s, has left; another may take its place."""
 
+_LONGEST_SENDER = 200
+"""Of who sent a message so many characters are told."""
+
 _MOST_SOURCES = 256
 """So many publishers are remembered; a stranger that makes up ids fills no memory."""
 
@@ -54,8 +58,8 @@ class MessageInfo(msgspec.Struct, frozen=True):
 
     @property
     def sender(self) -> str:
-        """Who sent it, in words."""
-        return self.source or "a plain Zenoh client"
+        """Who sent it, in words; anybody may announce a name of any length."""
+        return brief(self.source, _LONGEST_SENDER) or "a plain Zenoh client"
 
 
 class SourceClock:

@@ -178,7 +178,8 @@ class SafetyMonitor(Node):
         if rival != self._last_rival:
             changed, self._last_rival = True, rival
             if rival:
-                self.logger.warning("%s commands the base too, past this monitor, on %s", rival, self.command.topic)
+                text = "%s commands the base too, past this monitor, on %s"
+                self.logger.warning(text, rival, self.command.topic, throttle=1.0)  # two may take turns
         if changed or not 0.0 <= now - self._last_state < 1.0:  # simulated time may step back
             self._last_state = now
             values = [KeyValue("action", decision.action), KeyValue("reason", decision.reason)]

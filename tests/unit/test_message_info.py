@@ -133,6 +133,13 @@ def test_the_named_node_alone_counts() -> None:
     assert [(r.sender, r.count) for r in sole.refused(9.0)] == [("/r1/other", 1), ("a plain Zenoh client", 1)]
 
 
+def test_of_a_name_without_end_only_so_much_is_told() -> None:
+    sole, told = SoleSource(), Told()
+    assert not sole.admits(info("/" + "x" * 60_000, "b:1"), "/r1/monitor", 0.0, told)
+    assert len(told.of[0][0]) < 300
+    assert len(sole.refused(1.0)[0].sender) < 300
+
+
 def test_without_a_name_the_first_node_counts_until_it_is_silent() -> None:
     sole, told = SoleSource(), Told()
     assert not sole.admits(info("", ""), "", 0.0, told), "a plain client is no node"
