@@ -129,8 +129,9 @@ class Claim:
         """Give up what is held for the time of the start."""
         self._over.set()
         self._end_turn()
-        while self.sessions:
-            close_session(self.sessions.pop())
+        with suppress(IndexError):  # another thread may close them at the same time
+            while self.sessions:
+                close_session(self.sessions.pop())
 
     def _meet(self, endpoint: str) -> zenoh.Session | None:
         """A session with the router at an endpoint; None where there is none any more, or none at a site."""
@@ -158,8 +159,9 @@ class Claim:
                 time.sleep(0.01)
 
     def _end_turn(self) -> None:
-        while self._turns:
-            self._turns.pop().close()
+        with suppress(IndexError):
+            while self._turns:
+                self._turns.pop().close()
 
 
 def meet(endpoint: str) -> zenoh.Session | None:

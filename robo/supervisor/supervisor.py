@@ -430,7 +430,10 @@ class Supervisor:
         return not token.run and here and member.owns(token.pid)
 
     def _on_token_gone(self, token: NodeToken) -> None:
-        self._elsewhere.get(token.full_name, set()).discard(token)
+        same = self._elsewhere.get(token.full_name, set())
+        same.discard(token)
+        if not same:  # strangers make up names without end
+            self._elsewhere.pop(token.full_name, None)
 
     def _on_unreadable(self, key: str) -> None:
         self._unreadable += 1
