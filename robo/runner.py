@@ -14,6 +14,7 @@ import msgspec
 from robo import heartbeat, log
 from robo.contract import check_constructor
 from robo.discovery import wait_for_nodes
+from robo.endings import end_process, end_with_threads
 from robo.errors import RoboError, RunError
 from robo.memory import Memory
 from robo.node import Node, exit_code_of
@@ -139,7 +140,8 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
             claim.close()
         if not close_session(session):  # and so Python would wait for Zenoh at exit
             end_process(node.exit_code if failure is None else report(failure))
-    atexit.register(_end_with_threads, node.exit_code)
+    # The first of what runs at exit, as it is registered last.
+    atexit.register(end_with_threads, node.exit_code)
     return node.exit_code
 
 
@@ -165,24 +167,3 @@ def _claim_name(full_name: str, network: Network) -> "Claim | None":
         claim.close()
         raise RunError(f"{claims.told(taken)}; stop it, or choose another --robot-name or --name")
     return claim
-
-
-def _end_with_threads(code: int) -> None:
-    """The first of what runs at exit, as it was registered last.
-
-    Where a daemon thread is left, a user's own or a callback that does not return, Python must not take
-    its interpreter down: a thread that is just coming back from Zenoh's Rust code would abort the process.
-    """
-    if any(thread.daemon for thread in threading.enumerate()):
-        atexit.unregister(_end_with_threads)
-        end_process(code)
-
-
-def end_process(code: int) -> NoReturn:
-    """End at once, after what others want to be done at exit."""
-    try:
-        atexit._run_exitfuncs()
-        sys.stdout.flush()
-        sys.stderr.flush()
-    finally:
-        os._exit(code)

@@ -28,4 +28,11 @@ def main() -> None:
     from robo.cli.verb import keep_only
 
     keep_only(sys.argv[1] if len(sys.argv) > 1 else "")
-    app(prog_name="robo")
+    try:
+        app(prog_name="robo")
+    except SystemExit as end:
+        if "zenoh" in sys.modules and isinstance(end.code, int | None):
+            from robo.endings import leave
+
+            leave(end.code or 0)
+        raise
