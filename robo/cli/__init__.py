@@ -9,6 +9,13 @@ _COLLECT_AFTER = 20_000
 
 def main() -> None:
     """The `robo` command."""
+    try:
+        _run()
+    except KeyboardInterrupt:  # while it was still being imported
+        sys.exit(130)
+
+
+def _run() -> None:
     if sys.argv[1:2] == ["help"]:
         sys.argv[1:] = [*sys.argv[2:], "--help"]
     if sys.argv[1:2] == ["run"]:
