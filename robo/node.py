@@ -146,6 +146,8 @@ class Node:
         self._made = ExitStack()
         """What `close` has to undo."""
         self._on_stop_due = False
+        self._left = False
+        """Whether it has been part of the network, and is no more."""
 
     # -- for subclasses ------------------------------------------------------------------------
 
@@ -425,6 +427,9 @@ class Node:
         if self._session is not None:
             raise RuntimeError(f"{self.full_name} has started already")
         self._given_session = session or self._given_session
+        if self._left:  # what told an earlier start to end does not end this one; a Ctrl-C before the first one does
+            self._left = False
+            self._shutdown.clear()
         for of_an_earlier_start in (self._publishers, self._subscriptions, self._timers, self._services, self._clients):
             of_an_earlier_start.clear()
         self._parameter_server = None
@@ -561,6 +566,7 @@ class Node:
         if self._session is not None and self._given_session is None:
             close_session(self._session)
         self._session = None
+        self._left = True
 
     def __enter__(self) -> Self:
         self.start()

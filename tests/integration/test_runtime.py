@@ -198,6 +198,21 @@ def test_a_start_that_fails_leaves_nothing_behind(session: zenoh.Session, other:
         pass  # nothing of the first start is in the way
 
 
+def test_a_node_that_is_started_again_is_not_about_to_stop(session: zenoh.Session) -> None:
+    node = Echo(session=session)
+    stopping = []
+    with node:
+        stopping.append(node.stopping)
+    stopping.append(node.stopping)
+    with node:
+        stopping += [node.stopping, node.wait(0.0)]
+    assert stopping == [False, True, False, False]
+    early = Echo(session=session)
+    early.shutdown()  # a Ctrl-C while its process starts
+    with early:
+        assert early.stopping
+
+
 def test_a_node_starts_once(session: zenoh.Session) -> None:
     with Echo(namespace="r1", session=session) as node, pytest.raises(RuntimeError, match="/r1/echo has started"):
         node.start()
