@@ -50,17 +50,21 @@ class Claim:
             full_names: of the nodes.
             run: the id of the run.
         """
-        pid, host = os.getpid(), hostname()
-        self.tokens = [ClaimToken(*names.split(name), robot, pid, host, run) for name in full_names]
+        self._robot = robot
+        self._run = run
+        self.tokens = [self.token_of(name) for name in full_names]
         self.sessions: list[zenoh.Session] = []
         """With the routers that are there already."""
         self.unreached: dict[str, OSError] = {}
         """What is to be dialled and does not answer, and why."""
-        self._run = run
         self._own = [place for endpoint in network.listen if (place := tcp.nearby(endpoint)) is not None]
         self._dialled = list(dict.fromkeys((*network.connect, *self._own)))
         self._turns: list[socket.socket] = []
         self._over = threading.Event()
+
+    def token_of(self, full_name: str) -> ClaimToken:
+        """The claim of one name by this process."""
+        return ClaimToken(*names.split(full_name), self._robot, os.getpid(), hostname(), self._run)
 
     def take(self) -> list[Name]:
         """Claim the names.

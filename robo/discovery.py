@@ -39,23 +39,26 @@ _MOST_DIGITS = 9
 """Of a number in a key: no process id is longer, and no depth of a topic makes sense beyond."""
 
 
-class NodeToken(msgspec.Struct, frozen=True):
+class _OfNode(msgspec.Struct, frozen=True):
+    namespace: str
+    node: str
+
+    @property
+    def full_name(self) -> str:
+        """The node's, for example `/r1/position_tracker`."""
+        return "/" + names.join(self.namespace, self.node)
+
+
+class NodeToken(_OfNode, frozen=True):
     """A node that is ready."""
 
     ALL: ClassVar[str] = f"{PREFIX}/**/node/*/*/*/*"
 
-    namespace: str
-    node: str
     class_name: str
     pid: int
     host: str
     run: str = ""
     """The id of its run; empty for a node that is run alone."""
-
-    @property
-    def full_name(self) -> str:
-        """For example `/r1/position_tracker`."""
-        return "/" + names.join(self.namespace, self.node)
 
     def key(self) -> str:
         """The token's key expression."""
@@ -63,13 +66,11 @@ class NodeToken(msgspec.Struct, frozen=True):
         return names.join(PREFIX, self.namespace, "node", self.node, *map(_mangle, parts))
 
 
-class ClaimToken(msgspec.Struct, frozen=True):
+class ClaimToken(_OfNode, frozen=True):
     """A node that a process is going to run, or runs: nobody else may."""
 
     ALL: ClassVar[str] = f"{PREFIX}/**/claim/*/*/*/*"
 
-    namespace: str
-    node: str
     robot: str
     """What the run is called; empty for a node that is run alone."""
     pid: int
@@ -77,22 +78,15 @@ class ClaimToken(msgspec.Struct, frozen=True):
     host: str
     run: str
 
-    @property
-    def full_name(self) -> str:
-        """The node's, for example `/r1/position_tracker`."""
-        return "/" + names.join(self.namespace, self.node)
-
     def key(self) -> str:
         """The token's key expression."""
         parts = (self.robot, str(self.pid), names.join(self.host, self.run))
         return names.join(PREFIX, self.namespace, "claim", self.node, *map(_mangle, parts))
 
 
-class EndpointToken(msgspec.Struct, frozen=True):
+class EndpointToken(_OfNode, frozen=True):
     """A publisher, a subscription, a service or a client of one."""
 
-    namespace: str
-    node: str
     kind: EndpointKind
     type_name: str
     depth: int
@@ -100,11 +94,6 @@ class EndpointToken(msgspec.Struct, frozen=True):
     """The key expression."""
     id: str = ""
     """Of a publisher: Zenoh's id of it, as `source_id` makes it."""
-
-    @property
-    def full_name(self) -> str:
-        """The node's, for example `/r1/position_tracker`."""
-        return "/" + names.join(self.namespace, self.node)
 
     def key(self) -> str:
         """The token's key expression."""

@@ -347,7 +347,6 @@ class Supervisor:
             self._warn(f"the robot's router cannot be reached: {error}")
             self._finish(1)
             return False
-        self._session = session
 
         def notice(sample: zenoh.Sample) -> None:
             key = str(sample.key_expr)
@@ -659,8 +658,7 @@ class Supervisor:
 
     def _claim_name(self, name: str) -> None:
         if self._session is not None:
-            token = ClaimToken(*names.split(name), self._plan.robot, os.getpid(), discovery.hostname(), self._run_id)
-            (self._claimed[name],) = claims.declare(self._session, [token])
+            (self._claimed[name],) = claims.declare(self._session, [self._claim.token_of(name)])
 
     async def _remove(self, name: str) -> None:
         await self._members[name].stop()
