@@ -424,7 +424,7 @@ class Member:
         return self._gone_silent(now)
 
     def _flows(self) -> list[Flow]:
-        keys = self._beat.status.published if self._beat is not None else self.plan.publishes
+        keys = (self._beat.status.published if self._beat is not None else {}) or self.plan.publishes
         return [flow for key in keys if (flow := self._run.flow(key)) is not None]
 
     def _broken_promise(self, now: float) -> str | None:
