@@ -27,6 +27,12 @@ LONGEST_PUT = 0.2
 """How long a publisher waits, when it is undeclared, for other threads that publish, s."""
 
 
+LONGEST_AGE = 1e9
+"""The age that is told of what is older, or of an age that nobody knows, s: 30 years."""
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
 class Publish(Protocol[P]):
     """`publish` of a publisher."""
 
@@ -36,7 +42,7 @@ class Publish(Protocol[P]):
         Args:
             message: what to send.
             age: how long ago it was said, s, where it passes on what others have said: whoever receives
-                it counts its age from then.
+                it counts its age from then. Infinity, or NaN, where that is not known.
         """
 
 
@@ -148,7 +154,8 @@ def _fast_publish(
             checked = check(payload)
         try:
             if age:
-                said = zenoh.Timestamp(datetime.now(UTC) - timedelta(seconds=age), clock_id)
+                known = age if age < LONGEST_AGE else LONGEST_AGE
+                said = zenoh.Timestamp(max(_EPOCH, datetime.now(UTC) - timedelta(seconds=known)), clock_id)
                 put(payload, attachment=stamp(), source_info=source, timestamp=said)
             else:
                 put(payload, attachment=stamp(), source_info=source)
