@@ -27,6 +27,8 @@ LARGEST = 100_000
 
 def main() -> None:
     """Serve until the supervisor is gone; in a forked process, run the node."""
+    # What is told to stop at once, this or what is forked, ends without a traceback of half an import.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     gc.disable()  # there is nothing to collect while modules are imported
     lean.import_msgspec()
     importlib.import_module("robo.runner")  # for the nodes to be
@@ -50,7 +52,6 @@ def serve(server: socket.socket) -> Callable[[], None] | None:
         os.set_blocking(end, False)
     signal.signal(signal.SIGCHLD, lambda *_: None)
     signal.set_wakeup_fd(waker)
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # what is forked and told to stop at once ends without a traceback
     while True:
         ready, _, _ = select.select([server.fileno(), woken], [], [])
         if woken in ready:

@@ -16,7 +16,7 @@ import psutil
 import pytest
 
 from robo.session import Network, close_session, open_session
-from tests.support import Command, Inbox, eventually, robo, run_robo
+from tests.support import PATIENCE, Command, Inbox, eventually, robo, run_robo
 
 pytestmark = pytest.mark.timeout(120)
 
@@ -86,6 +86,18 @@ groups:
         told = tell(endpoint, "why", "base")
         assert "/r1/base is ready" in told
         assert "killed by SIGKILL, after" in told
+
+
+def test_a_template_that_is_told_to_stop_while_it_imports_says_nothing() -> None:
+    script = (
+        "import os, signal; from robo import lean, template_process\n"
+        "lean.import_msgspec = lambda: os.kill(os.getpid(), signal.SIGINT)\n"
+        "template_process.main()"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=PATIENCE, check=False
+    )
+    assert (result.returncode, result.stdout, result.stderr) == (-signal.SIGINT, "", "")
 
 
 def test_nodes_outlive_the_template_that_they_were_forked_from(endpoint: str, tmp_path: Path) -> None:
