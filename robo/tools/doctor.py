@@ -18,6 +18,7 @@ import msgspec
 import psutil
 import zenoh
 
+from robo import tcp
 from robo.claims import port_taken
 from robo.errors import NetworkError
 from robo.session import RENDEZVOUS, Network, close_session, open_session
@@ -144,6 +145,9 @@ def sites(connect: Sequence[str]) -> Finding:
 def _asked(connect: Sequence[str], ask: Callable[[zenoh.Session], T]) -> T | None:
     """What the robots here say; None where there is none."""
     network = msgspec.structs.replace(Network.from_environment("client", connect), timeout=0.5)
+    tried = tcp.tried(network.connect, 0.1)
+    if {place for place, wrong in tried if isinstance(wrong, ConnectionRefusedError)} == set(network.connect):
+        return None  # at once: Zenoh would try again and again
     try:
         session = open_session(network)
     except NetworkError:
@@ -304,9 +308,4 @@ def _tcp_of(connect: Sequence[str]) -> tuple[str, int]:
 
 
 def _reaches_router(connect: Sequence[str]) -> bool:
-    network = msgspec.structs.replace(Network.from_environment("client", connect), timeout=0.5)
-    try:
-        close_session(open_session(network))
-    except NetworkError:
-        return False
-    return True
+    return _asked(connect, lambda _: True) is not None
