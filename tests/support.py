@@ -292,7 +292,14 @@ class Desk:
         """End what runs in the network, such as a robot that a command has left in the background."""
         ours = os.readlink(f"/proc/{self._network.process.pid}/ns/net")
         assert ours != os.readlink("/proc/self/ns/net")
-        for process in psutil.process_iter():
-            with suppress(OSError, psutil.Error):  # it has just ended, or it is somebody else's
-                if process.pid != self._network.process.pid and os.readlink(f"/proc/{process.pid}/ns/net") == ours:
-                    process.kill()
+
+        def empty() -> bool:
+            left = 0
+            for process in psutil.process_iter():
+                with suppress(OSError, psutil.Error):  # it has just ended, or it is somebody else's
+                    if process.pid != self._network.process.pid and os.readlink(f"/proc/{process.pid}/ns/net") == ours:
+                        left += 1
+                        process.kill()
+            return left == 0
+
+        eventually(empty, "nothing is left in the network")  # one look may miss what is just being forked
