@@ -137,8 +137,8 @@ class Lab:
         if "< log.jsonl" in line:  # which another example writes
             (self._desk.folder / "log.jsonl").write_text(RECORD)
         beside = self._desk.start("robo topic echo r1/chatter") if "--wait-for-subscriber" in line else None
-        # What takes a minute is left earlier.
-        endless = is_endless(line) or "--duration 60" in line
+        # What goes on for long is left earlier.
+        endless = is_endless(line) or re.search(r"--duration \d\d", line) is not None
         terminal = self._desk.start(f'PATH="$PWD/bin:$PATH"; {line}')
         if endless:
             self._leave(terminal, line)

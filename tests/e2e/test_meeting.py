@@ -37,6 +37,9 @@ def test_a_port_of_another_program_is_told_and_nothing_starts(words: tuple[str, 
     assert "choose another port: --listen tcp/127.0.0.1:7448" in said
     assert "ready" not in said
     assert "Traceback" not in said
+
+
+def test_the_doctor_names_the_program_that_holds_the_port(held: str) -> None:
     assert "is taken by process" in run_robo("doctor", "--connect", held).stdout
 
 
