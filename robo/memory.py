@@ -27,16 +27,18 @@ class Memory:
         """
         self._file = file
         self._values: dict[str, object] = {}
-        self.lost = False
-        """Whether what this node had kept cannot be read, or nothing can be written: it expects the worst."""
+        self.problem = ""
+        """Why what this node had kept cannot be read, or nothing can be written; empty where all is well."""
         if file is None:
             return
         try:
             self._values = msgspec.json.decode(file.read_bytes(), type=dict[str, object])
         except FileNotFoundError:
-            self.lost = expected
-        except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-            self.lost = True
+            self.problem = f"{file} is gone" if expected else ""
+        except OSError as error:
+            self.problem = f"{file}: {error.strerror}"
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            self.problem = f"{file} is not as it was written"
         if not self.lost:
             with suppress(NotKept):  # what cannot be written now may hold less than was to be kept
                 self._write()
@@ -48,6 +50,11 @@ class Memory:
             return cls(Path(file), expected=True)
         folder = os.environ.get(MEMORY_VARIABLE)
         return cls(Path(folder, file_name(full_name)) if folder else None)
+
+    @property
+    def lost(self) -> bool:
+        """Whether something may be lost, so that this node has to expect the worst."""
+        return bool(self.problem)
 
     def recall(self, name: str) -> object:
         """What was kept under a name; None where nothing was."""
@@ -70,12 +77,12 @@ class Memory:
             new.write_bytes(msgspec.json.encode(self._values))
             new.replace(self._file)
         except OSError as error:
-            self.lost = True
+            self.problem = f"{self._file}: {error.strerror}"
             with suppress(OSError):  # a folder that is read-only, or gone
                 new.unlink(missing_ok=True)
             with suppress(OSError):
                 self._file.write_bytes(b"")  # a file that is missing may never have been; an empty one is a loss
-            raise NotKept(f"{self._file}: {error.strerror}; a restart of this node cannot know what was") from None
+            raise NotKept(f"{self.problem}; a restart of this node cannot know what was") from None
 
 
 def file_name(full_name: str) -> str:

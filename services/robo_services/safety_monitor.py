@@ -81,7 +81,8 @@ class SafetyMonitor(Node):
         self._speed: float | None = None
         self._emergency_stop = self.memory.lost or bool(self.memory.recall(_EMERGENCY_STOP))
         if self.memory.lost:
-            self.logger.error("what was before this start is not known: emergency stop, until reset_emergency_stop")
+            text = "what was before this start is not known (%s): emergency stop, until reset_emergency_stop"
+            self.logger.error(text, self.memory.problem)
         self._rival = self._last_rival = ""
         self._rival_time = -math.inf
         self._last: Decision | None = None

@@ -66,7 +66,9 @@ def test_what_cannot_be_written_at_the_start_may_have_been_lost_before(tmp_path:
     file = tmp_path / "m.json"
     file.write_text('{"stop": false}')
     (tmp_path / "m.new").mkdir()
-    assert Memory(file, expected=expected).lost
+    memory = Memory(file, expected=expected)
+    assert memory.lost
+    assert str(file) in memory.problem
 
 
 def test_a_node_that_is_run_alone_keeps_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
