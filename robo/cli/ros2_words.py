@@ -6,7 +6,7 @@ VERBS: dict[str, str] = {
     "action": "robo has no actions yet; a service that begins it and a topic that tells how far it is do as much",
     "bag": "robo topic echo '**' --json > log.jsonl records, robo topic pub - < log.jsonl publishes it again, as fast"
     " as it is read; there is no player yet that keeps the time",
-    "component": "robo has no components: each node has a process of its own, which starts in some milliseconds",
+    "component": "robo has no components: each node has a process of its own, which starts in a fraction of a second",
     "daemon": "robo needs no daemon: each tool asks the running system itself",
     "launch": "robo up MANIFEST starts what a manifest says; manifests are YAML, see docs/from_ros2_launch.md",
     "lifecycle": "robo has no lifecycle nodes; robo stop, start and restart are the operator's, and `needs:` in a"

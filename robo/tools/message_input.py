@@ -95,7 +95,8 @@ def _read_struct(value: object, info: inspect.StructType, where: str, mistakes: 
     for name, item in value.items():
         field = fields.get(name) if isinstance(name, str) else None
         if field is None:
-            mistakes.append(f"{where} has no field {str(name)!r}; {suggest(str(name), fields)}")
+            instead = suggest(str(name), fields, "it has")
+            mistakes.append(f"{where} has no field {shown(str(name))}; {instead}")
         else:
             plain[name] = _read(item, field.type, f"{where}.{name}", mistakes)
     return plain

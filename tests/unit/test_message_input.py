@@ -42,7 +42,7 @@ def test_now_and_auto_are_the_time_of_now() -> None:
             {"linear": {"x": "fast", "q": 1}, "anglar": {}},
             [
                 "geometry/Twist.linear.x: expected float, got str 'fast'",
-                "geometry/Twist.linear has no field 'q'; there is x, y, z",
+                "geometry/Twist.linear has no field 'q'; it has x, y, z",
                 "geometry/Twist has no field 'anglar'; did you mean angular?",
             ],
         ),
