@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from robo.cli.connection import connect_to_robot, note, print_json, print_table
+from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.errors import RoboError
 from robo.run_id import supervisor_lives
@@ -84,7 +85,7 @@ def _print_from_files(wanted: Wanted, chosen: logs.Run, part: str) -> None:
             printer.show_coming(filter(wants, follower.records()))
         return
     with session:
-        note(f"{chosen.info.robot}: {problem}; what its supervisor keeps of them, the newest 5,000, comes from there")
+        note(f"{chosen.info.robot}: {problem}; the newest of them come from its supervisor, which keeps 5,000")
         stream = runs.OutputStream(session, chosen.info.robot)
         asked = Asked(sorted(labels), wanted.begin(), wanted.level)
         printer.show_past(_and_after(filter(wants, logs.read(chosen, labels)), session, chosen.info.robot, asked))
@@ -122,7 +123,7 @@ def _and_after(written: Iterable[LogRecord], session: zenoh.Session, robot: str,
 
 def _print_from_network(wanted: Wanted, reach: Reach) -> None:
     wants = wanted.filter().wants
-    with connect_to_robot(reach) as session:
+    with connect_to_robot(reach) as session, watched(session, reach):
         robot, part = runs.target_of(session, reach.robot, wanted.nodes)
         labels = logs.labels_meant(wanted.nodes, [status.name for status in runs.processes(session, robot)], part)
         stream = runs.OutputStream(session, robot)

@@ -48,6 +48,16 @@ def find_manifest(name: str, beside: Path | None = None) -> Path:
     raise ManifestError(f"there is no manifest {shown(name)}; {suggest(name, known, 'there are')} (looked in {looked})")
 
 
+def manifest_meant(word: str) -> str | None:
+    """The manifest that a word without `.yaml`, or with `.launch.py` as in ROS 2, means, if there is one."""
+    name = f"{re.sub(r'([.]launch)?[.](py|xml)$', '', word)}.yaml"
+    try:
+        find_manifest(name)
+    except ManifestError:
+        return None
+    return name
+
+
 def names_manifest(word: str) -> bool:
     """Whether a word of a command line names a manifest, and no group: groups are named with `/` too."""
     return word.endswith((".yaml", ".yml")) or _IN_PACKAGE.fullmatch(word) is not None or Path(word).is_file()

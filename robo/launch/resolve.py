@@ -18,7 +18,7 @@ from robo.launch import arguments as args
 from robo.launch import contracts, needs, values
 from robo.launch.contracts import Answer
 from robo.launch.faults import ManifestFaults, in_order
-from robo.launch.find import find_manifest
+from robo.launch.find import find_manifest, manifest_meant
 from robo.launch.language import GROUP, MOST_PROCESSES
 from robo.launch.manifest import Group, Include, Log, Loop, Manifest, Node, Restart, Topic
 from robo.launch.parts import Layer, Origin, Parts
@@ -530,7 +530,8 @@ class _Walk:
     def _check_groups(self, groups: Collection[str], file: Path) -> None:
         for name in groups:
             if not any(_in_group(path, name) for path in self._groups):
-                instead = suggest(name, self._groups, "it has")
+                meant = manifest_meant(name)
+                instead = f"did you mean {meant}?" if meant is not None else suggest(name, self._groups, "it has")
                 self.complain(args.COMMAND_LINE, f"{file.name} has no group {shown(name)}; {instead}")
 
     def _ask(self, drafts: Sequence[_Draft]) -> list[Answer | None]:

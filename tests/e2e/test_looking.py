@@ -479,10 +479,16 @@ def test_what_goes_on_says_when_its_link_is_lost_and_back(endpoint: str) -> None
             first.wait_for("is ready")
             waiting = {
                 verb: stack.enter_context(robo(*verb.split(), "--connect", endpoint))
-                for verb in ("topic echo r1/odom", "topic hz r1/odom", "ps --watch --robot-name r1", "events")
+                for verb in (
+                    "topic echo r1/odom",
+                    "topic hz r1/odom",
+                    "ps --watch --robot-name r1",
+                    "events",
+                    "logs -f",
+                )
             }
             waiting["ps --watch --robot-name r1"].wait_for("/r1/diff_drive_sim")
-            for verb in ("topic echo r1/odom", "topic hz r1/odom", "events"):
+            for verb in ("topic echo r1/odom", "topic hz r1/odom", "events", "logs -f"):
                 waiting[verb].wait_for("r1")
         for command in waiting.values():
             command.wait_for(lost)

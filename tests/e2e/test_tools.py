@@ -125,6 +125,8 @@ def test_ctrl_c_is_quiet(session: zenoh.Session, endpoint: str) -> None:
         (("up", "replay.yaml", "log:=run.log"), "command line: argument log: there is no file "),
         (("up", "robot.yaml", "wrold:=x"), "did you mean world?"),
         (("up", "robot.yaml", "contrl"), "has no group 'contrl'; did you mean control?"),
+        (("up", "robot"), "robot.yaml has no group 'robot'; did you mean robot.yaml?"),
+        (("up", "fleet.launch.py"), "robot.yaml has no group 'fleet.launch.py'; did you mean fleet.yaml?"),
         (("up", "--robot-name", "r-1"), "command line: robot name 'r-1' is not valid"),
         (("up", "-d", "--wait", "--robot-name", ""), "robot name '' is empty"),
         (("up", "--log-level", "loud"), "use debug, info, warn"),
