@@ -23,6 +23,7 @@ import msgspec
 import zenoh
 
 from robo import claims, discovery, names
+from robo.brief import shown
 from robo.discovery import ClaimToken, NodeToken
 from robo.errors import NetworkError
 from robo.heartbeat import WATCH_VARIABLE
@@ -437,8 +438,8 @@ class Supervisor:
     def _on_unreadable(self, key: str) -> None:
         self._unreadable += 1
         if self._unreadable == 1:
-            shown = ascii(key if len(key) <= _LONGEST_SHOWN else f"{key[:_LONGEST_SHOWN]}…")
-            self._warn(f"ignoring a liveliness token that means nothing here, and others like it: {shown}")
+            what = shown(key, _LONGEST_SHOWN)
+            self._warn(f"ignoring a liveliness token that means nothing here, and others like it: {what}")
 
     # -- what members ask --------------------------------------------------------------------------
 

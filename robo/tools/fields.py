@@ -51,7 +51,7 @@ class Field:
                 if not isinstance(value, dict):
                     raise Missing(f"{so_far or 'the message'} has no fields")
                 if step not in value:
-                    raise Missing(f"{so_far or 'it'} has no field {step!r}; {suggest(step, map(str, value))}")
+                    raise Missing(f"{so_far or 'it'} has no field {step!r}; {suggest(step, map(str, value), 'it has')}")
                 value = value[step]
                 so_far += f".{step}" if so_far else step
             else:

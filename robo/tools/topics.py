@@ -149,8 +149,9 @@ def check_unpublished(session: zenoh.Session, key: str, timeout: float = 1.0) ->
     if publishers:
         nodes = [name for name in publishers if not name.startswith("zenoh:")]
         how = f" (robo stop {' '.join(nodes)})" if nodes else ""
+        verb = "publishes" if len(publishers) == 1 else "publish"
         raise TopicTaken(
-            f"{', '.join(publishers)} publishes {key} already, and receivers would get both in turns: "
+            f"{', '.join(publishers)} {verb} {key} already, and receivers would get both in turns: "
             f"stop it first{how}, or add --beside"
         )
 
