@@ -6,7 +6,7 @@ import inspect
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, MutableMapping
+from collections.abc import Callable, Iterable, Iterator, MutableMapping
 from contextlib import contextmanager
 from typing import Annotated, Any, NoReturn, TypeVar
 
@@ -18,6 +18,7 @@ from robo.brief import brief_lines
 from robo.cli import completion, ros2_words
 from robo.cli.reach import Reach
 from robo.errors import InvalidName, ManifestError, RoboError, UsageError
+from robo.suggestions import closest
 
 F = TypeVar("F", bound=Callable[..., int | None])
 
@@ -38,8 +39,11 @@ class _Root(TyperGroup):
         return super().parse_args(ctx, args)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        if args and args[0] not in self.commands and (about := ros2_words.about_verb(args[0])):
-            _refuse(f"there is no robo {args[0]}: {about}")
+        if args and args[0] not in self.commands:
+            if about := ros2_words.about_verb(args[0]):
+                _refuse(f"there is no robo {args[0]}: {about}")
+            if meant := _meant(args[0], self.commands):
+                _refuse(f"there is no robo {args[0]}; did you mean {' or '.join(f'robo {verb}' for verb in meant)}?")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
@@ -95,6 +99,15 @@ GROUPS = {
     "interface": "Message and service types: list, show.",
 }
 """Groups of verbs with what they hold: they are read only when one is called."""
+
+
+def _meant(word: str, verbs: Iterable[str]) -> list[str]:
+    """The verbs that somebody may have meant: those of this name in a group, or one that is written alike."""
+    found = [
+        f"{group} {word}" for group, about in GROUPS.items() if word in re.findall(r"\w+", about.partition(":")[2])
+    ]
+    close = None if found else closest(word, verbs)
+    return found if close is None else [close]
 
 
 class _LazyGroup(TyperGroup):

@@ -74,6 +74,15 @@ def test_a_command_of_ros_2_is_answered_with_what_robo_has(words: tuple[str, ...
     assert text.startswith(f"error: there is no robo {' '.join(words)}: ")
 
 
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [("echo", "topic echo"), ("call", "service call"), ("info", "topic info or robo node info or robo service info"),
+     ("tpoic", "topic"), ("restrat", "restart")],
+)  # fmt: skip
+def test_a_verb_that_there_is_not_brings_to_mind_what_was_meant(word: str, meant: str) -> None:
+    assert said(word, "x") == (2, f"error: there is no robo {word}; did you mean robo {meant}?\n")
+
+
 def test_programs_beside_ros_2_go_by_how_their_names_begin() -> None:
     assert ros2_words.about_verb("teleop_twist_keyboard") == ros2_words.VERBS["teleop"]
     assert ros2_words.about_verb("rqt_bag") == ros2_words.VERBS["rqt"]
