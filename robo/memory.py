@@ -6,7 +6,6 @@ names a folder that lasts as long as the container. A node that is run alone kee
 
 import os
 from contextlib import suppress
-from pathlib import Path
 
 import msgspec
 
@@ -19,20 +18,21 @@ MEMORY_VARIABLE = "ROBO_MEMORY"
 class Memory:
     """Values by name: plain data, as JSON holds it."""
 
-    def __init__(self, file: Path | None = None, *, expected: bool = False) -> None:
+    def __init__(self, file: "str | os.PathLike[str] | None" = None, *, expected: bool = False) -> None:
         """
         Args:
             file: where it is kept; None: nowhere.
             expected: whether the file was made before this node was started.
         """
-        self._file = file
+        self._file = os.fspath(file) if file is not None else ""  # pathlib would cost each node 0.5 MB
         self._values: dict[str, object] = {}
         self.problem = ""
         """Why what this node had kept cannot be read, or nothing can be written; empty where all is well."""
-        if file is None:
+        if not self._file:
             return
         try:
-            self._values = msgspec.json.decode(file.read_bytes(), type=dict[str, object])
+            with open(self._file, "rb") as kept:
+                self._values = msgspec.json.decode(kept.read(), type=dict[str, object])
         except FileNotFoundError:
             self.problem = f"{file} is gone" if expected else ""
         except OSError as error:
@@ -47,9 +47,9 @@ class Memory:
     def of(cls, full_name: str, file: str = "") -> "Memory":
         """The memory of a node: in the file that its launch has made, or in the folder that ROBO_MEMORY names."""
         if file:
-            return cls(Path(file), expected=True)
+            return cls(file, expected=True)
         folder = os.environ.get(MEMORY_VARIABLE)
-        return cls(Path(folder, file_name(full_name)) if folder else None)
+        return cls(os.path.join(folder, file_name(full_name)) if folder else None)
 
     @property
     def lost(self) -> bool:
@@ -70,19 +70,24 @@ class Memory:
         self._write()
 
     def _write(self) -> None:
-        if self._file is None:
+        if not self._file:
             return
-        new = self._file.with_suffix(".new")
+        new = f"{self._file}.new"
         try:
-            new.write_bytes(msgspec.json.encode(self._values))
-            new.replace(self._file)
+            _write_bytes(new, msgspec.json.encode(self._values))
+            os.replace(new, self._file)
         except OSError as error:
             self.problem = f"{self._file}: {error.strerror}"
             with suppress(OSError):  # a folder that is read-only, or gone
-                new.unlink(missing_ok=True)
+                os.unlink(new)
             with suppress(OSError):
-                self._file.write_bytes(b"")  # a file that is missing may never have been; an empty one is a loss
+                _write_bytes(self._file, b"")  # a file that is missing may never have been; an empty one is a loss
             raise NotKept(f"{self.problem}; a restart of this node cannot know what was") from None
+
+
+def _write_bytes(file: str, data: bytes) -> None:
+    with open(file, "wb") as out:
+        out.write(data)
 
 
 def file_name(full_name: str) -> str:

@@ -6,7 +6,6 @@ fully qualified name without its leading slash is the key expression.
 """
 
 import re
-import unicodedata
 from collections.abc import Mapping
 
 from robo.errors import InvalidName
@@ -152,6 +151,8 @@ def _check_chunks(what: str, shown: str, body: str) -> None:
 
 def _instead(body: str) -> str:
     """A hint at a name that obeys the rules and is close to one that does not."""
+    import unicodedata  # a name that is wrong is rare, and the table of all characters large
+
     plain = unicodedata.normalize("NFKD", body).encode("ascii", "ignore").decode()
     chunks = [re.sub(r"^(?=[0-9])|[^A-Za-z0-9_]+", "_", chunk) for chunk in plain.split("/")]
     return f"; did you mean {'/'.join(chunks)}?" if all(map(is_word, chunks)) else ""

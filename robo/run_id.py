@@ -3,7 +3,6 @@
 import os
 import sys
 import time
-from pathlib import Path
 
 RUN_VARIABLE = "ROBO_RUN"
 """Every process of a launch carries its run's id in its environment, which children inherit."""
@@ -39,7 +38,8 @@ def _begin_of(pid: int) -> str | None:
             return None
     try:
         # After the name in parentheses, which may hold anything; see proc(5) for the fields.
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as file:
+            fields = file.read().rpartition(")")[2].split()
     except OSError:
         return None
     return None if fields[0] == "Z" else fields[19]

@@ -21,7 +21,6 @@ os.environ.setdefault(zenoh_threads.VARIABLE, zenoh_threads.OF_A_NODE)
 
 import zenoh
 
-from robo import tcp
 from robo.errors import NetworkError
 
 Mode = Literal["peer", "client", "router"]
@@ -208,6 +207,8 @@ def open_session(network: Network) -> zenoh.Session:
 
 def _on_link(event: zenoh.LinkEvent) -> None:
     if event.kind == zenoh.SampleKind.PUT and event.link.src.startswith(_OVER_TCP):
+        from robo import tcp  # sockets, which a node that is linked to its robot alone never needs
+
         tcp.end_without_waiting(event.link.src, event.link.dst)
 
 

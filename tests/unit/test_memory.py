@@ -54,10 +54,10 @@ def test_a_container_whose_folder_was_full_knows_that_something_is_lost(
 ) -> None:
     monkeypatch.setenv(MEMORY_VARIABLE, str(tmp_path))
     memory = Memory.of("/r1/monitor")
-    (tmp_path / "r1%monitor.new").mkdir()  # so that nothing can be written
+    (tmp_path / "r1%monitor.json.new").mkdir()  # so that nothing can be written
     with pytest.raises(NotKept):
         memory.keep("stop", True)
-    (tmp_path / "r1%monitor.new").rmdir()
+    (tmp_path / "r1%monitor.json.new").rmdir()
     assert Memory.of("/r1/monitor").lost
 
 
@@ -65,7 +65,7 @@ def test_a_container_whose_folder_was_full_knows_that_something_is_lost(
 def test_what_cannot_be_written_at_the_start_may_have_been_lost_before(tmp_path: Path, expected: bool) -> None:
     file = tmp_path / "m.json"
     file.write_text('{"stop": false}')
-    (tmp_path / "m.new").mkdir()
+    (tmp_path / "m.json.new").mkdir()
     memory = Memory(file, expected=expected)
     assert memory.lost
     assert str(file) in memory.problem
