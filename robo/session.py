@@ -32,6 +32,9 @@ RENDEZVOUS = "tcp/127.0.0.1:7447"
 _SOURCE = re.compile(r" at \S+\.rs:\d+\.?")
 """Where in Zenoh's own source an error was raised: no help to users."""
 
+_UNREACHED = re.compile(r"Unable to connect to any of \[.*\]\. Timeout!")
+"""How Zenoh says that nobody answers."""
+
 _logger = logging.getLogger("robo.session")
 
 _RETRY = {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5}
@@ -192,9 +195,10 @@ def open_session(network: Network) -> zenoh.Session:
     try:
         session = zenoh.open(zenoh_config(network))
     except zenoh.ZError as error:
+        reason = _UNREACHED.sub("nobody answers", _SOURCE.sub("", str(error)))
         where = ", ".join(network.connect) or ", ".join(network.listen)
         raise NetworkError(
-            f"no connection at {where}: {_SOURCE.sub('', str(error))}\n"
+            f"no connection at {where}: {reason}\n"
             "  Is a robot running there? `robo up` starts one; --connect names another place."
         ) from None
     _open.append(session)

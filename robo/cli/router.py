@@ -22,14 +22,15 @@ def run_router(*, name: str, listen: Sequence[str], connect: Sequence[str], conf
     network = router_network(listen, connect, config, name=name)
     dials = [endpoint for endpoint in network.connect if endpoint not in network.listen]
     towards = f", linked to {', '.join(dials)}" if dials else ""
+    called = f"router {name}" if name != "router" else "router"
     held = list(tcp.answering([e for e in map(tcp.nearby, network.listen) if e is not None], 0.1))
     if held:
         other = claims.meet(held[0])
         if other is not None:
             close_session(other)
-        note(f"{held[0]} is another router's just now; router {name} takes it over when it is free; Ctrl-C stops")
+        note(f"{held[0]} is another router's just now; this router takes it over when it is free; Ctrl-C stops")
     else:
-        note(f"router {name} at {', '.join(network.listen)}{towards}; Ctrl-C stops")
+        note(f"{called} at {', '.join(network.listen)}{towards}; Ctrl-C stops")
     route(network, lambda: False, linger=0.0)
 
 

@@ -31,6 +31,10 @@ def hand_over(arguments: Sequence[str]) -> NoReturn:
     if "--ros-args" in arguments:
         print("error: leave --ros-args out: -p, -r and --params-file are options of robo run itself", file=sys.stderr)
         sys.exit(2)
+    if len(arguments) > 1 and not arguments[1].startswith("-"):  # as in ROS 2
+        name = f"{arguments[0]}.{arguments[1].removesuffix('.py')}"
+        print(f"error: a service is one word: robo run {name}", file=sys.stderr)
+        sys.exit(2)
     service, colon, node_class = arguments[0].partition(":")
     try:
         check_nothing_hides_robo()

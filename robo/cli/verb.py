@@ -86,7 +86,9 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _root(
-    _wanted: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it.")] = False,
+    _wanted: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
 ) -> None:
     """Show the version."""
 

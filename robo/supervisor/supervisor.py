@@ -31,6 +31,7 @@ from robo.launch.plan import Plan, ProcessPlan, StopPlan, TopicPlan
 from robo.router import LINGER, NETWORK_VARIABLE
 from robo.run_id import RUN_VARIABLE, new_run_id
 from robo.session import Network, close_session, open_session
+from robo.suggestions import suggest
 from robo.supervisor import last_resort, log_space, orphans, process
 from robo.supervisor.console import Console
 from robo.supervisor.control import Control
@@ -724,8 +725,9 @@ class Supervisor:
         for name in asked.names:
             means = self._meant(name)
             if not means and not self._plan.host:  # another host's supervisor may know it
-                there = ", ".join(m.label for m in self._members.values())
-                raise LookupError(f"robot {self._plan.robot} has no node or group {name!r}; it has {there}")
+                known = [m.label for m in self._members.values()] + [m.plan.group for m in self._members.values()]
+                instead = suggest(name, known, "it has")
+                raise LookupError(f"robot {self._plan.robot} has no node or group {name!r}; {instead}")
             found |= means
         return list(found.values())
 

@@ -45,9 +45,9 @@ def test_the_doctor_names_the_program_that_holds_the_port(held: str) -> None:
 
 def test_a_router_waits_for_the_port_of_another(endpoint: str) -> None:
     with robo("router", "--listen", endpoint) as first:
-        first.wait_for(f"router router at {endpoint}")
+        first.wait_for(f"router at {endpoint}")
         with robo("router", "--listen", endpoint, "--name", "second") as second:
-            second.wait_for(f"{endpoint} is another router's just now; router second takes it over when it is free")
+            second.wait_for(f"{endpoint} is another router's just now; this router takes it over when it is free")
             assert second.output.count("\n") == 0
 
 

@@ -30,7 +30,7 @@ NetworkConfig = Annotated[
     "robo up simulation.yaml --show-args",
     "robo up two_hosts.yaml --host arm --connect tcp/base.local:7447",
     "robo up --connect tcp/site.example:7447 --network-config config/uplink.yaml",
-    short_help="Start a robot, in the foreground or with -d behind.",
+    short_help="Start a robot, in the foreground or with -d in the background.",
 )
 def up(
     words: Annotated[
