@@ -33,7 +33,7 @@ class Host:
         ip("netns", "add", self.name)
         ip("netns", "exec", self.name, "ip", "link", "set", "lo", "up")
 
-    def robo(self, *words: str, timeout: float = 20.0) -> "subprocess.CompletedProcess[str]":
+    def robo(self, *words: str, timeout: float = 60.0) -> "subprocess.CompletedProcess[str]":
         """Run a command to its end."""
         return subprocess.run(self._command(words), capture_output=True, text=True, timeout=timeout, check=False,
                               env=self._environment)  # fmt: skip
