@@ -91,6 +91,7 @@ class DiffDriveSim(Node):
         command_source: Annotated[
             str,
             Meta(description="whose commands alone move it: a node, plain (Zenoh clients), or empty: the first node"),
+            READ_ONLY,  # else whoever may set a parameter may drive
         ] = ""
         odom_rate: Annotated[
             float, Meta(ge=1, le=1000, description="steps and odometry messages per second"), Unit("Hz"), READ_ONLY

@@ -696,7 +696,10 @@ def test_changed_files_restart_what_they_touch(endpoint: str, tmp_path: Path) ->
 def test_the_doctor_examines_and_proves_the_promise(endpoint: str) -> None:
     result = run_robo("doctor", "--kill-test", "--json", "--connect", endpoint)
     found = {one["check"]: one for one in map(json.loads, result.stdout.splitlines())}
-    assert result.returncode == 0, found
+    faults = {check for check, one in found.items() if one["verdict"] == "fault"}
+    # Beside this test another one may just have killed a supervisor.
+    assert faults <= {"leftovers"}, [found[check] for check in faults]
+    assert result.returncode == bool(faults)
     assert {"python", "packages", "port", "multicast", "router", "clock", "files", "leftovers"} <= set(found)
     assert found["kill test"]["verdict"] == "ok"
     assert "Traceback" not in result.stderr
