@@ -4,6 +4,7 @@ import itertools
 import time
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from typing import Any, Generic, Protocol, TypeVar, get_args, get_origin, get_type_hints
 
 import msgspec
@@ -142,19 +143,21 @@ def _fast_publish(
 
     As closures: attribute look-ups would cost a tenth of the whole call.
     """
-    put: Callable[..., None] = publisher.put
+    bare: Callable[..., None] = publisher.put
+    # The same id for all: messages are counted in the attachment. It costs both ends 0.7 µs, so a flood goes without.
+    signed = partial(bare, source_info=zenoh.SourceInfo(publisher.id, 0))
+    put: Callable[..., None] = signed
     encode = msgspec.msgpack.Encoder().encode
     # pack_attachment(1, now), pack_attachment(2, now), …: one call that runs in C from end to end, so
     # it is quick and any thread may publish.
     stamp = map(codec.pack_attachment, numbers, iter(time.time_ns, None)).__next__
-    # The same for all: messages are counted in the attachment. It costs both ends 0.7 µs, so a flood goes without.
-    source: zenoh.SourceInfo | None = (identity := zenoh.SourceInfo(publisher.id, 0))
-    left, begun = _COUNTED, time.monotonic()
     check = MessageCheck(message_type, topic)
     checked = -1  # the size of the last message that was looked at
+    left, begun = _COUNTED, time.monotonic()
+    silent = False
 
     def publish(message: M, age: float = 0.0) -> None:
-        nonlocal checked, source, left, begun
+        nonlocal checked, left
         if message.__class__ is not message_type and not isinstance(message, message_type):
             raise TypeError(f"{topic} takes {robo_messages.type_name(message_type)}, not {type(message).__name__}")
         payload = encode(message)
@@ -162,23 +165,28 @@ def _fast_publish(
             checked = check(payload)
         left -= 1
         if left <= 0:
-            now = time.monotonic()
-            source = identity if now - begun > _COUNTED / FLOOD else None
-            left, begun = _COUNTED, now
+            look_at_the_pace()
         try:
             if age:
                 known = age if age < LONGEST_AGE else LONGEST_AGE
                 said = zenoh.Timestamp(max(_EPOCH, datetime.now(UTC) - timedelta(seconds=known)), clock_id)
-                put(payload, attachment=stamp(), source_info=source, timestamp=said)
+                put(payload, attachment=stamp(), timestamp=said)
             else:
-                put(payload, attachment=stamp(), source_info=source)
+                put(payload, attachment=stamp())
         except zenoh.ZError:
-            if put is not _nowhere:  # undeclared between the look-up of `put` and its call
+            if not silent:  # else undeclared between the look-up of `put` and its call
                 raise
 
+    def look_at_the_pace() -> None:
+        nonlocal put, left, begun
+        now = time.monotonic()
+        if not silent:
+            put = signed if now - begun > _COUNTED / FLOOD else bare
+        left, begun = _COUNTED, now
+
     def silence() -> None:
-        nonlocal put
-        put = _nowhere
+        nonlocal put, silent
+        put, silent = _nowhere, True
 
     return publish, silence
 

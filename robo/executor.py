@@ -312,8 +312,12 @@ class SubscriptionLoop(Generic[M]):
                     if more is None:
                         break
                     sample = more
+                    if keep_all:
+                        if not handled & 15:  # of quick ones nobody needs to know more exactly
+                            turn.since = monotonic()
+                        continue
                     turn.since = now = monotonic()
-                    if not keep_all and (passed := now - since) > STALE:
+                    if (passed := now - since) > STALE:
                         backlog.appendleft(sample)
                         self._cut_back(passed / handled)
                         sample = backlog.popleft()
