@@ -7,6 +7,7 @@ import pytest
 import zenoh
 
 from robo import MessageInfo, Node, Publisher, subscribe
+from robo.session import Network, close_session, open_session
 from robo_messages import String
 from tests.support import eventually
 
@@ -55,3 +56,20 @@ def test_a_plain_client_tells_neither_age_nor_name(session: zenoh.Session, other
 
         eventually(came, "it has come")
         assert receiver.heard["it"] == MessageInfo(math.inf, "", "")
+
+
+def test_an_age_is_handed_on_whatever_the_id_of_the_session(endpoint: str) -> None:
+    """Zenoh writes ids without their leading zeros: about one of sixteen has some."""
+    for zid in ("0123456789abcdef0123456789abcde", "00fedcba98765432100123456789abc", "1"):
+        own_id: dict[str, object] = {"id": zid.lstrip("0")}
+        session = open_session(Network(mode="peer", listen=(endpoint,), more=own_id))
+        try:
+            with (
+                Receiver(namespace="r1", session=session) as receiver,
+                Source(namespace="r1", session=session) as source,
+            ):
+                source.out.publish(String("it"), 2.5)
+                eventually(lambda: "it" in receiver.heard, "it has come")
+                assert receiver.heard["it"].age >= 2.5, zid
+        finally:
+            close_session(session)
