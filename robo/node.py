@@ -671,7 +671,7 @@ class Node:
         def tell(sender: str, count: int) -> None:
             source = {"": "the node that came first", PLAIN: "a plain Zenoh client"}.get(wanted(), wanted())
             text = f"left out messages of {sender} on {topic}, %d so far: it takes those of %s alone"
-            self.logger.warning(text, count, source, throttle=5.0)
+            self.logger.warning(text, count, source, throttle=60.0)
 
         return Intake(self.session, topic, wanted if sole_source is not None else None, tell)
 

@@ -179,8 +179,9 @@ class SafetyMonitor(Node):
         if rival != self._last_rival:
             changed, self._last_rival = True, rival
             if rival:
-                text = "%s commands the base too, past this monitor, on %s"
-                self.logger.warning(text, rival, self.command.topic, throttle=1.0)  # two may take turns
+                # Told once a minute of each, who may come and go; the state says it all the time.
+                text = f"{rival} commands the base too, past this monitor, on %s"
+                self.logger.warning(text, self.command.topic, throttle=60.0)
         if changed or not 0.0 <= now - self._last_state < 1.0:  # simulated time may step back
             self._last_state = now
             values = [KeyValue("action", decision.action), KeyValue("reason", decision.reason)]
