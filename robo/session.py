@@ -203,6 +203,8 @@ def open_session(network: Network) -> zenoh.Session:
         ) from None
     _open.append(session)
     if not _on_this_machine(network):
+        import robo.tcp  # noqa: F401 - for _on_link; a node that is linked to its robot alone needs no sockets
+
         # Called on a thread of Zenoh's, once for each link: no thread more for it.
         at_once = zenoh.handlers.Callback(_on_link, indirect=False)
         session.info.declare_link_events_listener(at_once, history=True)
@@ -211,7 +213,7 @@ def open_session(network: Network) -> zenoh.Session:
 
 def _on_link(event: zenoh.LinkEvent) -> None:
     if event.kind == zenoh.SampleKind.PUT and event.link.src.startswith(_OVER_TCP):
-        from robo import tcp  # sockets, which a node that is linked to its robot alone never needs
+        from robo import tcp  # imported before: nothing is to be loaded on a thread of Zenoh's
 
         tcp.end_without_waiting(event.link.src, event.link.dst)
 
