@@ -109,8 +109,10 @@ def _said_at(timestamp: zenoh.Timestamp | None, source_id: str) -> int | None:
         timestamp: of the sample.
         source_id: of the publisher, `<session>:<entity>`.
     """
+    if timestamp is None:  # as nearly always
+        return None
     # As numbers: Zenoh writes ids without their leading zeros.
     session = int(source_id.partition(":")[0] or "0", 16)
-    if timestamp is None or int.from_bytes(bytes(timestamp.get_id()), "little") != session:
+    if int.from_bytes(bytes(timestamp.get_id()), "little") != session:
         return None
     return (timestamp.get_time() - _EPOCH) // _MICROSECOND * 1000
