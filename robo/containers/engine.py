@@ -6,6 +6,7 @@ in its own.
 
 import json
 import socket
+import struct
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from http.client import HTTPConnection, HTTPException, HTTPResponse
@@ -142,5 +143,9 @@ class _UnixConnection(HTTPConnection):
 
     def connect(self) -> None:
         self.sock = socket.socket(socket.AF_UNIX)
-        self.sock.settimeout(self.timeout)
+        # A call that waits: one with a time limit fails at once where many others ask just now (EAGAIN).
+        if self.timeout is not None:
+            limit = struct.pack("@ll", int(self.timeout), 0)
+            self.sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)
         self.sock.connect(str(self._path))
+        self.sock.settimeout(self.timeout)
