@@ -28,9 +28,19 @@ class Clock:
         """S since an arbitrary start; only differences mean anything."""
         return time.clock_gettime(_CLOCK)
 
-    def wait(self, woken: threading.Event, until: float) -> bool:
-        """Wait until `monotonic()` is `until`. Returns early, and true, once `woken` is set and `wake` called."""
-        return woken.wait(min(max(0.0, until - time.clock_gettime(_CLOCK)), threading.TIMEOUT_MAX))
+    @property
+    def jumps(self) -> int:
+        """How often `monotonic()` has been set instead of gone on. Whoever wants to wait reads it before the time."""
+        return 0
+
+    def wait(self, woken: threading.Event, until: float, jumps: int) -> bool:
+        """Wait until `monotonic()` is `until`.
+
+        Returns early, and true, once `woken` is set and `wake` called, or once there were more jumps than `jumps`:
+        what `until` was reckoned from is no longer so.
+        """
+        left = max(0.0, until - time.clock_gettime(_CLOCK))
+        return jumps != self.jumps or woken.wait(min(left, threading.TIMEOUT_MAX))
 
     def wake(self) -> None:
         """Let whoever waits look at its event."""
@@ -55,6 +65,11 @@ class SimClock(Clock):
         """The same in s. It steps back where the time does: a log that is played again."""
         return self._nanoseconds * 1e-9
 
+    @property
+    def jumps(self) -> int:
+        """How often the time stepped back; the first one that is said counts too."""
+        return self._jumps
+
     def advance(self, nanoseconds: int) -> None:
         """Set the time, ns."""
         with self._changed:
@@ -62,10 +77,9 @@ class SimClock(Clock):
             self._nanoseconds = nanoseconds
             self._changed.notify_all()
 
-    def wait(self, woken: threading.Event, until: float) -> bool:
-        """Wait until the time is `until`, as the wall clock's; the first time said and a step back wake too."""
+    def wait(self, woken: threading.Event, until: float, jumps: int) -> bool:
+        """Wait until the time is `until`, as the wall clock's."""
         with self._changed:
-            jumps = self._jumps
             self._changed.wait_for(lambda: woken.is_set() or self._jumps != jumps or self.monotonic() >= until - 1e-9)
             return woken.is_set() or self._jumps != jumps
 

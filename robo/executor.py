@@ -431,19 +431,21 @@ class TimerLoop:
         turn = self._turn
         enter(turn)
         clock, now = self._clock, self._clock.monotonic
+        jumps = clock.jumps
         due = now()
         while True:
             last, period = due, self.period()
             due += period
             late = now() - due
-            if late > period:
+            if late > period and jumps == clock.jumps:
                 skipped = int(late / period)
                 self.missed += skipped
                 due += skipped * period
-            while clock.wait(self._woken, due):
+            while clock.wait(self._woken, due, jumps):
                 if self._stopped:
                     return
                 self._woken.clear()
+                jumps = clock.jumps
                 last = min(last, now())  # simulated time may step back
                 due = max(last + self.period(), now())
             with turn:

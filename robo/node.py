@@ -181,7 +181,8 @@ class Node:
     def sleep(self, seconds: float) -> bool:
         """Wait, in `main`. Returns False at once when the node is told to stop."""
         if seconds > 0:
-            self.clock.wait(self._shutdown, self.clock.monotonic() + seconds)
+            jumps = self.clock.jumps
+            self.clock.wait(self._shutdown, self.clock.monotonic() + seconds, jumps)
         return not self.stopping
 
     @property

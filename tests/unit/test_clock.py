@@ -4,6 +4,7 @@ import threading
 
 from robo.clock import Clock, SimClock
 from robo.executor import TimerLoop, Turn
+from tests.support import eventually
 
 MILLISECOND = 1_000_000
 
@@ -41,9 +42,43 @@ def test_simulated_time_moves_only_when_it_is_told() -> None:
     assert clock.monotonic() == 1.5
     assert clock.now().to_nanoseconds() == 1_500 * MILLISECOND
     woken = threading.Event()
-    assert not clock.wait(woken, 1.5)
+    assert not clock.wait(woken, 1.5, clock.jumps)
     woken.set()
-    assert clock.wait(woken, 99.0)
+    assert clock.wait(woken, 99.0, clock.jumps)
+
+
+def test_a_step_back_before_the_wait_ends_it() -> None:
+    clock = SimClock()
+    clock.advance(100_000 * MILLISECOND)
+    jumps = clock.jumps
+    clock.advance(1_000 * MILLISECOND)
+    assert clock.wait(threading.Event(), 100.1, jumps)
+
+
+def test_a_step_back_while_a_timer_runs_is_seen() -> None:
+    clock = SimClock()
+    stepped, times, errors = threading.Event(), list[float](), list[BaseException]()
+
+    def tick() -> None:
+        times.append(round(clock.monotonic(), 3))
+        if not stepped.is_set():
+            clock.advance(1_000 * MILLISECOND)
+            stepped.set()
+
+    loop = TimerLoop("test", lambda: 0.1, Turn(), tick, errors.append, clock)
+    clock.advance(100_000 * MILLISECOND)
+    loop.start()
+    clock.advance(100_200 * MILLISECOND)
+    assert stepped.wait(10)
+
+    def ticks_again() -> bool:
+        clock.advance(clock.now().to_nanoseconds() + 10 * MILLISECOND)
+        return len(times) > 1
+
+    eventually(ticks_again, "it ticks again")
+    assert not errors
+    assert times[1] < 99
+    assert loop.stop(5.0)
 
 
 def test_timers_follow_simulated_time_and_its_steps_back() -> None:

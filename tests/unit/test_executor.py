@@ -151,7 +151,7 @@ def test_a_thread_that_dies_is_told_and_leaves_the_turn_to_others() -> None:
 def test_no_wait_is_too_long_for_a_clock() -> None:
     woken = threading.Event()
     woken.set()
-    assert Clock().wait(woken, math.inf)
+    assert Clock().wait(woken, math.inf, 0)
 
 
 def test_a_publishers_counter_can_be_read_without_counting() -> None:
