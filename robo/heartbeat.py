@@ -16,15 +16,9 @@ import time
 import msgspec
 
 from robo.clock import Clock
+from robo.environment import HEARTBEAT_VARIABLE, WATCH_VARIABLE
 from robo.node import Node
 from robo.node_status import NodeStatus
-
-HEARTBEAT_VARIABLE = "ROBO_HEARTBEAT"
-"""`FD:PERIOD`: the socket, and the time from one beat to the next, s."""
-
-WATCH_VARIABLE = "ROBO_WATCH"
-"""Set where the supervisor wants to know a node's source files."""
-
 
 _BEHIND = (errno.EAGAIN, errno.ENOBUFS)
 """What the system says where the supervisor has not read for a while; the latter on macOS."""

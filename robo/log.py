@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
+from robo.environment import LOG_LEVEL_VARIABLE, SUPERVISED_VARIABLE
 from robo.errors import UsageError
 from robo.terminal import visible_but_colours
 from robo_messages import Log, Time
@@ -185,7 +186,7 @@ def setup(level: str | None = None, *, colour: bool | None = None) -> None:
         UsageError: there is no such level.
     """
     logger = logging.getLogger(ROOT)
-    logger.setLevel(level_of(level or os.environ.get("ROBO_LOG_LEVEL") or "info"))
+    logger.setLevel(level_of(level or os.environ.get(LOG_LEVEL_VARIABLE) or "info"))
     logger.propagate = False
     if logger.handlers:
         return
@@ -198,4 +199,4 @@ def setup(level: str | None = None, *, colour: bool | None = None) -> None:
 
 def is_supervised() -> bool:
     """Whether a supervisor reads what this process prints, and adds time and node to it."""
-    return "ROBO_SUPERVISED" in os.environ
+    return SUPERVISED_VARIABLE in os.environ

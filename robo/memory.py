@@ -9,10 +9,8 @@ from contextlib import suppress
 
 import msgspec
 
+from robo.environment import MEMORY_VARIABLE
 from robo.errors import NotKept
-
-MEMORY_VARIABLE = "ROBO_MEMORY"
-"""The folder for what nodes keep, where no launch says one."""
 
 
 class Memory:

@@ -21,6 +21,7 @@ from robo.clock import Clock, SimClock
 from robo.contract import Contract, check_plain, contract_of, takes_info
 from robo.discovery import NodeToken
 from robo.endpoints import TopicPublisher, TopicSubscription, endpoint_token
+from robo.environment import NAMESPACE_VARIABLE, RUN_VARIABLE
 from robo.errors import ContractError, ParameterError
 from robo.executor import TimerLoop, Turn, checked_period, name_of, period_of, taking
 from robo.intake import Intake
@@ -32,7 +33,6 @@ from robo.parameters import Parameters as AnyParameters
 from robo.parameters import build, change, flat
 from robo.qos import DEFAULT_DEPTH, DEFAULT_TIMEOUT, KEEP_ALL
 from robo.queries import QueryLoop, reply
-from robo.run_id import RUN_VARIABLE
 from robo.services import ServiceClient, ServiceServer, service_token
 from robo.session import Network, close_session, open_session
 from robo_messages import Clock as ClockMessage
@@ -111,7 +111,7 @@ class Node:
         self.contract: Contract = contract_of(type(self))
         self.name = names.check_node_name(name or self.contract.name)
         if namespace is None:
-            namespace = os.environ.get("ROBO_NAMESPACE", "")
+            namespace = os.environ.get(NAMESPACE_VARIABLE, "")
         self.namespace = names.normalize_namespace(namespace)
         self.full_name = "/" + names.join(self.namespace, self.name)
         self.parameters = build(type(self).Parameters, parameters or {}, self.full_name)

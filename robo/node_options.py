@@ -10,11 +10,12 @@ import msgspec
 from robo import parameter_files
 from robo.contract import Contract, contract_of
 from robo.contract_text import contract_text
+from robo.environment import MODE_VARIABLE, SPEC_VARIABLE
 from robo.errors import UsageError
 from robo.node import Node
 from robo.parameter_server import Said
 from robo.parameters import parse_assignment
-from robo.runner import SPEC_VARIABLE, NodeSpec
+from robo.runner import NodeSpec
 from robo.session import MODES, Mode
 
 
@@ -71,7 +72,7 @@ def _mode() -> Mode:
     Raises:
         UsageError: ROBO_MODE is none.
     """
-    given = os.environ.get("ROBO_MODE") or "router"
+    given = os.environ.get(MODE_VARIABLE) or "router"
     for mode in MODES:
         if given == mode:
             return mode

@@ -19,9 +19,10 @@ def main() -> None:
     lean.import_msgspec()
     import msgspec
 
+    from robo.environment import SPEC_VARIABLE
     from robo.errors import RoboError
     from robo.loading import load_node_class
-    from robo.runner import SPEC_VARIABLE, NodeSpec, report, run, run_spec
+    from robo.runner import NodeSpec, report, run, run_spec
 
     service, *arguments = sys.argv[1:]
     given = os.environ.get(SPEC_VARIABLE)

@@ -12,10 +12,9 @@ from collections.abc import Callable
 
 import msgspec
 
+from robo.environment import NETWORK_VARIABLE
 from robo.errors import RoboError
 from robo.session import Network, close_session, open_session
-
-NETWORK_VARIABLE = "ROBO_ROUTER"
 
 LINGER = 0.5
 """How long a router goes on after its robot has ended, s: for what is on the way to slow readers."""

@@ -4,9 +4,6 @@ import os
 import sys
 import time
 
-RUN_VARIABLE = "ROBO_RUN"
-"""Every process of a launch carries its run's id in its environment, which children inherit."""
-
 
 def new_run_id() -> str:
     """`<time><random>-<pid>-<start of this process>-<its pid namespace>`.

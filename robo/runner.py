@@ -15,11 +15,12 @@ from robo import heartbeat, log
 from robo.contract import check_constructor
 from robo.discovery import wait_for_nodes
 from robo.endings import end_process, end_with_threads
+from robo.environment import RUN_VARIABLE
 from robo.errors import RoboError, RunError
 from robo.memory import Memory
 from robo.node import Node, exit_code_of
 from robo.parameter_server import Said
-from robo.run_id import RUN_VARIABLE, new_run_id
+from robo.run_id import new_run_id
 from robo.session import Mode, Network, close_session, open_session
 from robo.terminal import visible
 
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
     from types import FrameType
 
     from robo.claims import Claim
-
-SPEC_VARIABLE = "ROBO_NODE"
 
 
 class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):

@@ -16,6 +16,7 @@ from typing import Literal, cast, get_args
 import msgspec
 
 from robo import zenoh_threads
+from robo.environment import CONNECT_VARIABLE, LISTEN_VARIABLE, SHARED_MEMORY_VARIABLE
 
 os.environ.setdefault(zenoh_threads.VARIABLE, zenoh_threads.OF_A_NODE)
 
@@ -64,8 +65,8 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
         A router listens at the rendezvous and also dials it: whoever holds the port is the meeting
         point, and when it leaves the next one takes the port over.
         """
-        dial = tuple(connect) or _endpoints("ROBO_CONNECT")
-        serve = tuple(listen) or _endpoints("ROBO_LISTEN")
+        dial = tuple(connect) or _endpoints(CONNECT_VARIABLE)
+        serve = tuple(listen) or _endpoints(LISTEN_VARIABLE)
         if mode == "router":
             serve = serve or (RENDEZVOUS,)
             return cls(mode=mode, connect=dial + tuple(e for e in serve if "127.0.0.1:" in e), listen=serve)
@@ -164,7 +165,7 @@ def _own_settings(network: Network) -> dict[str, object]:
         # holds 20 MB of it. By default (3 kB) laser scans would, and gain nothing.
         "transport/shared_memory/transport_optimization/message_size_threshold": 65_536,
     }
-    if not network.shared_memory or os.environ.get("ROBO_SHM") == "off":
+    if not network.shared_memory or os.environ.get(SHARED_MEMORY_VARIABLE) == "off":
         settings["transport/shared_memory/enabled"] = False
     if router:
         settings |= {"listen/retry": _RETRY, "listen/timeout_ms": -1, "listen/exit_on_failure": False}

@@ -7,8 +7,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 
-NOTIFY_VARIABLE = "ROBO_NOTIFY"
-"""The descriptor on which a run in the background tells its starter, line by line, how far it has come."""
+from robo.environment import NOTIFY_VARIABLE
 
 
 def start_in_background(arguments: Sequence[str], robot: str, *, wait: bool) -> int:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from robo.cli.connection import connect_to_robot, note, print_json, print_table
 from robo.cli.link import watched
 from robo.cli.reach import Reach
+from robo.environment import CONNECT_VARIABLE
 from robo.errors import RoboError
 from robo.run_id import supervisor_lives
 from robo.supervisor.console import Console
@@ -66,7 +67,7 @@ def print_logs(wanted: Wanted, reach: Reach, run: str | None) -> None:
         RoboError: there is no such run or node, or a word makes no sense.
     """
     kept_here = logs.list_runs(reach.robot)
-    if run is None and (reach.connect or os.environ.get("ROBO_CONNECT") or not kept_here):
+    if run is None and (reach.connect or os.environ.get(CONNECT_VARIABLE) or not kept_here):
         _print_from_network(wanted, reach)
     else:
         chosen = logs.find_run(reach.robot, run)

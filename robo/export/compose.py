@@ -17,13 +17,22 @@ import yaml
 
 from robo import parameter_files
 from robo.codec import jsonable
+from robo.environment import (
+    CONNECT_VARIABLE,
+    IMAGE_VARIABLE,
+    LOG_LEVEL_VARIABLE,
+    MEMORY_VARIABLE,
+    MODE_VARIABLE,
+    NAMESPACE_VARIABLE,
+    PORT_VARIABLE,
+    SPEC_VARIABLE,
+)
 from robo.export.placeholders import Placeholders
 from robo.launch.expression import as_text
 from robo.launch.find import SHARE
 from robo.launch.plan import Plan, ProcessPlan
-from robo.memory import MEMORY_VARIABLE
 from robo.parameters import parse_value
-from robo.runner import SPEC_VARIABLE, NodeSpec
+from robo.runner import NodeSpec
 
 PORT = 7447
 FILES = "/etc/robo"
@@ -143,7 +152,7 @@ class _Export:
             services[_KEEPER] = _keeper_service(self._keeper_profile)
         about = self._plan.description or self._plan.manifest
         lines = [*(f"# {line}".rstrip() for line in about.splitlines()), f"# Made by: {made_by}", ""]
-        common = {"image": f"${{ROBO_IMAGE:-{image}}}", **_COMMON}
+        common = {"image": f"${{{IMAGE_VARIABLE}:-{image}}}", **_COMMON}
         lines += [_block({"x-robo": common}, anchor="&robo"), _block({"x-health": _HEALTH}, anchor="&health")]
         lines.append("services:")
         for name, service in services.items():
@@ -178,7 +187,7 @@ class _Export:
         command = ["router", "--name", self._names.shown(robot), "--listen", f"tcp/0.0.0.0:{PORT}"]
         if robot == self._first:
             # From the host only; other hosts are let in by a router of their own choice.
-            service["ports"] = [f"127.0.0.1:${{ROBO_PORT:-{PORT}}}:{PORT}"]
+            service["ports"] = [f"127.0.0.1:${{{PORT_VARIABLE}:-{PORT}}}:{PORT}"]
         else:
             command += ["--connect", f"tcp/{self._routers[self._first]}:{PORT}"]
         service["command"] = command
@@ -245,11 +254,11 @@ class _Export:
         # Clients of the router, not peers with links to each other: Zenoh dials a router again and again when a
         # cable or a container is gone for a while, and peers that it has once found and lost not always.
         router = f"tcp/{self._routers[_robot_of(process)]}:{PORT}"
-        environment = {"ROBO_CONNECT": router}
+        environment = {CONNECT_VARIABLE: router}
         if process.service is not None:
-            environment["ROBO_MODE"] = "client"
+            environment[MODE_VARIABLE] = "client"
         if process.log.level is not None:
-            environment["ROBO_LOG_LEVEL"] = process.log.level
+            environment[LOG_LEVEL_VARIABLE] = process.log.level
         if process.service is None:
             spec = NodeSpec(
                 name=process.name,
@@ -259,7 +268,7 @@ class _Export:
                 mode="client",
                 connect=(router,),
             )
-            environment["ROBO_NAMESPACE"] = self._names.shown(process.namespace)
+            environment[NAMESPACE_VARIABLE] = self._names.shown(process.namespace)
             plain = msgspec.json.encode(jsonable(msgspec.to_builtins(spec))).decode()
             environment[SPEC_VARIABLE] = self._names.shown(plain)
         return environment | {name: self._names.shown(value) for name, value in process.env.items()}

@@ -11,7 +11,8 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from robo.run_id import RUN_VARIABLE, new_run_id
+from robo.environment import RUN_VARIABLE
+from robo.run_id import new_run_id
 from robo.template_process import PADDING
 
 

@@ -12,6 +12,7 @@ from typing import BinaryIO
 
 import msgspec
 
+from robo.environment import LOG_FOLDER_VARIABLE
 from robo.log import LEVEL_NAMES, LEVELS, level_of
 from robo.terminal import escaped_json
 
@@ -89,7 +90,7 @@ class Filter:
 def log_base() -> Path:
     """Where all runs are kept: ROBO_LOG_DIR, or where the desktop standard keeps state."""
     state = os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
-    return Path(os.environ.get("ROBO_LOG_DIR") or Path(state) / "robo" / "log")
+    return Path(os.environ.get(LOG_FOLDER_VARIABLE) or Path(state) / "robo" / "log")
 
 
 class LogFiles:

@@ -11,14 +11,13 @@ from typing import NamedTuple
 
 import msgspec
 
+from robo.environment import LOG_LIMIT_VARIABLE
 from robo.errors import UsageError
 from robo.run_id import supervisor_lives
 from robo.supervisor.log_files import RunInfo
 
 KEPT_RUNS = 10
 """How many runs of a robot are kept."""
-
-LIMIT_VARIABLE = "ROBO_LOG_LIMIT"
 DEFAULT_LIMIT = 1_000
 """What all log files of a user may take, MB."""
 
@@ -42,9 +41,11 @@ def limit() -> int:
     Raises:
         UsageError: ROBO_LOG_LIMIT is no number.
     """
-    text = os.environ.get(LIMIT_VARIABLE, "")
+    text = os.environ.get(LOG_LIMIT_VARIABLE, "")
     if text and not (text.isascii() and text.isdigit() and int(text) > 0):
-        raise UsageError(f"{LIMIT_VARIABLE}={text!r}: say how many megabytes all log files may take, for example 500")
+        raise UsageError(
+            f"{LOG_LIMIT_VARIABLE}={text!r}: say how many megabytes all log files may take, for example 500"
+        )
     return int(text or DEFAULT_LIMIT) * 1_000_000
 
 

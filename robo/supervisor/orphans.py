@@ -12,7 +12,8 @@ from collections.abc import Callable, Collection, Container, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robo.run_id import RUN_VARIABLE, supervisor_lives
+from robo.environment import RUN_VARIABLE
+from robo.run_id import supervisor_lives
 
 if TYPE_CHECKING:
     import psutil  # which a start does without: it would take a tenth of it

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from typing import IO
 
-from robo.heartbeat import HEARTBEAT_VARIABLE
+from robo.environment import HEARTBEAT_VARIABLE
 from robo.supervisor.output import BUFFER, Budget, pump
 from robo.supervisor.template import Forked, Template
 from robo.template_process import HEART

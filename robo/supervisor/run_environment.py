@@ -7,10 +7,17 @@ from pathlib import Path
 import msgspec
 
 from robo.codec import jsonable
+from robo.environment import (
+    CONNECT_VARIABLE,
+    LOG_LEVEL_VARIABLE,
+    NAMESPACE_VARIABLE,
+    SPEC_VARIABLE,
+    SUPERVISED_VARIABLE,
+)
 from robo.launch.plan import ProcessPlan
 from robo.memory import file_name
 from robo.parameter_server import Said
-from robo.runner import SPEC_VARIABLE, NodeSpec
+from robo.runner import NodeSpec
 
 
 class RunEnvironment:
@@ -63,12 +70,12 @@ class RunEnvironment:
         )
         variables = {
             SPEC_VARIABLE: msgspec.json.encode(jsonable(msgspec.to_builtins(spec))).decode(),
-            "ROBO_SUPERVISED": "1",
+            SUPERVISED_VARIABLE: "1",
         }
         if plan.service is None:
-            variables |= {"ROBO_NAMESPACE": plan.namespace, "ROBO_CONNECT": self._router}
+            variables |= {NAMESPACE_VARIABLE: plan.namespace, CONNECT_VARIABLE: self._router}
         if plan.log.level is not None:
-            variables["ROBO_LOG_LEVEL"] = plan.log.level
+            variables[LOG_LEVEL_VARIABLE] = plan.log.level
         return self._base | variables | plan.env
 
     def _memory_of(self, full_name: str) -> str:

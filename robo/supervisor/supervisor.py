@@ -25,11 +25,11 @@ import zenoh
 from robo import claims, discovery, names
 from robo.brief import shown
 from robo.discovery import ClaimToken, NodeToken
+from robo.environment import LOG_LEVEL_VARIABLE, NETWORK_VARIABLE, RUN_VARIABLE, WATCH_VARIABLE
 from robo.errors import NetworkError
-from robo.heartbeat import WATCH_VARIABLE
 from robo.launch.plan import Plan, ProcessPlan, StopPlan, TopicPlan
-from robo.router import LINGER, NETWORK_VARIABLE
-from robo.run_id import RUN_VARIABLE, new_run_id
+from robo.router import LINGER
+from robo.run_id import new_run_id
 from robo.session import Network, close_session, open_session
 from robo.suggestions import suggest
 from robo.supervisor import last_resort, log_space, orphans, process
@@ -908,7 +908,7 @@ def run(plan: Plan, router: Network, options: Options | None = None) -> int:
     console = Console(sorted({label_of(plan, p) for p in plan.processes}))
     environment = base_environment()
     if options.log_level is not None:
-        environment["ROBO_LOG_LEVEL"] = options.log_level
+        environment[LOG_LEVEL_VARIABLE] = options.log_level
     return asyncio.run(_run(plan, router, console, environment, options))
 
 

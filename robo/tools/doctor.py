@@ -20,6 +20,7 @@ import zenoh
 
 from robo import tcp
 from robo.claims import port_taken
+from robo.environment import CONNECT_VARIABLE, KILL_TEST_VARIABLE, LOG_FOLDER_VARIABLE
 from robo.errors import NetworkError
 from robo.session import RENDEZVOUS, Network, close_session, open_session
 from robo.supervisor import orphans
@@ -109,7 +110,7 @@ def port(connect: Sequence[str]) -> Finding:
 
 def router(connect: Sequence[str]) -> Finding:
     """Whether a robot or a router answers."""
-    where = ", ".join(connect) or os.environ.get("ROBO_CONNECT") or RENDEZVOUS
+    where = ", ".join(connect) or os.environ.get(CONNECT_VARIABLE) or RENDEZVOUS
     if _reaches_router(connect):
         return Finding("router", "ok", f"a router answers at {where}")
     return Finding("router", "note", f"no router answers at {where}", "robo up starts one with each robot")
@@ -269,7 +270,7 @@ def kill_and_look() -> Finding:
             f"      trouble: {{run: [python, {folder}/trouble.py], ready: {{log: up}}}}\n"
         )
         command = [sys.executable, "-m", "robo", "up", str(manifest), "--listen", f"tcp/127.0.0.1:{free}"]
-        mark = {**os.environ, "ROBO_LOG_DIR": folder, "ROBO_KILL_TEST": folder}
+        mark = {**os.environ, LOG_FOLDER_VARIABLE: folder, KILL_TEST_VARIABLE: folder}
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=mark) as run:
             assert run.stdout is not None
             ready = any("is ready" in line for line in run.stdout)
@@ -294,7 +295,7 @@ def _marked(folder: str) -> list[psutil.Process]:
     found = []
     for process in psutil.process_iter():
         try:
-            if process.environ().get("ROBO_KILL_TEST") == folder and process.status() != psutil.STATUS_ZOMBIE:
+            if process.environ().get(KILL_TEST_VARIABLE) == folder and process.status() != psutil.STATUS_ZOMBIE:
                 found.append(process)
         except (psutil.Error, OSError):
             continue
@@ -302,7 +303,7 @@ def _marked(folder: str) -> list[psutil.Process]:
 
 
 def _tcp_of(connect: Sequence[str]) -> tuple[str, int]:
-    endpoint = next(iter(connect), None) or os.environ.get("ROBO_CONNECT", "").split(",")[0] or RENDEZVOUS
+    endpoint = next(iter(connect), None) or os.environ.get(CONNECT_VARIABLE, "").split(",")[0] or RENDEZVOUS
     host, _, number = endpoint.rpartition("/")[2].rpartition(":")
     return (host, int(number)) if number.isdecimal() else ("127.0.0.1", 7447)
 

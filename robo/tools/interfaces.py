@@ -26,6 +26,7 @@ import msgspec
 from msgspec import inspect as shapes
 
 import robo_messages
+from robo.environment import MESSAGES_VARIABLE
 from robo.errors import ContractError, UnreadableFile
 from robo.files import read_bytes
 from robo.import_errors import explained
@@ -34,7 +35,6 @@ from robo.tools.message_input import field_types
 from robo_messages import Message, UnknownType
 
 ENTRY_POINTS = "robo.messages"
-MODULES_VARIABLE = "ROBO_MESSAGES"
 
 _MOST_FILES = 2000
 _DEEPEST = 4
@@ -248,9 +248,9 @@ def _import_declared() -> dict[str, str]:
         point.module: f"the entry point group {ENTRY_POINTS}{f' of {point.dist.name}' if point.dist else ''}"
         for point in entry_points(group=ENTRY_POINTS)
     }
-    for name in os.environ.get(MODULES_VARIABLE, "").split(","):
+    for name in os.environ.get(MESSAGES_VARIABLE, "").split(","):
         if name.strip():
-            announced.setdefault(name.strip(), MODULES_VARIABLE)
+            announced.setdefault(name.strip(), MESSAGES_VARIABLE)
     failed: dict[str, str] = {}
     for module, by in announced.items():
         try:

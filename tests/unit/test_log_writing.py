@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from robo import environment
 from robo.errors import UsageError
 from robo.run_id import new_run_id
-from robo.supervisor import log_files, log_space
+from robo.supervisor import log_files
 from robo.supervisor.log_files import LogFiles, LogRecord, RunInfo
 from robo.supervisor.log_space import KEPT_RUNS, KeptRun, kept_runs, limit, make_room, surplus
 from robo.supervisor.log_writer import FIRST_TRY, LAST_TRY, LogWriter
@@ -236,12 +237,12 @@ def test_what_runs_keeps_its_files_but_for_those_that_were_set_aside(
 
 
 def test_the_limit_is_a_number_of_megabytes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv(log_space.LIMIT_VARIABLE, raising=False)
+    monkeypatch.delenv(environment.LOG_LIMIT_VARIABLE, raising=False)
     assert limit() == 1_000_000_000
-    monkeypatch.setenv(log_space.LIMIT_VARIABLE, "50")
+    monkeypatch.setenv(environment.LOG_LIMIT_VARIABLE, "50")
     assert limit() == 50_000_000
     for nonsense in ("1G", "-1", "0", "³"):
-        monkeypatch.setenv(log_space.LIMIT_VARIABLE, nonsense)
+        monkeypatch.setenv(environment.LOG_LIMIT_VARIABLE, nonsense)
         with pytest.raises(UsageError, match="say how many megabytes"):
             limit()
 

@@ -2,8 +2,9 @@ from pathlib import Path
 
 import pytest
 
+from robo.environment import MEMORY_VARIABLE
 from robo.errors import NotKept
-from robo.memory import MEMORY_VARIABLE, Memory
+from robo.memory import Memory
 
 
 def test_what_is_kept_is_there_after_a_restart(tmp_path: Path) -> None:
