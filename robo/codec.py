@@ -12,7 +12,7 @@ from typing import Generic, NamedTuple, TypeVar
 import msgspec
 
 import robo_messages
-from robo.brief import brief
+from robo.text.brief import brief
 from robo_messages import Message
 
 M = TypeVar("M", bound=Message)

@@ -7,7 +7,7 @@ import sys
 from robo.contract import check_constructor
 from robo.errors import ContractError
 from robo.node import Node
-from robo.suggestions import MOST_LISTED, closest, suggest
+from robo.text.suggestions import MOST_LISTED, closest, suggest
 
 
 def load_node_class(service: str) -> type[Node]:
@@ -28,7 +28,7 @@ def load_node_class(service: str) -> type[Node]:
         module = importlib.import_module(module_name)
     except ModuleNotFoundError as error:
         if error.name is None or not (module_name + ".").startswith(error.name + "."):
-            from robo.import_errors import place_of
+            from robo.text.import_errors import place_of
 
             where = f" ({place})" if (place := place_of(error)) is not None else ""
             raise ContractError(
@@ -36,7 +36,7 @@ def load_node_class(service: str) -> type[Node]:
             ) from None
         raise ContractError(f"there is no service {service!r}{_similar(module_name)}") from None
     except Exception as error:  # a user's module may raise anything while it is imported
-        from robo.import_errors import explained
+        from robo.text.import_errors import explained
 
         raise ContractError(f"service {service!r} cannot be imported: {explained(error)}") from error
     classes = {

@@ -13,36 +13,13 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from robo.environment import LOG_LEVEL_VARIABLE, SUPERVISED_VARIABLE
-from robo.errors import UsageError
-from robo.terminal import visible_but_colours
+from robo.text.levels import LEVEL_COLOURS, level_name, level_of
+from robo.text.terminal import visible_but_colours
 from robo_messages import Log, Time
-
-LEVELS = {"debug": 10, "info": 20, "warn": 30, "warning": 30, "error": 40, "fatal": 50}
-_NAMES = {10: "DEBUG", 20: "INFO", 30: "WARN", 40: "ERROR", 50: "FATAL"}
-LEVEL_NAMES = frozenset(_NAMES.values())
-"""As they stand at the beginning of a line."""
-_COLOURS = {"DEBUG": "2", "WARN": "33", "ERROR": "31", "FATAL": "1;31"}
 
 ROOT = "robo.node"
 
 Fields = Mapping[str, object] | None
-
-
-def level_of(name: str) -> int:
-    """The number of a level's name.
-
-    Raises:
-        UsageError: there is no such level.
-    """
-    try:
-        return LEVELS[name.lower()]
-    except KeyError:
-        raise UsageError(f"log level {name!r}: use debug, info, warn, error or fatal") from None
-
-
-def level_name(level: int) -> str:
-    """ROS's name of a level, `INFO` for 20."""
-    return _NAMES.get(level - level % 10, "INFO")
 
 
 class NodeLogger:
@@ -134,8 +111,8 @@ class ConsoleFormatter(logging.Formatter):
         if record.exc_info:
             text += "\n" + self.formatException(record.exc_info)
         shown = f"{level:5}"
-        if self._colour and level in _COLOURS:
-            shown = f"\x1b[{_COLOURS[level]}m{shown}\x1b[0m"
+        if self._colour and level in LEVEL_COLOURS:
+            shown = f"\x1b[{LEVEL_COLOURS[level]}m{shown}\x1b[0m"
         if self._supervised:
             return f"{shown} {text}"
         # As a supervisor does it for its nodes.

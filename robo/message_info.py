@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import msgspec
 
-from robo.brief import brief
 from robo.node_status import Refused
+from robo.text.brief import brief
 
 DRIFT = 1e-3
 """How much two clocks may drift apart, s a second: quartz and what NTP slews, with room."""

@@ -158,20 +158,6 @@ def _instead(body: str) -> str:
     return f"; did you mean {'/'.join(chunks)}?" if all(map(is_word, chunks)) else ""
 
 
-def nested(values: Mapping[str, object], separator: str) -> dict[str, object]:
-    """Values whose names have parts as maps within maps: `{"a.b": 1}` to `{"a": {"b": 1}}`."""
-    tree: dict[str, object] = {}
-    for name, value in values.items():
-        *outer, last = name.split(separator)
-        place = tree
-        for part in outer:
-            inner = place.setdefault(part, {})
-            assert isinstance(inner, dict)
-            place = inner
-        place[last] = value
-    return tree
-
-
 def split(full_name: str) -> tuple[str, str]:
     """The namespace and the name of a node: `/r1/arm/driver` to `r1/arm` and `driver`."""
     namespace, _, name = full_name.strip("/").rpartition("/")

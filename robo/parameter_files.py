@@ -18,11 +18,12 @@ from pathlib import Path
 import msgspec
 
 from robo import names
-from robo.brief import shown
 from robo.errors import ParameterFileError, UnreadableFile
-from robo.files import read_text
-from robo.suggestions import hint
-from robo.yaml_tree import Entry, Items, Map, Position, Problem, Scalar, Tree, parse, plain, repeated
+from robo.text.brief import shown
+from robo.text.files import read_text
+from robo.text.suggestions import hint
+from robo.text.tree import Entry, Items, Map, Position, Problem, Scalar, Tree, plain
+from robo.text.yaml_tree import parse, repeated
 
 ROS_KEY = "ros__parameters"
 

@@ -19,12 +19,12 @@ import msgspec
 import zenoh
 
 from robo import codec, names, parameters, queries
-from robo.brief import shown
 from robo.codec import Malformed
 from robo.errors import ParameterError
 from robo.parameters import ParameterInfo, Parameters
 from robo.queries import QueryLoop
-from robo.suggestions import hint
+from robo.text.brief import shown
+from robo.text.suggestions import hint
 
 LONGEST_REQUEST = 1_000_000
 """A longer request, in bytes, is refused unread."""

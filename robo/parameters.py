@@ -16,9 +16,9 @@ from typing import Annotated, Any, TypeVar
 
 import msgspec
 
-from robo.brief import brief, shown
 from robo.errors import ContractError, ParameterError
-from robo.suggestions import suggest
+from robo.text.brief import brief, shown
+from robo.text.suggestions import suggest
 
 
 class Unit(str):

@@ -14,8 +14,8 @@ import msgspec
 import zenoh
 
 from robo import codec
-from robo.brief import brief_lines
-from robo.suggestions import suggest
+from robo.text.brief import brief_lines
+from robo.text.suggestions import suggest
 
 _logger = logging.getLogger("robo.queries")
 

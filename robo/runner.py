@@ -22,7 +22,7 @@ from robo.node import Node, exit_code_of
 from robo.parameter_server import Said
 from robo.run_id import new_run_id
 from robo.session import Mode, Network, close_session, open_session
-from robo.terminal import visible
+from robo.text.terminal import visible
 
 if TYPE_CHECKING:
     from types import FrameType

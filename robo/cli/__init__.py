@@ -23,7 +23,7 @@ def _run() -> None:
         from robo.cli.run import hand_over
 
         hand_over(sys.argv[2:])
-    from robo import terminal
+    from robo.text import terminal
 
     terminal.guard()
     if sys.argv[1:2] == ["health"]:

@@ -8,7 +8,6 @@ import robo_messages
 from robo.cli.json_text import document
 from robo.cli.up import manifest_file
 from robo.errors import UsageError
-from robo.graph import FORMATS, draw
 from robo.launch import faults, missing, resolve
 from robo.launch.check import Findings, check, ends_of
 from robo.launch.find import names_manifest
@@ -17,7 +16,8 @@ from robo.launch.schema import manifest_schema
 from robo.launch.substitution import Word
 from robo.modules import check_nothing_hides_robo
 from robo.supervisor.early import search_path
-from robo.yaml_tree import Position, Problem
+from robo.text.graph import FORMATS, draw
+from robo.text.tree import Position, Problem
 
 
 def run_check(words: Sequence[str], *, robot_name: str | None, json: bool, graph: str | None) -> int:

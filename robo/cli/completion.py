@@ -101,7 +101,7 @@ def _live(ctx: typer.Context, incomplete: str, find: "Callable[[zenoh.Session], 
     from robo.cli.connection import connect_to_robot
     from robo.cli.reach import Reach
     from robo.errors import RoboError
-    from robo.terminal import visible
+    from robo.text.terminal import visible
 
     given: dict[str, Any] = ctx.params
     with suppress(RoboError):

@@ -11,12 +11,12 @@ import msgspec
 from robo import tcp
 from robo.cli.json_text import to_json
 from robo.cli.reach import Reach
-from robo.columns import aligned, fitted
 from robo.discovery import NodeToken
 from robo.errors import NetworkError, NodeNotFound
 from robo.session import Network, open_session, zenoh_config
-from robo.suggestions import suggest
-from robo.terminal import own, visible
+from robo.text.columns import aligned, fitted
+from robo.text.suggestions import suggest
+from robo.text.terminal import own, visible
 from robo.tools import nodes
 
 import zenoh  # isort: skip  (after robo.session, which sets how Zenoh starts its threads)

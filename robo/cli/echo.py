@@ -12,7 +12,7 @@ from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
 from robo.errors import UsageError
-from robo.terminal import visible
+from robo.text.terminal import visible
 from robo.tools.fields import Field, Filter, Missing, cell, flattened, truncated
 from robo.tools.records import Received, read
 from robo.tools.stream import Stream
@@ -113,7 +113,7 @@ class _Printer:
         """As YAML, with a head of comments; a single field alone on its line."""
         if isinstance(chosen, dict) and len(self._options.fields) == 1 and self._options.form == "text":
             return f"{visible(cell(next(iter(chosen.values()))))}\n"
-        from robo.yaml_tree import as_yaml
+        from robo.text.yaml_tree import as_yaml
 
         head = visible(f"# {received.arrival.key}  {received.type or 'type not said'}") + "\n"
         if received.error:

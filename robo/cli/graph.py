@@ -1,11 +1,11 @@
 """`robo graph`: drawing what runs."""
 
-from robo import graph
 from robo.cli.connection import amount, connect_to_robot, nodes_of, note, print_text
 from robo.cli.reach import Reach
 from robo.errors import UsageError
-from robo.suggestions import MOST_LISTED
-from robo.terminal import escaped_json, visible
+from robo.text import graph
+from robo.text.suggestions import MOST_LISTED
+from robo.text.terminal import escaped_json, visible
 from robo.tools import graph as tools
 
 

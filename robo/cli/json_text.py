@@ -5,7 +5,7 @@ import sys
 import msgspec
 
 from robo.codec import jsonable
-from robo.terminal import escaped_json
+from robo.text.terminal import escaped_json
 
 
 def to_json(value: object) -> str:

@@ -6,8 +6,8 @@ from pathlib import Path
 import msgspec
 
 from robo.errors import UnreadableFile, UsageError
-from robo.files import read_text
 from robo.session import Network, zenoh_config
+from robo.text.files import read_text
 
 
 def router_network(listen: Sequence[str], connect: Sequence[str], file: Path | None, *, name: str = "") -> Network:
@@ -24,7 +24,8 @@ def router_network(listen: Sequence[str], connect: Sequence[str], file: Path | N
 
 
 def _read(file: Path) -> dict[str, object]:
-    from robo.yaml_tree import Map, Problem, parse, plain
+    from robo.text.tree import Map, Problem, plain
+    from robo.text.yaml_tree import parse
 
     problems: list[Problem] = []
     try:

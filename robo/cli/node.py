@@ -19,7 +19,7 @@ from robo.cli.connection import (
 )
 from robo.cli.reach import Reach
 from robo.cli.runs import duration
-from robo.columns import aligned
+from robo.text.columns import aligned
 from robo.tools import nodes
 from robo.tools.nodes import NodeInfo
 

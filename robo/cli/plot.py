@@ -16,8 +16,8 @@ from robo.cli.reach import Reach
 from robo.cli.screen import Screen
 from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
 from robo.errors import UsageError
-from robo.terminal import visible
-from robo.tools.chart import Chart, Point
+from robo.text.chart import Chart, Point
+from robo.text.terminal import visible
 from robo.tools.fields import Field, Missing, flattened
 from robo.tools.records import Received, read
 from robo.tools.stream import Stream

@@ -11,7 +11,7 @@ import robo_messages
 from robo.cli.connection import amount, connect_to_robot, hint, note
 from robo.cli.reach import Reach
 from robo.errors import MessageError
-from robo.terminal import own
+from robo.text.terminal import own
 from robo.tools import interfaces, topics
 from robo.tools.message_input import message_of
 from robo.tools.publishing import Line, Sender, flush, line_of

@@ -7,9 +7,9 @@ from robo import claims, tcp, zenoh_threads
 from robo.cli.connection import note, print_text
 from robo.cli.json_text import document
 from robo.cli.network import router_network
-from robo.names import nested
 from robo.router import route
 from robo.session import close_session, settings_of
+from robo.text.paths import nested
 
 
 def run_router(*, name: str, listen: Sequence[str], connect: Sequence[str], config: Path | None) -> None:

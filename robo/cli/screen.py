@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 
-from robo.terminal import behind_the_door, visible
+from robo.text.terminal import behind_the_door, visible
 
 
 class Screen(Console):

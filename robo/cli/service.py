@@ -15,7 +15,7 @@ from robo.cli.reach import Reach
 from robo.errors import ServiceTimeout, UsageError
 from robo.names import shown_key
 from robo.parameters import parse_value
-from robo.suggestions import suggest
+from robo.text.suggestions import suggest
 from robo.tools import interfaces, nodes
 from robo.tools.message_input import field_types, message_of
 from robo.tools.nodes import ServiceInfo

@@ -21,7 +21,7 @@ from robo.cli.link import Link, watched
 from robo.cli.reach import Reach
 from robo.cli.runs import duration
 from robo.cli.screen import Screen
-from robo.terminal import visible
+from robo.text.terminal import visible
 from robo.tools.top import NodeFigures, Snapshot, TopicFigures, Watch
 
 T = TypeVar("T")

@@ -4,12 +4,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from robo import lean, log
+from robo import lean
 from robo.cli import show
 from robo.cli.background import notify_starter, start_in_background
 from robo.cli.json_text import document
 from robo.errors import ManifestError, RoboError, UnreadableFile, UsageError
-from robo.files import read_text
 from robo.launch import arguments, faults, missing, reader, resolve
 from robo.launch.check import unmatched
 from robo.launch.faults import ManifestFaults
@@ -19,7 +18,9 @@ from robo.launch.resolve import Resolution
 from robo.launch.substitution import Word
 from robo.launch.values import Assignment
 from robo.supervisor.early import Begun, search_path
-from robo.yaml_tree import Problem
+from robo.text import levels
+from robo.text.files import read_text
+from robo.text.tree import Problem
 
 DEFAULT_MANIFEST = "robot.yaml"
 
@@ -57,7 +58,7 @@ def run_up(
     if wait and not detach:
         raise UsageError("--wait goes with -d: in the foreground `robo up` tells when all is ready")
     if log_level is not None:
-        log.level_of(log_level)
+        levels.level_of(log_level)
     file = manifest_file(name)
     if show_args:
         description, args = _arguments_of(file)

@@ -14,11 +14,11 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_group
 
-from robo.brief import brief_lines
 from robo.cli import completion, ros2_words
 from robo.cli.reach import Reach
 from robo.errors import InvalidName, ManifestError, RoboError, UsageError
-from robo.suggestions import closest
+from robo.text.brief import brief_lines
+from robo.text.suggestions import closest
 
 F = TypeVar("F", bound=Callable[..., int | None])
 

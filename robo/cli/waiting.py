@@ -7,7 +7,7 @@ import zenoh
 from robo.cli.connection import amount, hint, note
 from robo.cli.reach import Reach
 from robo.names import shown_key
-from robo.suggestions import suggest
+from robo.text.suggestions import suggest
 from robo.tools import topics
 from robo.tools.topics import Topic
 

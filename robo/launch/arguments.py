@@ -8,13 +8,13 @@ from pathlib import Path
 import msgspec
 
 from robo import names
-from robo.brief import shown
 from robo.errors import InvalidName
 from robo.launch.expression import as_text
 from robo.launch.manifest import Arg, Manifest
 from robo.launch.substitution import BROKEN, Scope, Word, settled
-from robo.suggestions import hint, suggest
-from robo.yaml_tree import Position
+from robo.text.brief import shown
+from robo.text.suggestions import hint, suggest
+from robo.text.tree import Position
 
 ROBOT_NAME = "robot_name"
 DEFAULT_ROBOT = "my_robot"

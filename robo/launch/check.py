@@ -11,13 +11,13 @@ import msgspec
 
 import robo_messages
 from robo import names
-from robo.brief import shown
 from robo.launch.contracts import Endpoint
 from robo.launch.faults import in_order
 from robo.launch.plan import ProcessPlan, TopicPlan
 from robo.launch.resolve import Resolution
-from robo.suggestions import closest, hint, suggest
-from robo.yaml_tree import Position, Problem
+from robo.text.brief import shown
+from robo.text.suggestions import closest, hint, suggest
+from robo.text.tree import Position, Problem
 
 
 class End(msgspec.Struct, frozen=True):

@@ -125,7 +125,7 @@ def _answer(asked: Question, loaded: dict[str, Any]) -> Answer:
         except (ContractError, SystemExit) as error:
             loaded[asked.service] = str(error) or "it ends the process"
         except Exception as error:  # what a user has written may raise anything while its contract is made
-            from robo.import_errors import explained
+            from robo.text.import_errors import explained
 
             loaded[asked.service] = f"service {asked.service!r} cannot be used: {explained(error)}"
     if isinstance(loaded[asked.service], str):

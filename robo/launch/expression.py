@@ -16,7 +16,7 @@ import re
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from robo.brief import shown
+from robo.text.brief import shown
 
 _TOKEN = re.compile(
     r"""\s*(?:

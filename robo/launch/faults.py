@@ -3,11 +3,12 @@
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
-from robo.brief import marked
 from robo.errors import ManifestError, UnreadableFile
-from robo.files import read_bytes
 from robo.launch.arguments import COMMAND_LINE
-from robo.yaml_tree import Problem, lines_of
+from robo.text.brief import marked
+from robo.text.files import read_bytes
+from robo.text.tree import Problem
+from robo.text.yaml_tree import lines_of
 
 MOST_SHOWN = 100
 """People are shown no more than so many mistakes at once."""

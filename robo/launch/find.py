@@ -5,10 +5,10 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from robo.brief import shown
 from robo.errors import ManifestError
 from robo.launch.packages import folders_of
-from robo.suggestions import suggest
+from robo.text.brief import shown
+from robo.text.suggestions import suggest
 
 _IN_PACKAGE = re.compile(r"([A-Za-z_]\w*):(?!=)(.+)", re.ASCII)
 

@@ -2,12 +2,13 @@
 
 from collections.abc import Iterable, Sequence
 
-from robo import graph, names
+from robo import names
 from robo.contract import SYSTEM_TOPICS
-from robo.graph import Edge, Graph
 from robo.launch.check import End
 from robo.launch.plan import ProcessPlan
 from robo.launch.resolve import Resolution
+from robo.text import graph
+from robo.text.graph import Edge, Graph
 
 _KINDS = {"publishes": "pub", "subscribes": "sub"}
 

@@ -8,7 +8,7 @@ from typing import Literal
 
 import msgspec
 
-from robo.yaml_tree import Entry, Items, Map, Position, Scalar
+from robo.text.tree import Entry, Items, Map, Position, Scalar
 
 ArgType = Literal["str", "int", "float", "bool", "path", "choice"]
 Until = Literal["started", "ready", "completed"]

@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 from robo.launch.resolve import Resolution
-from robo.yaml_tree import Problem
+from robo.text.tree import Problem
 
 
 def programs(found: Resolution, search: str) -> list[Problem]:

@@ -6,11 +6,11 @@ from collections.abc import Collection, Mapping, Sequence
 import msgspec
 
 from robo import names
-from robo.brief import shown
 from robo.launch.manifest import Until
 from robo.launch.substitution import Scope
-from robo.suggestions import closest
-from robo.yaml_tree import Position, Problem, Scalar
+from robo.text.brief import shown
+from robo.text.suggestions import closest
+from robo.text.tree import Position, Problem, Scalar
 
 
 class Asked(msgspec.Struct, frozen=True):

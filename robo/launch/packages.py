@@ -5,9 +5,9 @@ import importlib.util
 import pkgutil
 from pathlib import Path
 
-from robo.brief import shown
 from robo.names import is_word
-from robo.suggestions import hint
+from robo.text.brief import shown
+from robo.text.suggestions import hint
 
 
 def folders_of(package: str) -> list[Path]:

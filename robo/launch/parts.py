@@ -12,14 +12,14 @@ from typing import Any, Literal, TypeVar
 import msgspec
 
 from robo import names
-from robo.brief import shown
 from robo.errors import InvalidName
 from robo.launch import language
 from robo.launch.language import Key
 from robo.launch.manifest import Log, Node, Restart, Settings, Topic, Variable
 from robo.launch.plan import LogPlan, ReadyPlan, RestartPlan, StopPlan, TopicPlan
 from robo.launch.substitution import BROKEN, Scope
-from robo.yaml_tree import Entry, Items, Position, Problem, Scalar
+from robo.text.brief import shown
+from robo.text.tree import Entry, Items, Position, Problem, Scalar
 
 T = TypeVar("T")
 

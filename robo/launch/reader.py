@@ -9,7 +9,6 @@ from typing import TypeVar, get_args
 
 import msgspec
 
-from robo.brief import shown
 from robo.launch import language
 from robo.launch.manifest import (
     Arg,
@@ -32,8 +31,10 @@ from robo.launch.manifest import (
     Variable,
 )
 from robo.names import is_word
-from robo.suggestions import closest, hint, suggest
-from robo.yaml_tree import Entry, Items, Map, Position, Problem, Scalar, Tree, kind, parse
+from robo.text.brief import shown
+from robo.text.suggestions import closest, hint, suggest
+from robo.text.tree import Entry, Items, Map, Position, Problem, Scalar, Tree, kind
+from robo.text.yaml_tree import parse
 
 T = TypeVar("T")
 Parts = dict[str, Tree]

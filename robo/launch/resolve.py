@@ -11,9 +11,7 @@ from typing import Any
 import msgspec
 
 from robo import names
-from robo.brief import shown
 from robo.errors import InvalidName, ManifestError, UnreadableFile
-from robo.files import read_text
 from robo.launch import arguments as args
 from robo.launch import contracts, needs, values
 from robo.launch.contracts import Answer
@@ -27,8 +25,10 @@ from robo.launch.reader import read
 from robo.launch.substitution import BROKEN, Scope, Shared
 from robo.launch.values import Assignment, Checked, Files, Said, Setting
 from robo.parameter_files import ParameterEntry
-from robo.suggestions import suggest
-from robo.yaml_tree import Entry, Items, Map, Position, Problem, Scalar, Tree
+from robo.text.brief import shown
+from robo.text.files import read_text
+from robo.text.suggestions import suggest
+from robo.text.tree import Entry, Items, Map, Position, Problem, Scalar, Tree
 
 MOST_STEPS = 20_000
 """Groups, includes and nodes that a launch may unfold to, counted with their repetitions."""

@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterable
 from typing import TextIO
 
-from robo.terminal import behind_the_door, visible, visible_but_colours
+from robo.text.terminal import behind_the_door, visible, visible_but_colours
 
 _NODE_COLOURS = ("36", "32", "35", "34", "33", "96", "92", "95", "94", "93")
 _LEVEL_COLOURS = {"DEBUG": "2", "WARN": "33", "ERROR": "31", "FATAL": "1;31"}

@@ -14,10 +14,10 @@ import zenoh
 
 from robo import codec
 from robo.errors import RoboError, UsageError
-from robo.log import level_of
 from robo.queries import QueryLoop, reply, reply_error
 from robo.supervisor.log_files import LogRecord
 from robo.supervisor.status import Asked, Event, control_key, event_key, log_key
+from robo.text.levels import level_of
 
 _LONGEST = 60.0
 """How long a command may take, s."""

@@ -13,8 +13,8 @@ from typing import BinaryIO
 import msgspec
 
 from robo.environment import LOG_FOLDER_VARIABLE
-from robo.log import LEVEL_NAMES, LEVELS, level_of
-from robo.terminal import escaped_json
+from robo.text.levels import LEVEL_NAMES, LEVELS, level_of
+from robo.text.terminal import escaped_json
 
 LARGEST = 10_000_000
 """A file that has grown beyond this is set aside, bytes."""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import msgspec
 
-from robo.terminal import escaped_json
+from robo.text.terminal import escaped_json
 
 _LONGEST_LINE = 16_384
 _PARTIAL = 0.3

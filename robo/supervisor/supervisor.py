@@ -23,7 +23,6 @@ import msgspec
 import zenoh
 
 from robo import claims, discovery, names
-from robo.brief import shown
 from robo.discovery import ClaimToken, NodeToken
 from robo.environment import LOG_LEVEL_VARIABLE, NETWORK_VARIABLE, RUN_VARIABLE, WATCH_VARIABLE
 from robo.errors import NetworkError
@@ -31,7 +30,6 @@ from robo.launch.plan import Plan, ProcessPlan, StopPlan, TopicPlan
 from robo.router import LINGER
 from robo.run_id import new_run_id
 from robo.session import Network, close_session, open_session
-from robo.suggestions import suggest
 from robo.supervisor import last_resort, log_space, orphans, process
 from robo.supervisor.console import Console
 from robo.supervisor.control import Control
@@ -61,6 +59,8 @@ from robo.supervisor.template import Template
 from robo.supervisor.timing import Started, timing_text
 from robo.supervisor.topic_watch import Flow, TopicWatch
 from robo.supervisor.watchdog import Watchdog
+from robo.text.brief import shown
+from robo.text.suggestions import suggest
 
 STOP_LIMIT = 2.0
 """How long the stop of a launch may take, s, before all that still run are killed, unless the manifest

@@ -2,9 +2,9 @@
 
 import zenoh
 
-from robo import graph
 from robo.discovery import NodeToken, tokens
-from robo.graph import Edge, Graph
+from robo.text import graph
+from robo.text.graph import Edge, Graph
 from robo.tools import admin
 
 

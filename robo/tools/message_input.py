@@ -11,9 +11,9 @@ import msgspec
 from msgspec import inspect
 
 import robo_messages
-from robo.brief import shown
 from robo.errors import MessageError
-from robo.suggestions import suggest
+from robo.text.brief import shown
+from robo.text.suggestions import suggest
 from robo_messages import Header, Message, Time
 
 _NON_FINITE = ("nan", "inf", "-inf")

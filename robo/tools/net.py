@@ -9,9 +9,9 @@ import zenoh
 from robo import discovery
 from robo.discovery import EndpointToken, NodeToken, hostname
 from robo.errors import NodeUnreachable
-from robo.graph import SYSTEM_TYPES
 from robo.node_status import NodeStatus
-from robo.suggestions import closest
+from robo.text.graph import SYSTEM_TYPES
+from robo.text.suggestions import closest
 from robo.tools import admin, nodes, runs
 from robo.tools.admin import Link, Router
 

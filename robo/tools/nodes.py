@@ -10,8 +10,8 @@ from robo import names
 from robo.discovery import EndpointToken, NodeToken, status_key, tokens
 from robo.errors import NodeNotFound, NodeUnreachable, RoboError
 from robo.node_status import NodeStatus
-from robo.suggestions import suggest
 from robo.supervisor.status import ProcessStatus
+from robo.text.suggestions import suggest
 from robo.tools import runs
 from robo.tools.replies import read, samples
 

@@ -10,10 +10,10 @@ from robo import parameter_files
 from robo.codec import UNREADABLE
 from robo.discovery import NodeToken
 from robo.errors import NodeUnreachable, ParameterError
-from robo.names import nested
 from robo.parameter_server import Result, Said, parameters_key
 from robo.queries import Fault, first_answer
-from robo.yaml_tree import Problem
+from robo.text.paths import nested
+from robo.text.tree import Problem
 
 T = TypeVar("T")
 
@@ -95,7 +95,7 @@ def from_file(path: str, node: NodeToken) -> tuple[dict[str, object], tuple[Prob
 
 def to_yaml(dumped: Mapping[str, Mapping[str, object]]) -> str:
     """Values by node's full name and parameter as a file that `robo up` and ROS 2 read."""
-    from robo.yaml_tree import as_yaml
+    from robo.text.yaml_tree import as_yaml
 
     tree = {node: {parameter_files.ROS_KEY: nested(values, ".")} for node, values in dumped.items()}
     return as_yaml(tree)

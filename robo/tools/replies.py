@@ -7,8 +7,8 @@ from typing import TypeVar
 import msgspec
 import zenoh
 
-from robo.brief import brief, shown
 from robo.codec import UNREADABLE
+from robo.text.brief import brief, shown
 
 T = TypeVar("T")
 

@@ -11,7 +11,6 @@ from robo import names
 from robo.discovery import hostname, user
 from robo.errors import NodeNotFound, RunError, UsageError
 from robo.queries import Fault, read_fault
-from robo.suggestions import suggest
 from robo.supervisor.log_files import LogRecord
 from robo.supervisor.status import (
     Asked,
@@ -28,6 +27,7 @@ from robo.supervisor.status import (
     parse_supervisor_token,
     supervisors_key,
 )
+from robo.text.suggestions import suggest
 from robo.tools.replies import read, samples
 
 T = TypeVar("T")

@@ -7,9 +7,9 @@ import zenoh
 
 from robo.discovery import EndpointToken, tokens
 from robo.errors import MessageError, TopicNotFound, TopicTaken
-from robo.suggestions import suggest
 from robo.supervisor.status import ProcessStatus
-from robo.terminal import visible
+from robo.text.suggestions import suggest
+from robo.text.terminal import visible
 from robo.tools import admin, runs, strangers
 
 RATES_TIMEOUT = 0.2

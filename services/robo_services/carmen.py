@@ -15,7 +15,7 @@ import msgspec
 
 from robo import RoboError
 from robo.errors import UnreadableFile
-from robo.files import open_regular
+from robo.text.files import open_regular
 from robo_messages import (
     Header,
     LaserScan,

@@ -16,7 +16,7 @@ from msgspec import Meta
 
 from robo import RoboError, lean
 from robo.errors import UnreadableFile
-from robo.files import read_text
+from robo.text.files import read_text
 from robo_services.kinematics import Pose2
 
 Segment = tuple[float, float, float, float]
@@ -77,7 +77,8 @@ def load(path: str) -> World:
         WorldError: it is missing, unreadable or has a mistake; says where.
     """
     lean.import_yaml()
-    from robo.yaml_tree import Map, Problem, convert, parse  # a node without a world file carries no YAML
+    from robo.text.tree import Map, Problem, convert
+    from robo.text.yaml_tree import parse  # a node without a world file carries no YAML
 
     try:
         text = read_text(path)

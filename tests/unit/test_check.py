@@ -8,13 +8,14 @@ import pytest
 import yaml
 
 import robo_messages
-from robo.graph import Topic
 from robo.launch import language, resolve
 from robo.launch.check import Findings, check, ends_of
 from robo.launch.graph import graph_of
 from robo.launch.language import Limits
 from robo.launch.schema import manifest_schema
-from robo.yaml_tree import parse, plain
+from robo.text.graph import Topic
+from robo.text.tree import plain
+from robo.text.yaml_tree import parse
 
 ROOT = Path(__file__).parents[2]
 SCHEMA = jsonschema.Draft202012Validator(manifest_schema())

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from robo import parameter_files
-from robo.brief import brief, brief_lines, marked, shown
 from robo.cli.network import router_network
 from robo.errors import ManifestError, ParameterFileError, RoboError, UnreadableFile, UsageError
-from robo.files import read_bytes, read_text
 from robo.launch import resolve
 from robo.launch.faults import as_text
 from robo.launch.find import find_manifest
+from robo.text.brief import brief, brief_lines, marked, shown
+from robo.text.files import read_bytes, read_text
 from robo_services import carmen, world
 
 # `/dev/zero` never ends and a pipe never begins: where one of them is read, this file does not come to its end.

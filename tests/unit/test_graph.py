@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 
-from robo.graph import FORMATS, Edge, Graph, Node, Topic, build, draw, without_system
+from robo.text.graph import FORMATS, Edge, Graph, Node, Topic, build, draw, without_system
 from robo.tools.graph import of_robot
 
 NODES = [Node("/r1/a", "m:A"), Node("/r1/b", "m:B"), Node("/r2/c", None)]

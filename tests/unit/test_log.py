@@ -4,7 +4,8 @@ import sys
 import pytest
 
 from robo.errors import UsageError
-from robo.log import ConsoleFormatter, NodeLogger, level_name, level_of
+from robo.log import ConsoleFormatter, NodeLogger
+from robo.text.levels import level_name, level_of
 
 
 class Keep(logging.Handler):

@@ -20,7 +20,8 @@ from robo.launch.faults import ManifestFaults, as_data, as_text
 from robo.launch.find import find_manifest
 from robo.launch.substitution import Word
 from robo.launch.values import Assignment
-from robo.yaml_tree import Position, Problem, lines_of
+from robo.text.tree import Position, Problem
+from robo.text.yaml_tree import lines_of
 
 
 @pytest.fixture(autouse=True)

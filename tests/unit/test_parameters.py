@@ -15,7 +15,8 @@ from robo import node_options, parameter_files
 from robo.errors import ContractError, ParameterError, ParameterFileError
 from robo.loading import load_node_class
 from robo.parameters import build, change, describe, flat, parse_assignment, parse_value
-from robo.yaml_tree import Problem, lines_of
+from robo.text.tree import Problem
+from robo.text.yaml_tree import lines_of
 
 
 class Tuning(robo.Parameters):

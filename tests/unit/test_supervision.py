@@ -22,7 +22,7 @@ from robo.supervisor.restart import Restarts
 from robo.supervisor.status import ProcessName
 from robo.supervisor.timing import Started, critical_path
 from robo.supervisor.topic_watch import Flow
-from robo.terminal import escaped_json
+from robo.text.terminal import escaped_json
 from robo.tools import logs
 
 # -- restarts ------------------------------------------------------------------------------------

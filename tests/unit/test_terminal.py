@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robo.columns import aligned, fitted
 from robo.supervisor.console import Console
-from robo.terminal import Door, escaped_json, own, visible, visible_but_colours, width
-from robo.yaml_tree import as_yaml
+from robo.text.columns import aligned, fitted
+from robo.text.terminal import Door, escaped_json, own, visible, visible_but_colours, width
+from robo.text.yaml_tree import as_yaml
 
 CONTROLS = [
     *map(chr, [*range(0x20), *range(0x7F, 0xA0)]),

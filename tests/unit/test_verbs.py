@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from robo.cli import completion, ros2_words
 from robo.cli.app import app
 from robo.cli.verb import GROUPS, SECTIONS
-from robo.suggestions import closest
+from robo.text.suggestions import closest
 
 NO_KEYS = ("a//b", "a/**b", "#", "a?", "$", "", "a b")
 

@@ -10,7 +10,7 @@ from robo.cli.runs import explained
 from robo.cli.top import render, shares
 from robo.codec import Attachment
 from robo.supervisor.status import Explanation, Input, ProcessStatus
-from robo.tools.chart import Chart
+from robo.text.chart import Chart
 from robo.tools.stream import Arrival
 from robo.tools.top import Flow, NodeFigures, Snapshot, TopicFigures
 from robo.tools.topics import Topic

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robo.yaml_tree import Map, Problem, Scalar, parse, plain
+from robo.text.tree import Map, Problem, Scalar, plain
+from robo.text.yaml_tree import parse
 
 
 def read(text: str, *, placeholders: bool = False) -> tuple[object, list[Problem]]:

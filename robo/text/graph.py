@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Sequence
 
 import msgspec
 
-from robo.columns import aligned
-from robo.terminal import visible
+from robo.text.columns import aligned
+from robo.text.terminal import visible
 
 SYSTEM_TYPES = frozenset({"system/Log", "system/ParameterEvent", "system/Clock"})
 """Types of the topics that every node has; nobody needs to be at their other end."""

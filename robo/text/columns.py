@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from robo.terminal import visible, width
+from robo.text.terminal import visible, width
 
 _GAP = "  "
 _LEAST_LAST = 24

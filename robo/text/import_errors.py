@@ -10,9 +10,9 @@ from types import TracebackType
 import msgspec
 
 import robo_messages
-from robo.brief import brief
 from robo.errors import UnreadableFile
-from robo.files import read_text
+from robo.text.brief import brief
+from robo.text.files import read_text
 
 _UNSAFE = re.compile(r"\((?P<value>.*)\) as a default value is unsafe", re.DOTALL)
 """What msgspec says of a default that all instances would share."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from robo.terminal import visible
+from robo.text.terminal import visible
 
 MOST_LISTED = 24
 _LEAST_PART = 3

@@ -6,13 +6,13 @@ Only plain data is read: no tags, no objects. Scalars follow YAML 1.2, so `no` a
 import math
 import re
 from collections.abc import Iterator
-from typing import Any, NamedTuple, TypeVar
+from typing import Any
 
-import msgspec
 import yaml
 
-from robo.brief import brief, shown
-from robo.terminal import visible
+from robo.text.brief import shown
+from robo.text.terminal import visible
+from robo.text.tree import Entry, Items, Map, Position, Problem, Scalar, Tree
 
 _INT = re.compile(r"[-+]?[0-9]+\Z")
 _BASED_INT = re.compile(r"0x[0-9a-fA-F]+\Z|0o[0-7]+\Z")
@@ -33,8 +33,6 @@ _PLACEHOLDER = re.compile(r"\$\{([^{}\n]*)\}")
 
 _LINE_END = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
-T = TypeVar("T")
-
 LARGEST = 2**63 - 1
 """A larger whole number stays text: neither MessagePack nor JSON could carry it on."""
 
@@ -48,107 +46,9 @@ MAX_DEPTH = 100
 """A file that nests lists and maps deeper than this is refused."""
 
 
-class Position(NamedTuple):
-    """A place in a file; lines and columns count from 1, and 0 stands for no place within it."""
-
-    file: str
-    line: int
-    column: int
-
-    def __str__(self) -> str:
-        return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
-
-
-class Problem(NamedTuple):
-    """One mistake and where it is."""
-
-    position: Position
-    text: str
-
-    @property
-    def message(self) -> str:
-        """The text, cut where a file has put something very long into it."""
-        return brief(self.text)
-
-    def __str__(self) -> str:
-        return f"{self.position}: {self.message}"
-
-
 def lines_of(text: str) -> list[str]:
     r"""The lines of a text as positions count them: YAML has more line ends than `\n`."""
     return _LINE_END.split(text)
-
-
-class Scalar(msgspec.Struct, frozen=True):
-    """A single value."""
-
-    value: object
-    """None, bool, int, float or str."""
-    position: Position
-    inset: int | None = 0
-    """Columns from `position` to its text: 1 in quotes; None where it runs over several lines."""
-
-    def place(self, offset: int) -> Position:
-        """Where the character at an offset of the text stands."""
-        if self.inset is None:
-            return self.position
-        return self.position._replace(column=self.position.column + self.inset + offset)
-
-
-class Items(msgspec.Struct, frozen=True):
-    """A list."""
-
-    items: "tuple[Tree, ...]"
-    position: Position
-
-
-class Entry(NamedTuple):
-    """One key of a map, with its value."""
-
-    key: str
-    position: Position
-    value: "Tree"
-
-
-class Map(msgspec.Struct, frozen=True):
-    """A map with text keys, in the file's order, each key once unless `parse` was told to keep all."""
-
-    entries: tuple[Entry, ...]
-    position: Position
-
-    def __iter__(self) -> Iterator[Entry]:
-        return iter(self.entries)
-
-    def get(self, key: str) -> "Tree | None":
-        """The value of a key; the first one, where it stands twice."""
-        return next((entry.value for entry in self.entries if entry.key == key), None)
-
-
-Tree = Scalar | Items | Map
-
-
-def plain(tree: Tree) -> object:
-    """The tree as plain data, without positions."""
-    if isinstance(tree, Scalar):
-        return tree.value
-    if isinstance(tree, Items):
-        return [plain(item) for item in tree.items]
-    return {entry.key: plain(entry.value) for entry in tree.entries}
-
-
-def convert(tree: Tree, type_: type[T], problems: list[Problem]) -> T | None:
-    """The tree as a value of a type that msgspec understands.
-
-    Returns:
-        The value; None, with the first mistake added to `problems`, where it does not fit.
-    """
-    try:
-        return msgspec.convert(plain(tree), type_)
-    except msgspec.ValidationError as error:
-        text, _, path = str(error).partition(" - at `$")
-        where = locate(tree, path.rstrip("`"))
-        problems.append(Problem(where, f"{path.rstrip('`').lstrip('.') or 'value'}: {text.replace('`', '').lower()}"))
-        return None
 
 
 def as_yaml(value: object, **style: Any) -> str:
@@ -161,27 +61,6 @@ def as_yaml(value: object, **style: Any) -> str:
         if visible(text, keep="\n") == text:
             break
     return text
-
-
-def locate(tree: Tree, path: str) -> Position:
-    """Where the value stands that a path like `.boxes[0].size` leads to, or its nearest parent."""
-    for step in re.findall(r"\w+|\[\d+\]", path):
-        if step.startswith("[") and isinstance(tree, Items):
-            tree = tree.items[int(step[1:-1])]
-        elif isinstance(tree, Map) and (child := tree.get(step)) is not None:
-            tree = child
-        else:
-            break
-    return tree.position
-
-
-def kind(tree: Tree) -> str:
-    """What a tree is, in a word for a message."""
-    if isinstance(tree, Map):
-        return "a map"
-    if isinstance(tree, Items):
-        return "a list"
-    return "nothing" if tree.value is None else shown(tree.value)
 
 
 def repeated(tree: Tree) -> Iterator[Problem]:

@@ -1,0 +1,1 @@
+"""Plain data and words: trees with positions, files, tables, drawings, suggestions. No network."""
