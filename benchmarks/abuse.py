@@ -25,8 +25,9 @@ import msgspec
 import psutil
 import zenoh
 
-from robo.codec import unpack_attachment
-from robo.session import Network, close_session, open_session
+from robo.wire.codec import unpack_attachment
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 
 ROBOT = "r1"
 NODES = ("diff_drive_sim", "position_tracker", "safety_monitor", "velocity_controller")

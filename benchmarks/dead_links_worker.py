@@ -10,10 +10,11 @@ import threading
 import time
 from itertools import pairwise
 
-from robo.codec import unpack_attachment
-from robo.session import Network, open_session
+import zenoh
 
-import zenoh  # isort: skip  (after robo.session, which sets how Zenoh starts its threads)
+from robo.wire.codec import unpack_attachment
+from robo.wire.network import Network
+from robo.wire.session import open_session
 
 LOCAL = "tcp/127.0.0.1:7447"
 CALL_EVERY = 0.1

@@ -17,8 +17,9 @@ from pathlib import Path
 import psutil
 
 from benchmarks.__main__ import machine
-from robo.session import Network, close_session, open_session
 from robo.tools import admin, nodes, runs
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 
 PORT = 17447
 MANIFEST = """

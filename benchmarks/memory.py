@@ -25,7 +25,8 @@ def main() -> None:
 
     import_msgspec()  # as in the process of a node
     from robo.loading import load_node_class
-    from robo.session import Network, open_session
+    from robo.wire.network import Network
+    from robo.wire.session import open_session
 
     parameters = {"world": "config/room.yaml"} if variant.endswith("sim") else {}
     joined = open_session(Network(mode="peer", connect=(endpoint,)))

@@ -7,7 +7,7 @@ import zenoh
 
 import robo
 from benchmarks.raw import FLOOD, PING, PONG, wait_for_match
-from robo.qos import DEFAULT_DEPTH, KEEP_ALL
+from robo.wire.qos import DEFAULT_DEPTH, KEEP_ALL
 from robo_messages import Message
 
 DEPTHS = {"robo": DEFAULT_DEPTH, "robo-keep-all": KEEP_ALL}

@@ -21,7 +21,8 @@ def main() -> None:
     if settings == "raw":  # as zenoh-python comes
         session = raw.open_plain(listen, connect)
     else:  # with robo's settings
-        from robo.session import Network, open_session
+        from robo.wire.network import Network
+        from robo.wire.session import open_session
 
         session = open_session(
             Network(mode="peer", listen=tuple(filter(None, [listen])), connect=tuple(filter(None, [connect])))

@@ -34,11 +34,12 @@ if TYPE_CHECKING:
     )
     from robo.message_info import MessageInfo
     from robo.node import Node
-    from robo.node_status import NodeStatus
     from robo.parameters import NON_FINITE, READ_ONLY, Parameters, Step, Unit
-    from robo.qos import KEEP_ALL
     from robo.runner import run
-    from robo.session import Network, open_session
+    from robo.wire.network import Network
+    from robo.wire.qos import KEEP_ALL
+    from robo.wire.reports import NodeStatus
+    from robo.wire.session import open_session
 
 __all__ = [
     "KEEP_ALL",
@@ -75,11 +76,12 @@ _HOMES = {
     "contract": ("Client", "Publisher", "service", "subscribe", "timer"),
     "message_info": ("MessageInfo",),
     "node": ("Node",),
-    "node_status": ("NodeStatus",),
     "parameters": ("NON_FINITE", "READ_ONLY", "Parameters", "Step", "Unit"),
-    "qos": ("KEEP_ALL",),
     "runner": ("run",),
-    "session": ("Network", "open_session"),
+    "wire.network": ("Network",),
+    "wire.qos": ("KEEP_ALL",),
+    "wire.reports": ("NodeStatus",),
+    "wire.session": ("open_session",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -20,7 +20,7 @@ from robo import parameters
 from robo.errors import ContractError
 from robo.executor import period_of
 from robo.message_info import MessageInfo
-from robo.qos import DEFAULT_DEPTH, DEFAULT_TIMEOUT, check_depth
+from robo.wire.qos import DEFAULT_DEPTH, DEFAULT_TIMEOUT, check_depth
 from robo_messages import Message
 
 if TYPE_CHECKING:
@@ -34,9 +34,6 @@ A = TypeVar("A", bound=Message)
 N = TypeVar("N", bound="Node")
 
 _MARK = "__robo_contract__"
-
-SYSTEM_TOPICS = {"log": "system/Log", "parameter_events": "system/ParameterEvent"}
-"""What every node publishes beside its contract, by topic of its namespace: log records and changed parameters."""
 
 
 class Publisher(Generic[M]):

@@ -11,13 +11,13 @@ import msgspec
 import zenoh
 
 import robo_messages
-from robo import codec
-from robo.discovery import EndpointKind, EndpointToken, source_id
 from robo.executor import SubscriptionLoop, Turn
 from robo.intake import Intake
 from robo.message_check import MessageCheck
-from robo.node_status import Refused
-from robo.qos import KEEP_ALL
+from robo.wire import codec
+from robo.wire.keys import EndpointKind, EndpointToken, source_id
+from robo.wire.qos import KEEP_ALL
+from robo.wire.reports import Refused
 from robo_messages import Message
 
 M = TypeVar("M", bound=Message)

@@ -21,10 +21,10 @@ from typing import Generic, TypeVar
 import zenoh
 
 from robo.clock import Clock
-from robo.codec import UNREADABLE, Malformed, TopicDecoder
 from robo.errors import ContractError
 from robo.message_info import MessageInfo
-from robo.qos import KEEP_ALL
+from robo.wire.codec import UNREADABLE, Malformed, TopicDecoder
+from robo.wire.qos import KEEP_ALL
 from robo_messages import Message
 
 M = TypeVar("M", bound=Message)

@@ -4,10 +4,11 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from robo import names
-from robo.discovery import PREFIX, status_key
 from robo.errors import RoboError
-from robo.session import Network, close_session, open_session
+from robo.wire import names
+from robo.wire.keys import PREFIX, status_key
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 
 EXAMPLES = """examples:
   robo health

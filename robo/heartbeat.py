@@ -18,20 +18,10 @@ import msgspec
 from robo.clock import Clock
 from robo.environment import HEARTBEAT_VARIABLE, WATCH_VARIABLE
 from robo.node import Node
-from robo.node_status import NodeStatus
+from robo.wire.reports import Beat, NodeStatus
 
 _BEHIND = (errno.EAGAIN, errno.ENOBUFS)
 """What the system says where the supervisor has not read for a while; the latter on macOS."""
-
-
-class Beat(msgspec.Struct, frozen=True):
-    """What a beat says."""
-
-    status: NodeStatus
-    late: bool = False
-    """Whether a callback holds the beat back: no sign of life, but its status says which one."""
-    files: list[str] = []
-    """The source files of the process, Python's own and installed ones left out; in the first beat only."""
 
 
 def begin(node: Node) -> None:

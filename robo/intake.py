@@ -7,11 +7,11 @@ from datetime import UTC, datetime, timedelta
 
 import zenoh
 
-from robo import codec, discovery
 from robo.clock import monotonic_ns
-from robo.discovery import EndpointToken
 from robo.message_info import Clocks, MessageInfo, SoleSource
-from robo.node_status import Refused
+from robo.wire import codec, keys
+from robo.wire.keys import EndpointToken
+from robo.wire.reports import Refused
 
 _INTRODUCTION = 500_000_000
 """How long a publisher's announcement may come after its first message, ns."""
@@ -50,7 +50,7 @@ class Intake:
         """Since when messages come of ids that nobody has announced."""
         # On Zenoh's own thread: it only writes into a dict, and a thread of its own would cost each subscription more.
         self._announcements = session.liveliness().declare_subscriber(
-            discovery.tokens_of_publishers(topic), zenoh.handlers.Callback(self._meet, indirect=False), history=True
+            keys.tokens_of_publishers(topic), zenoh.handlers.Callback(self._meet, indirect=False), history=True
         )
 
     @property
@@ -74,7 +74,7 @@ class Intake:
 
     def _info(self, sample: zenoh.Sample, arrival: int) -> MessageInfo:
         source = sample.source_info
-        source_id = discovery.source_id(source.source_id) if source is not None else ""
+        source_id = keys.source_id(source.source_id) if source is not None else ""
         name = self._names.get(source_id, "")
         stamp = codec.unpack_attachment(sample.attachment.to_bytes()) if sample.attachment is not None else None
         if stamp is None:
@@ -91,7 +91,7 @@ class Intake:
         return arrival - self._strangers.setdefault(source_id, arrival) > _INTRODUCTION
 
     def _meet(self, sample: zenoh.Sample) -> None:
-        token = discovery.parse_token(str(sample.key_expr))
+        token = keys.parse_token(str(sample.key_expr))
         if sample.kind == zenoh.SampleKind.PUT and isinstance(token, EndpointToken) and token.id:
             if len(self._names) >= _MOST_NAMES:
                 self._names.pop(next(iter(self._names)))

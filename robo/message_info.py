@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import msgspec
 
-from robo.node_status import Refused
 from robo.text.brief import brief
+from robo.wire.reports import Refused
 
 DRIFT = 1e-3
 """How much two clocks may drift apart, s a second: quartz and what NTP slews, with room."""

@@ -16,10 +16,9 @@ from typing import Any, ClassVar, Self, TypeVar
 import msgspec
 import zenoh
 
-from robo import discovery, log, names
+from robo import log
 from robo.clock import Clock, SimClock
 from robo.contract import Contract, check_plain, contract_of, takes_info
-from robo.discovery import NodeToken
 from robo.endpoints import TopicPublisher, TopicSubscription, endpoint_token
 from robo.environment import NAMESPACE_VARIABLE, RUN_VARIABLE
 from robo.errors import ContractError, ParameterError
@@ -27,14 +26,17 @@ from robo.executor import TimerLoop, Turn, checked_period, name_of, period_of, t
 from robo.intake import Intake
 from robo.memory import Memory
 from robo.message_info import PLAIN, MessageInfo
-from robo.node_status import NodeStatus
-from robo.parameter_server import ParameterServer, Said
+from robo.parameter_server import ParameterServer
 from robo.parameters import Parameters as AnyParameters
 from robo.parameters import build, change, flat
-from robo.qos import DEFAULT_DEPTH, DEFAULT_TIMEOUT, KEEP_ALL
-from robo.queries import QueryLoop, reply
 from robo.services import ServiceClient, ServiceServer, service_token
-from robo.session import Network, close_session, open_session
+from robo.wire import discovery, keys, names
+from robo.wire.keys import NodeToken
+from robo.wire.network import Network
+from robo.wire.qos import DEFAULT_DEPTH, DEFAULT_TIMEOUT, KEEP_ALL
+from robo.wire.queries import QueryLoop, reply
+from robo.wire.reports import NodeStatus, Said
+from robo.wire.session import close_session, open_session
 from robo_messages import Clock as ClockMessage
 from robo_messages import Log, Message, Parameter, ParameterEvent, Time
 
@@ -461,7 +463,7 @@ class Node:
             vars(self)[called.attribute] = self.create_client(
                 called.request_type, called.response_type, called.service, called.timeout
             )
-        key = discovery.status_key(self.namespace, self.name)
+        key = keys.status_key(self.namespace, self.name)
         # Not complete: of two nodes with one name both are asked.
         queries = QueryLoop(session, key, self._answer_status, tells=[key], complete=False)
         made.callback(queries.stop, GRACE)
@@ -617,7 +619,7 @@ class Node:
         Args:
             timeout: how long to wait for a node that does not answer, s.
         """
-        everybody = discovery.status_key(self.namespace, "*")
+        everybody = keys.status_key(self.namespace, "*")
         for _ in self.session.get(everybody, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE):
             pass
 
@@ -717,7 +719,7 @@ class Node:
                 announced = discovery.publishers_of(session, topic, timeout=0.5)
             except zenoh.ZError:  # the node has just left
                 announced = []
-            wanted = discovery.source_id(source.source_id)
+            wanted = keys.source_id(source.source_id)
             sender = next((token.full_name for token in announced if token.id == wanted), f"{wanted}, unannounced")
         self.logger.warning("dropped a malformed message on %s (%d so far): %s; from %s", topic, count, reason, sender)
 

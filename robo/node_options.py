@@ -13,10 +13,10 @@ from robo.contract_text import contract_text
 from robo.environment import MODE_VARIABLE, SPEC_VARIABLE
 from robo.errors import UsageError
 from robo.node import Node
-from robo.parameter_server import Said
 from robo.parameters import parse_assignment
 from robo.runner import NodeSpec
-from robo.session import MODES, Mode
+from robo.wire.network import MODES, Mode
+from robo.wire.reports import Said
 
 
 def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:

@@ -17,13 +17,13 @@ from pathlib import Path
 
 import msgspec
 
-from robo import names
 from robo.errors import ParameterFileError, UnreadableFile
 from robo.text.brief import shown
 from robo.text.files import read_text
 from robo.text.suggestions import hint
 from robo.text.tree import Entry, Items, Map, Position, Problem, Scalar, Tree, plain
 from robo.text.yaml_tree import parse, repeated
+from robo.wire import names
 
 ROS_KEY = "ros__parameters"
 

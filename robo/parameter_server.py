@@ -18,13 +18,16 @@ from collections.abc import Callable, Mapping, Sequence
 import msgspec
 import zenoh
 
-from robo import codec, names, parameters, queries
-from robo.codec import Malformed
+from robo import parameters
 from robo.errors import ParameterError
 from robo.parameters import ParameterInfo, Parameters
-from robo.queries import QueryLoop
 from robo.text.brief import shown
 from robo.text.suggestions import hint
+from robo.wire import codec, names, queries
+from robo.wire.codec import Malformed
+from robo.wire.keys import parameters_key
+from robo.wire.queries import QueryLoop
+from robo.wire.reports import Result, Said
 
 LONGEST_REQUEST = 1_000_000
 """A longer request, in bytes, is refused unread."""
@@ -33,26 +36,6 @@ MOST_NAMES = 1_000
 """A request that names more parameters is refused."""
 
 READING = ("list", "get", "describe", "explain")
-
-
-class Result(msgspec.Struct, frozen=True):
-    """What came of a `set`."""
-
-    successful: bool
-    reason: str = ""
-    """Why nothing was set."""
-
-
-class Said(msgspec.Struct, frozen=True):
-    """A value of a parameter and where it was said."""
-
-    value: object
-    source: str
-
-
-def parameters_key(namespace: str, node: str, verb: str) -> str:
-    """The key of a verb; `*` for all of them, or for all nodes of a namespace."""
-    return names.join(namespace, node, "parameters", verb)
 
 
 class ParameterServer:

@@ -14,7 +14,8 @@ import msgspec
 
 from robo.environment import NETWORK_VARIABLE
 from robo.errors import RoboError
-from robo.session import Network, close_session, open_session
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 
 LINGER = 0.5
 """How long a router goes on after its robot has ended, s: for what is on the way to slow readers."""

@@ -13,21 +13,22 @@ import msgspec
 
 from robo import heartbeat, log
 from robo.contract import check_constructor
-from robo.discovery import wait_for_nodes
 from robo.endings import end_process, end_with_threads
 from robo.environment import RUN_VARIABLE
 from robo.errors import RoboError, RunError
 from robo.memory import Memory
 from robo.node import Node, exit_code_of
-from robo.parameter_server import Said
-from robo.run_id import new_run_id
-from robo.session import Mode, Network, close_session, open_session
 from robo.text.terminal import visible
+from robo.wire.discovery import wait_for_nodes
+from robo.wire.network import Mode, Network
+from robo.wire.reports import Said
+from robo.wire.run_id import new_run_id
+from robo.wire.session import close_session, open_session
 
 if TYPE_CHECKING:
     from types import FrameType
 
-    from robo.claims import Claim
+    from robo.wire.claims import Claim
 
 
 class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):
@@ -158,7 +159,7 @@ def _claim_name(full_name: str, network: Network) -> "Claim | None":
     """
     if network.mode != "router" or RUN_VARIABLE in os.environ:
         return None
-    from robo import claims
+    from robo.wire import claims
 
     claim = claims.Claim(network, "", [full_name], new_run_id())
     taken = claim.take()

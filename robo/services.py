@@ -15,13 +15,13 @@ import msgspec
 import zenoh
 
 import robo_messages
-from robo import codec, queries
-from robo.codec import Malformed, TopicDecoder
-from robo.discovery import EndpointToken
 from robo.errors import ServiceError, ServiceTimeout
 from robo.executor import Turn, name_of, paused, taking
-from robo.qos import DEFAULT_TIMEOUT
-from robo.queries import Fault, QueryLoop
+from robo.wire import codec, queries
+from robo.wire.codec import Malformed, TopicDecoder
+from robo.wire.keys import EndpointToken
+from robo.wire.qos import DEFAULT_TIMEOUT
+from robo.wire.queries import Fault, QueryLoop
 from robo_messages import Message
 
 Q = TypeVar("Q", bound=Message)

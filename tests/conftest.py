@@ -10,7 +10,8 @@ import hypothesis
 import pytest
 import zenoh
 
-from robo.session import Network, close_session, open_session
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 from tests.support import Desk
 
 # A program that a script has started in the background ignores SIGINT, and so would all that tests start.

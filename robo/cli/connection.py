@@ -7,19 +7,19 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
+import zenoh
 
-from robo import tcp
 from robo.cli.json_text import to_json
 from robo.cli.reach import Reach
-from robo.discovery import NodeToken
 from robo.errors import NetworkError, NodeNotFound
-from robo.session import Network, open_session, zenoh_config
 from robo.text.columns import aligned, fitted
 from robo.text.suggestions import suggest
 from robo.text.terminal import own, visible
 from robo.tools import nodes
-
-import zenoh  # isort: skip  (after robo.session, which sets how Zenoh starts its threads)
+from robo.wire import tcp
+from robo.wire.keys import NodeToken
+from robo.wire.network import Network, zenoh_config
+from robo.wire.session import open_session
 
 
 def connect_to_robot(reach: Reach) -> zenoh.Session:

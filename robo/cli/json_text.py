@@ -4,8 +4,8 @@ import sys
 
 import msgspec
 
-from robo.codec import jsonable
 from robo.text.terminal import escaped_json
+from robo.wire.codec import jsonable
 
 
 def to_json(value: object) -> str:

@@ -9,7 +9,7 @@ import zenoh
 
 from robo.cli.connection import note
 from robo.cli.reach import Reach
-from robo.session import Network
+from robo.wire.network import Network
 
 _LOOK = 0.3
 """How often the link is looked at, s. A cable that is cut is noticed by Zenoh's lease, within some 2 s."""

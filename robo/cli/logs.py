@@ -6,18 +6,18 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
+import zenoh
+
 from robo.cli.connection import connect_to_robot, note, print_json, print_table
 from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.environment import CONNECT_VARIABLE
 from robo.errors import RoboError
-from robo.run_id import supervisor_lives
 from robo.supervisor.console import Console
-from robo.supervisor.log_files import Filter, LogRecord, log_base
-from robo.supervisor.status import Asked
+from robo.supervisor.log_files import Filter, log_base
 from robo.tools import logs, runs
-
-import zenoh  # isort: skip  (after robo.session, which sets how Zenoh starts its threads)
+from robo.wire.reports import Asked, LogRecord
+from robo.wire.run_id import supervisor_lives
 
 _ASK_TIMEOUT = 0.5
 """How long a supervisor on this machine may take to say whether it writes its files, s."""

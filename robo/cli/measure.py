@@ -3,6 +3,8 @@
 import time
 from collections.abc import Collection, Sequence
 
+import zenoh
+
 from robo.cli.connection import connect_to_robot, data_size, note, print_json, print_line
 from robo.cli.link import watched
 from robo.cli.reach import Reach
@@ -12,8 +14,6 @@ from robo.tools import net
 from robo.tools.meters import Bandwidth, Delay, Loss, Measure, Meter, Rate, Window
 from robo.tools.stream import Stream
 from robo.tools.topics import Topic
-
-import zenoh  # isort: skip  (after robo.cli.connection, which sets how Zenoh starts its threads)
 
 SILENT = 3.0
 """After how long without a message it is said that a topic is silent, s."""

@@ -6,8 +6,8 @@ from pathlib import Path
 import msgspec
 
 from robo.errors import UnreadableFile, UsageError
-from robo.session import Network, zenoh_config
 from robo.text.files import read_text
+from robo.wire.network import Network, zenoh_config
 
 
 def router_network(listen: Sequence[str], connect: Sequence[str], file: Path | None, *, name: str = "") -> Network:

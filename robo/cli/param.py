@@ -9,13 +9,13 @@ import zenoh
 from robo.cli.connection import clock_time, connect_to_robot, hint, nodes_of, note, print_json, print_line, print_text
 from robo.cli.link import watched
 from robo.cli.reach import Reach
-from robo.codec import UNREADABLE
-from robo.discovery import NodeToken
 from robo.errors import NodeUnreachable, UsageError
 from robo.parameters import range_text
 from robo.tools import nodes, parameters
 from robo.tools.parameters import Described
 from robo.tools.stream import Stream
+from robo.wire.codec import UNREADABLE
+from robo.wire.keys import NodeToken
 from robo_messages import ParameterEvent
 
 

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from robo import names
 from robo.errors import UsageError
+from robo.wire import names
 
 ANSWER_TIMEOUT = 2.0
 """How long to wait for what is there, s: a machine may be busy."""

@@ -3,13 +3,14 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from robo import claims, tcp, zenoh_threads
 from robo.cli.connection import note, print_text
 from robo.cli.json_text import document
 from robo.cli.network import router_network
 from robo.router import route
-from robo.session import close_session, settings_of
 from robo.text.paths import nested
+from robo.wire import claims, tcp, zenoh_threads
+from robo.wire.network import settings_of
+from robo.wire.session import close_session
 
 
 def run_router(*, name: str, listen: Sequence[str], connect: Sequence[str], config: Path | None) -> None:

@@ -20,11 +20,11 @@ from robo.cli.connection import (
 )
 from robo.cli.link import watched
 from robo.cli.reach import Reach
-from robo.discovery import NodeToken
 from robo.errors import RunError, UsageError
-from robo.supervisor.status import Event, Exit, Explanation, ProcessStatus, SupervisorToken
 from robo.tools import nodes, runs, strangers
 from robo.tools.strangers import Stranger
+from robo.wire.keys import NodeToken, SupervisorToken
+from robo.wire.reports import Event, Exit, Explanation, ProcessStatus
 
 COLOURS = {"ready": "32", "completed": "32", "degraded": "33", "restarting": "33", "starting": "36", "failed": "31"}
 _STALE = 2.0

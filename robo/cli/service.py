@@ -9,16 +9,17 @@ import msgspec
 import zenoh
 
 import robo_messages
-from robo import codec, services
+from robo import services
 from robo.cli.connection import connect_to_robot, nodes_of, print_json, print_line, print_table
 from robo.cli.reach import Reach
 from robo.errors import ServiceTimeout, UsageError
-from robo.names import shown_key
 from robo.parameters import parse_value
 from robo.text.suggestions import suggest
 from robo.tools import interfaces, nodes
 from robo.tools.message_input import field_types, message_of
 from robo.tools.nodes import ServiceInfo
+from robo.wire import codec
+from robo.wire.names import shown_key
 
 
 def print_services(reach: Reach, *, json: bool) -> None:

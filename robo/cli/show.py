@@ -7,10 +7,10 @@ from typing import Any
 
 import msgspec
 
-from robo.codec import jsonable
 from robo.launch.arguments import ROBOT_NAME, ArgumentInfo
 from robo.launch.expression import as_text
 from robo.launch.plan import Plan, ProcessPlan, ReadyPlan
+from robo.wire.codec import jsonable
 
 
 def arguments_text(file: Path, name: str, description: str, args: Sequence[ArgumentInfo]) -> str:

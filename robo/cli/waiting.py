@@ -6,10 +6,10 @@ import zenoh
 
 from robo.cli.connection import amount, hint, note
 from robo.cli.reach import Reach
-from robo.names import shown_key
 from robo.text.suggestions import suggest
 from robo.tools import topics
 from robo.tools.topics import Topic
+from robo.wire.names import shown_key
 
 
 def tell_who_is_waited_for(session: zenoh.Session, keys: Sequence[str], reach: Reach) -> list[Topic]:

@@ -16,7 +16,6 @@ import msgspec
 import yaml
 
 from robo import parameter_files
-from robo.codec import jsonable
 from robo.environment import (
     CONNECT_VARIABLE,
     IMAGE_VARIABLE,
@@ -33,6 +32,7 @@ from robo.launch.find import SHARE
 from robo.launch.plan import Plan, ProcessPlan
 from robo.parameters import parse_value
 from robo.runner import NodeSpec
+from robo.wire.codec import jsonable
 
 PORT = 7447
 FILES = "/etc/robo"

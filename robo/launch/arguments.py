@@ -7,7 +7,6 @@ from pathlib import Path
 
 import msgspec
 
-from robo import names
 from robo.errors import InvalidName
 from robo.launch.expression import as_text
 from robo.launch.manifest import Arg, Manifest
@@ -15,6 +14,7 @@ from robo.launch.substitution import BROKEN, Scope, Word, settled
 from robo.text.brief import shown
 from robo.text.suggestions import hint, suggest
 from robo.text.tree import Position
+from robo.wire import names
 
 ROBOT_NAME = "robot_name"
 DEFAULT_ROBOT = "my_robot"

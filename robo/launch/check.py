@@ -10,7 +10,6 @@ from typing import Literal
 import msgspec
 
 import robo_messages
-from robo import names
 from robo.launch.contracts import Endpoint
 from robo.launch.faults import in_order
 from robo.launch.plan import ProcessPlan, TopicPlan
@@ -18,6 +17,7 @@ from robo.launch.resolve import Resolution
 from robo.text.brief import shown
 from robo.text.suggestions import closest, hint, suggest
 from robo.text.tree import Position, Problem
+from robo.wire import names
 
 
 class End(msgspec.Struct, frozen=True):

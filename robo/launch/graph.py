@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable, Sequence
 
-from robo import names
-from robo.contract import SYSTEM_TOPICS
 from robo.launch.check import End
 from robo.launch.plan import ProcessPlan
 from robo.launch.resolve import Resolution
 from robo.text import graph
 from robo.text.graph import Edge, Graph
+from robo.wire import names
+from robo.wire.keys import SYSTEM_TOPICS
 
 _KINDS = {"publishes": "pub", "subscribes": "sub"}
 

@@ -5,12 +5,12 @@ from collections.abc import Collection, Mapping, Sequence
 
 import msgspec
 
-from robo import names
 from robo.launch.manifest import Until
 from robo.launch.substitution import Scope
 from robo.text.brief import shown
 from robo.text.suggestions import closest
 from robo.text.tree import Position, Problem, Scalar
+from robo.wire import names
 
 
 class Asked(msgspec.Struct, frozen=True):

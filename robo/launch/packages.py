@@ -5,9 +5,9 @@ import importlib.util
 import pkgutil
 from pathlib import Path
 
-from robo.names import is_word
 from robo.text.brief import shown
 from robo.text.suggestions import hint
+from robo.wire.names import is_word
 
 
 def folders_of(package: str) -> list[Path]:

@@ -11,7 +11,6 @@ from typing import Any, Literal, TypeVar
 
 import msgspec
 
-from robo import names
 from robo.errors import InvalidName
 from robo.launch import language
 from robo.launch.language import Key
@@ -20,6 +19,7 @@ from robo.launch.plan import LogPlan, ReadyPlan, RestartPlan, StopPlan, TopicPla
 from robo.launch.substitution import BROKEN, Scope
 from robo.text.brief import shown
 from robo.text.tree import Entry, Items, Position, Problem, Scalar
+from robo.wire import names
 
 T = TypeVar("T")
 

@@ -9,8 +9,8 @@ from typing import Literal
 
 import msgspec
 
-from robo import names
 from robo.launch.manifest import Until
+from robo.wire import names
 
 
 class ParameterValue(msgspec.Struct, frozen=True):

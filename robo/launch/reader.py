@@ -30,11 +30,11 @@ from robo.launch.manifest import (
     Until,
     Variable,
 )
-from robo.names import is_word
 from robo.text.brief import shown
 from robo.text.suggestions import closest, hint, suggest
 from robo.text.tree import Entry, Items, Map, Position, Problem, Scalar, Tree, kind
 from robo.text.yaml_tree import parse
+from robo.wire.names import is_word
 
 T = TypeVar("T")
 Parts = dict[str, Tree]

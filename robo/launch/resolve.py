@@ -10,7 +10,6 @@ from typing import Any
 
 import msgspec
 
-from robo import names
 from robo.errors import InvalidName, ManifestError, UnreadableFile
 from robo.launch import arguments as args
 from robo.launch import contracts, needs, values
@@ -29,6 +28,7 @@ from robo.text.brief import shown
 from robo.text.files import read_text
 from robo.text.suggestions import suggest
 from robo.text.tree import Entry, Items, Map, Position, Problem, Scalar, Tree
+from robo.wire import names
 
 MOST_STEPS = 20_000
 """Groups, includes and nodes that a launch may unfold to, counted with their repetitions."""

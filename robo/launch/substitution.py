@@ -22,11 +22,11 @@ from pathlib import Path
 from robo.launch.expression import ExpressionError, as_text, evaluate
 from robo.launch.manifest import Condition
 from robo.launch.packages import folders_of
-from robo.names import is_word
 from robo.text.brief import shown
 from robo.text.suggestions import closest
 from robo.text.tree import Entry, Items, Position, Problem, Scalar, Tree
 from robo.text.yaml_tree import resolve_scalar
+from robo.wire.names import is_word
 
 MAX_TEXT = 1_000_000
 """A text that is longer once its `${name}` are replaced is refused, characters."""

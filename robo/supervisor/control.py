@@ -12,12 +12,12 @@ from typing import Any
 import msgspec
 import zenoh
 
-from robo import codec
 from robo.errors import RoboError, UsageError
-from robo.queries import QueryLoop, reply, reply_error
-from robo.supervisor.log_files import LogRecord
-from robo.supervisor.status import Asked, Event, control_key, event_key, log_key
 from robo.text.levels import level_of
+from robo.wire import codec
+from robo.wire.keys import control_key, event_key, log_key
+from robo.wire.queries import QueryLoop, reply, reply_error
+from robo.wire.reports import Asked, Event, LogRecord
 
 _LONGEST = 60.0
 """How long a command may take, s."""

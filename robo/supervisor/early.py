@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from robo.environment import RUN_VARIABLE
-from robo.run_id import new_run_id
 from robo.template_process import PADDING
+from robo.wire.run_id import new_run_id
 
 
 class Begun(NamedTuple):

@@ -15,6 +15,7 @@ import msgspec
 from robo.environment import LOG_FOLDER_VARIABLE
 from robo.text.levels import LEVEL_NAMES, LEVELS, level_of
 from robo.text.terminal import escaped_json
+from robo.wire.reports import LogRecord
 
 LARGEST = 10_000_000
 """A file that has grown beyond this is set aside, bytes."""
@@ -24,19 +25,6 @@ KEPT_FILES = 3
 
 SUPERVISOR = "robo"
 """The name under which the supervisor's own lines are kept."""
-
-
-class LogRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """One line of output."""
-
-    time: int
-    """ns since the epoch."""
-    node: str
-    """As it is called on the console."""
-    message: str
-    level: str | None = None
-    """DEBUG to FATAL where the line begins with it, as robo's nodes write it."""
-    stream: str = "stderr"
 
 
 class RunInfo(msgspec.Struct, frozen=True, kw_only=True):

@@ -13,8 +13,8 @@ import msgspec
 
 from robo.environment import LOG_LIMIT_VARIABLE
 from robo.errors import UsageError
-from robo.run_id import supervisor_lives
 from robo.supervisor.log_files import RunInfo
+from robo.wire.run_id import supervisor_lives
 
 KEPT_RUNS = 10
 """How many runs of a robot are kept."""

@@ -8,7 +8,8 @@ from collections.abc import Callable
 
 import msgspec
 
-from robo.supervisor.log_files import SUPERVISOR, LogFiles, LogRecord
+from robo.supervisor.log_files import SUPERVISOR, LogFiles
+from robo.wire.reports import LogRecord
 
 FIRST_TRY, LAST_TRY = 0.5, 10.0
 """After how many seconds files that could not be written are tried again: twice as long each time, up to the last."""

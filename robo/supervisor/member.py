@@ -14,15 +14,14 @@ from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
-from robo.codec import UNREADABLE
-from robo.heartbeat import Beat
 from robo.launch.manifest import Until
 from robo.launch.plan import ProcessPlan
 from robo.supervisor.process import Child, describe_exit, spawned
 from robo.supervisor.restart import Restarts
-from robo.supervisor.status import Exit, Explanation, Input, ProcessStatus, State
 from robo.supervisor.template import Template
 from robo.supervisor.topic_watch import Flow
+from robo.wire.codec import UNREADABLE
+from robo.wire.reports import Beat, Exit, Explanation, Input, ProcessStatus, State
 
 if TYPE_CHECKING:
     import psutil  # which a start does without

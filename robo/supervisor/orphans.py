@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robo.environment import RUN_VARIABLE
-from robo.run_id import supervisor_lives
+from robo.wire.run_id import supervisor_lives
 
 if TYPE_CHECKING:
     import psutil  # which a start does without: it would take a tenth of it

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import msgspec
 
-from robo.codec import jsonable
 from robo.environment import (
     CONNECT_VARIABLE,
     LOG_LEVEL_VARIABLE,
@@ -16,8 +15,9 @@ from robo.environment import (
 )
 from robo.launch.plan import ProcessPlan
 from robo.memory import file_name
-from robo.parameter_server import Said
 from robo.runner import NodeSpec
+from robo.wire.codec import jsonable
+from robo.wire.reports import Said
 
 
 class RunEnvironment:

@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 import msgspec
 import zenoh
 
-from robo import tcp
-from robo.codec import UNREADABLE
-from robo.supervisor.status import Site
+from robo.wire import tcp
+from robo.wire.codec import UNREADABLE
+from robo.wire.reports import Site
 
 _PERIOD = 1.0
 """How often the router is asked for its links, s."""

@@ -22,19 +22,15 @@ from pathlib import Path
 import msgspec
 import zenoh
 
-from robo import claims, discovery, names
-from robo.discovery import ClaimToken, NodeToken
 from robo.environment import LOG_LEVEL_VARIABLE, NETWORK_VARIABLE, RUN_VARIABLE, WATCH_VARIABLE
 from robo.errors import NetworkError
 from robo.launch.plan import Plan, ProcessPlan, StopPlan, TopicPlan
 from robo.router import LINGER
-from robo.run_id import new_run_id
-from robo.session import Network, close_session, open_session
 from robo.supervisor import last_resort, log_space, orphans, process
 from robo.supervisor.console import Console
 from robo.supervisor.control import Control
 from robo.supervisor.early import Begun, base_environment
-from robo.supervisor.log_files import SUPERVISOR, Filter, LogFiles, LogRecord, RunInfo, record
+from robo.supervisor.log_files import SUPERVISOR, Filter, LogFiles, RunInfo, record
 from robo.supervisor.log_writer import LogWriter
 from robo.supervisor.member import Changes, Member
 from robo.supervisor.memory import MemoryKills
@@ -42,25 +38,18 @@ from robo.supervisor.process import Child, describe_exit
 from robo.supervisor.reload import FileWatch, files_of, same
 from robo.supervisor.run_environment import RunEnvironment
 from robo.supervisor.sites import Sites
-from robo.supervisor.status import (
-    Asked,
-    Done,
-    Event,
-    Explanation,
-    ProcessName,
-    ProcessStatus,
-    Site,
-    State,
-    SupervisorToken,
-    parse_supervisor_token,
-    supervisors_key,
-)
 from robo.supervisor.template import Template
 from robo.supervisor.timing import Started, timing_text
 from robo.supervisor.topic_watch import Flow, TopicWatch
 from robo.supervisor.watchdog import Watchdog
 from robo.text.brief import shown
 from robo.text.suggestions import suggest
+from robo.wire import claims, discovery, keys, names
+from robo.wire.keys import ClaimToken, NodeToken, SupervisorToken, parse_supervisor_token, supervisors_key
+from robo.wire.network import Network
+from robo.wire.reports import Asked, Done, Event, Explanation, LogRecord, ProcessName, ProcessStatus, Site, State
+from robo.wire.run_id import new_run_id
+from robo.wire.session import close_session, open_session
 
 STOP_LIMIT = 2.0
 """How long the stop of a launch may take, s, before all that still run are killed, unless the manifest
@@ -352,7 +341,7 @@ class Supervisor:
 
         def notice(sample: zenoh.Sample) -> None:
             key = str(sample.key_expr)
-            token = discovery.parse_token(key)
+            token = keys.parse_token(key)
             if isinstance(token, NodeToken):
                 work = self._on_token if sample.kind == zenoh.SampleKind.PUT else self._on_token_gone
                 loop.call_soon_threadsafe(work, token)
@@ -362,7 +351,7 @@ class Supervisor:
                 loop.call_soon_threadsafe(self._on_unreadable, key)
 
         self._claimed = dict(zip(self._members, claims.declare(session, self._claim.tokens), strict=True))
-        session.liveliness().declare_subscriber(discovery.ALL_TOKENS, notice, history=True)
+        session.liveliness().declare_subscriber(keys.ALL_TOKENS, notice, history=True)
         self._topics = TopicWatch(session, self._promises())
         verbs = {
             "ps": self._ps,

@@ -18,16 +18,17 @@ import msgspec
 import psutil
 import zenoh
 
-from robo import tcp
-from robo.claims import port_taken
 from robo.environment import CONNECT_VARIABLE, KILL_TEST_VARIABLE, LOG_FOLDER_VARIABLE
 from robo.errors import NetworkError
-from robo.session import RENDEZVOUS, Network, close_session, open_session
 from robo.supervisor import orphans
 from robo.supervisor.cgroup import ControlGroup
 from robo.supervisor.log_files import log_base
 from robo.tools import nodes, runs
 from robo.tools import strangers as unannounced
+from robo.wire import tcp
+from robo.wire.claims import port_taken
+from robo.wire.network import RENDEZVOUS, Network
+from robo.wire.session import close_session, open_session
 
 T = TypeVar("T")
 

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 
 import msgspec
 
-from robo.codec import jsonable
 from robo.errors import UsageError
 from robo.launch.expression import Condition, ExpressionError
 from robo.text.brief import marked
 from robo.text.suggestions import suggest
+from robo.wire.codec import jsonable
 
 _NAME, _INDEX = r"[A-Za-z_]\w*", r"\[-?\d{1,9}\]"
 _PATH = re.compile(rf"(?:{_NAME}|{_INDEX})(?:\.{_NAME}|{_INDEX})*\Z")

@@ -2,10 +2,11 @@
 
 import zenoh
 
-from robo.discovery import NodeToken, tokens
 from robo.text import graph
 from robo.text.graph import Edge, Graph
 from robo.tools import admin
+from robo.wire.discovery import tokens
+from robo.wire.keys import NodeToken
 
 
 def running(session: zenoh.Session, timeout: float = 1.0) -> Graph:

@@ -12,12 +12,12 @@ from typing import BinaryIO
 
 import msgspec
 
-from robo.codec import UNREADABLE
 from robo.errors import NodeNotFound, RunError, UsageError
-from robo.run_id import supervisor_lives
-from robo.supervisor.log_files import SUPERVISOR, LogRecord, RunInfo, log_base
-from robo.supervisor.status import ProcessName
+from robo.supervisor.log_files import SUPERVISOR, RunInfo, log_base
 from robo.text.suggestions import suggest
+from robo.wire.codec import UNREADABLE
+from robo.wire.reports import LogRecord, ProcessName
+from robo.wire.run_id import supervisor_lives
 
 _SPAN = re.compile(r"(\d+(?:\.\d+)?)\s*(s|m|h|d)")
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}

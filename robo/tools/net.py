@@ -6,14 +6,15 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 import msgspec
 import zenoh
 
-from robo import discovery
-from robo.discovery import EndpointToken, NodeToken, hostname
 from robo.errors import NodeUnreachable
-from robo.node_status import NodeStatus
 from robo.text.graph import SYSTEM_TYPES
 from robo.text.suggestions import closest
 from robo.tools import admin, nodes, runs
 from robo.tools.admin import Link, Router
+from robo.wire import discovery
+from robo.wire.discovery import hostname
+from robo.wire.keys import EndpointToken, NodeToken
+from robo.wire.reports import NodeStatus
 
 _PINGS = 5
 _CLOCKS_AGREE = 0.02

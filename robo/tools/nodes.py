@@ -6,14 +6,14 @@ from collections.abc import Iterable
 import msgspec
 import zenoh
 
-from robo import names
-from robo.discovery import EndpointToken, NodeToken, status_key, tokens
 from robo.errors import NodeNotFound, NodeUnreachable, RoboError
-from robo.node_status import NodeStatus
-from robo.supervisor.status import ProcessStatus
 from robo.text.suggestions import suggest
 from robo.tools import runs
 from robo.tools.replies import read, samples
+from robo.wire import names
+from robo.wire.discovery import tokens
+from robo.wire.keys import EndpointToken, NodeToken, status_key
+from robo.wire.reports import NodeStatus, ProcessStatus
 
 LONG_CALLBACK = 1.0
 """A callback that runs for longer holds up its node, s."""

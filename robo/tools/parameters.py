@@ -7,13 +7,13 @@ import msgspec
 import zenoh
 
 from robo import parameter_files
-from robo.codec import UNREADABLE
-from robo.discovery import NodeToken
 from robo.errors import NodeUnreachable, ParameterError
-from robo.parameter_server import Result, Said, parameters_key
-from robo.queries import Fault, first_answer
 from robo.text.paths import nested
 from robo.text.tree import Problem
+from robo.wire.codec import UNREADABLE
+from robo.wire.keys import NodeToken, parameters_key
+from robo.wire.queries import Fault, first_answer
+from robo.wire.reports import Result, Said
 
 T = TypeVar("T")
 

@@ -9,11 +9,11 @@ from typing import Any
 import msgspec
 import zenoh
 
-from robo import codec
-from robo.discovery import EndpointToken, source_id
 from robo.errors import MessageError
-from robo.qos import DEFAULT_DEPTH
 from robo.tools.records import Record, payload_of, sample_of
+from robo.wire import codec
+from robo.wire.keys import EndpointToken, source_id
+from robo.wire.qos import DEFAULT_DEPTH
 
 _REMEMBERED = 10_000
 """Own messages that are remembered, to know them when they come back."""

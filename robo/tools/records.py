@@ -6,12 +6,12 @@ from typing import Any
 
 import msgspec
 
-from robo import codec
-from robo.codec import Malformed, jsonable
 from robo.errors import MessageError
 from robo.tools import interfaces
 from robo.tools.message_input import restored
 from robo.tools.stream import Arrival
+from robo.wire import codec
+from robo.wire.codec import Malformed, jsonable
 
 
 class Record(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -7,8 +7,8 @@ from typing import TypeVar
 import msgspec
 import zenoh
 
-from robo.codec import UNREADABLE
 from robo.text.brief import brief, shown
+from robo.wire.codec import UNREADABLE
 
 T = TypeVar("T")
 

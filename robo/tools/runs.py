@@ -7,28 +7,14 @@ from typing import NamedTuple, TypeVar
 import msgspec
 import zenoh
 
-from robo import names
-from robo.discovery import hostname, user
 from robo.errors import NodeNotFound, RunError, UsageError
-from robo.queries import Fault, read_fault
-from robo.supervisor.log_files import LogRecord
-from robo.supervisor.status import (
-    Asked,
-    Done,
-    Event,
-    Explanation,
-    ProcessName,
-    ProcessStatus,
-    Site,
-    SupervisorToken,
-    control_key,
-    event_key,
-    log_key,
-    parse_supervisor_token,
-    supervisors_key,
-)
 from robo.text.suggestions import suggest
 from robo.tools.replies import read, samples
+from robo.wire import names
+from robo.wire.discovery import hostname, user
+from robo.wire.keys import SupervisorToken, control_key, event_key, log_key, parse_supervisor_token, supervisors_key
+from robo.wire.queries import Fault, read_fault
+from robo.wire.reports import Asked, Done, Event, Explanation, LogRecord, ProcessName, ProcessStatus, Site
 
 T = TypeVar("T")
 

@@ -6,9 +6,10 @@ from collections.abc import Iterable, Mapping
 import msgspec
 import zenoh
 
-from robo.discovery import EndpointToken, tokens
-from robo.node_status import NodeStatus
 from robo.tools.nodes import all_status
+from robo.wire.discovery import tokens
+from robo.wire.keys import EndpointToken
+from robo.wire.reports import NodeStatus
 
 WINDOW = 0.5
 """Over which messages are counted, s."""

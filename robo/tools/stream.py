@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import zenoh
 
-from robo import codec
-from robo.codec import Attachment
+from robo.wire import codec
+from robo.wire.codec import Attachment
 
 MOST_BYTES = 256_000_000
 """What may wait for a tool."""

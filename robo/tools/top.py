@@ -6,12 +6,12 @@ import msgspec
 import psutil
 import zenoh
 
-from robo.discovery import NodeToken, hostname
-from robo.node_status import NodeStatus
-from robo.supervisor.status import ProcessStatus
 from robo.tools import nodes, runs, topics
 from robo.tools.meters import Meter
 from robo.tools.stream import Arrival, Stream
+from robo.wire.discovery import hostname
+from robo.wire.keys import NodeToken
+from robo.wire.reports import NodeStatus, ProcessStatus
 
 STALE_PERIODS = 5.0
 """A topic is stale when its last message is so many times older than what is usual between two."""

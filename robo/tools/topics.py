@@ -5,12 +5,13 @@ from collections.abc import Iterable, Mapping
 import msgspec
 import zenoh
 
-from robo.discovery import EndpointToken, tokens
 from robo.errors import MessageError, TopicNotFound, TopicTaken
-from robo.supervisor.status import ProcessStatus
 from robo.text.suggestions import suggest
 from robo.text.terminal import visible
 from robo.tools import admin, runs, strangers
+from robo.wire.discovery import tokens
+from robo.wire.keys import EndpointToken
+from robo.wire.reports import ProcessStatus
 
 RATES_TIMEOUT = 0.2
 """How long supervisors may take to tell the rates, s; a list does not wait for one that hangs."""

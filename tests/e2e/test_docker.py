@@ -18,7 +18,8 @@ import zenoh
 
 from robo.containers.keeper import DELAY
 from robo.export.compose import PACKAGES
-from robo.session import Network, close_session, open_session
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 from tests.conftest import free_port
 from tests.support import PATIENCE, Inbox, eventually, run_robo
 

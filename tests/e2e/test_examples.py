@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from robo.session import Network, close_session, open_session
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 from tests.conftest import free_port
 from tests.support import Inbox, robo, run_robo
 

@@ -21,8 +21,9 @@ import pytest
 import zenoh
 
 import robo_messages
-from robo import codec
-from robo.session import Network, close_session, open_session
+from robo.wire import codec
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 from robo_messages import Twist
 from tests.conftest import free_port
 from tests.support import PATIENCE, Inbox, eventually, robo, run_robo

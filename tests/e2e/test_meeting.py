@@ -5,7 +5,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from robo.session import Network, close_session, open_session
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 from tests.conftest import free_port
 from tests.support import eventually, robo, run_robo
 

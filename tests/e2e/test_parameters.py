@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 import yaml
 
-from robo.session import Network, close_session, open_session
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 from tests.support import PATIENCE, Inbox, robo, run_robo
 
 pytestmark = pytest.mark.timeout(120)

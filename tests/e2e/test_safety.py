@@ -14,7 +14,8 @@ import psutil
 import pytest
 import zenoh
 
-from robo.session import Network, close_session, open_session
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 from tests.support import Command, Inbox, eventually, robo, run_robo
 
 COMMAND_TIMEOUT = 0.5

@@ -8,7 +8,8 @@ import pytest
 import zenoh
 
 from benchmarks.abuse import MOST_GROWTH, Stranger, memory, processes, throw
-from robo.session import Network, close_session, open_session
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 from tests.support import Command, Inbox, eventually, robo, run_robo
 
 NONSENSE = [

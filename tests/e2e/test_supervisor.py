@@ -15,7 +15,8 @@ from typing import Any
 import psutil
 import pytest
 
-from robo.session import Network, close_session, open_session
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 from tests.support import PATIENCE, Command, Inbox, eventually, robo, run_robo
 
 pytestmark = pytest.mark.timeout(120)

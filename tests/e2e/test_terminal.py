@@ -23,22 +23,12 @@ import pytest
 import zenoh
 
 from robo import Node, Parameters
-from robo.codec import pack_attachment
-from robo.discovery import EndpointToken, NodeToken, status_key
-from robo.queries import reply_error
-from robo.session import Network, close_session, open_session
-from robo.supervisor.log_files import LogRecord
-from robo.supervisor.status import (
-    Event,
-    Exit,
-    Explanation,
-    Input,
-    ProcessStatus,
-    SupervisorToken,
-    control_key,
-    event_key,
-    log_key,
-)
+from robo.wire.codec import pack_attachment
+from robo.wire.keys import EndpointToken, NodeToken, SupervisorToken, control_key, event_key, log_key, status_key
+from robo.wire.network import Network
+from robo.wire.queries import reply_error
+from robo.wire.reports import Event, Exit, Explanation, Input, LogRecord, ProcessStatus
+from robo.wire.session import close_session, open_session
 from tests.conftest import free_port
 from tests.support import PATIENCE
 

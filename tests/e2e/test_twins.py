@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from robo.discovery import NodeToken
-from robo.session import Network, close_session, open_session
+from robo.wire.keys import NodeToken
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 from tests.support import Command, eventually, robo, run_robo
 
 pytestmark = pytest.mark.timeout(120)

@@ -11,7 +11,8 @@ import psutil
 import pytest
 import zenoh
 
-from robo.session import Network, close_session, open_session
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 from tests.support import Inbox, eventually, robo, run_robo
 
 pytestmark = pytest.mark.timeout(120)

@@ -7,9 +7,11 @@ from collections.abc import Iterator
 import pytest
 import zenoh
 
-from robo.claims import Claim, PortTaken, declare, names_in_use, told
-from robo.discovery import ClaimToken, hostname
-from robo.session import Network, close_session, open_session
+from robo.wire.claims import Claim, PortTaken, declare, names_in_use, told
+from robo.wire.discovery import hostname
+from robo.wire.keys import ClaimToken
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 from tests.conftest import free_port
 from tests.support import eventually
 

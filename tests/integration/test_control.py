@@ -10,9 +10,10 @@ import msgspec
 import pytest
 import zenoh
 
-from robo.queries import Fault, read_fault
 from robo.supervisor.control import Control
-from robo.supervisor.status import Asked, control_key
+from robo.wire.keys import control_key
+from robo.wire.queries import Fault, read_fault
+from robo.wire.reports import Asked
 
 
 @pytest.fixture

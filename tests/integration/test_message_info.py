@@ -7,7 +7,8 @@ import pytest
 import zenoh
 
 from robo import MessageInfo, Node, Publisher, subscribe
-from robo.session import Network, close_session, open_session
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 from robo_messages import String
 from tests.support import eventually
 

@@ -16,9 +16,10 @@ from msgspec import Meta
 
 import robo
 from robo import READ_ONLY, Node, ParameterError, Publisher, Unit, timer
-from robo.discovery import NodeToken, wait_for_nodes
-from robo.queries import read_fault
 from robo.tools import parameters as tools
+from robo.wire.discovery import wait_for_nodes
+from robo.wire.keys import NodeToken
+from robo.wire.queries import read_fault
 from robo_messages import String
 from tests.support import PATIENCE, Inbox
 

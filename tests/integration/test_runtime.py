@@ -17,10 +17,12 @@ from msgspec import Meta
 
 import robo
 from robo import KEEP_ALL, Node, NodeStatus, Publisher, service, subscribe, timer
-from robo.codec import unpack_attachment
-from robo.discovery import ALL_TOKENS, EndpointToken, NodeToken, Token, parse_token, wait_for_nodes
 from robo.errors import ContractError, NetworkError
-from robo.session import Network, close_session, open_session
+from robo.wire.codec import unpack_attachment
+from robo.wire.discovery import wait_for_nodes
+from robo.wire.keys import ALL_TOKENS, EndpointToken, NodeToken, Token, parse_token
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 from robo_messages import Image, String, Trigger, Twist, Vector3
 from robo_services.position_tracker import PositionTracker
 from tests.support import PATIENCE, Inbox, eventually
@@ -399,7 +401,7 @@ def test_a_slow_callback_gets_the_newest_and_holds_up_nobody(session: zenoh.Sess
 
 SINK = """
 import sys
-from robo.session import Network, open_session
+from robo.wire.session import Network, open_session
 
 session = open_session(Network(mode="peer", listen=(sys.argv[1],)))
 subscriber = session.declare_subscriber("flood")

@@ -7,7 +7,7 @@ import msgpack
 import pytest
 import zenoh
 
-from robo.discovery import wait_for_nodes
+from robo.wire.discovery import wait_for_nodes
 from robo_services import safety_monitor
 from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.safety_monitor import SafetyMonitor

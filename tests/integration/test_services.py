@@ -10,11 +10,13 @@ import pytest
 import zenoh
 
 import robo
-from robo import Client, Node, ServiceError, ServiceTimeout, queries, service, subscribe, timer
-from robo.discovery import wait_for_nodes
+from robo import Client, Node, ServiceError, ServiceTimeout, service, subscribe, timer
 from robo.executor import paused
-from robo.queries import MOST_IDLE
-from robo.session import Network, close_session, open_session
+from robo.wire import queries
+from robo.wire.discovery import wait_for_nodes
+from robo.wire.network import Network
+from robo.wire.queries import MOST_IDLE
+from robo.wire.session import close_session, open_session
 from robo_messages import Message, SetBool, String, Trigger, message
 from tests.support import PATIENCE, eventually
 

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import robo_messages
-from robo import codec
-from robo.codec import Malformed, TopicDecoder, jsonable
+from robo.wire import codec
+from robo.wire.codec import Malformed, TopicDecoder, jsonable
 from robo_messages import Bool, Twist, Vector3
 
 TWIST = Twist(Vector3(x=0.5), Vector3(z=-1.0))

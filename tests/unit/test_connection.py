@@ -6,7 +6,8 @@ import time
 from robo.cli.connection import unreached
 from robo.cli.link import Link
 from robo.cli.reach import Reach
-from robo.session import Network, close_session, open_session
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 from tests.conftest import free_port
 from tests.support import eventually
 

@@ -4,9 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robo.discovery import EndpointToken, NodeToken, parse_number, parse_token
-from robo.run_id import new_run_id
-from robo.supervisor.status import SupervisorToken, parse_supervisor_token
+from robo.wire.keys import EndpointToken, NodeToken, SupervisorToken, parse_number, parse_supervisor_token, parse_token
+from robo.wire.run_id import new_run_id
 
 anything = st.text(st.characters(exclude_characters="/"), min_size=1)
 likely = st.sampled_from(

@@ -10,7 +10,7 @@ from robo.clock import Clock
 from robo.endpoints import slots
 from robo.errors import ContractError
 from robo.executor import TimerLoop, Turn, checked_period, period_of
-from robo.qos import KEEP_ALL
+from robo.wire.qos import KEEP_ALL
 from robo_messages import Image, LaserScan, Odometry, PointCloud2, Twist
 from tests.support import eventually
 

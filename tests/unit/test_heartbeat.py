@@ -5,7 +5,8 @@ import socket
 import msgspec
 
 from robo import Node, NodeStatus
-from robo.heartbeat import Beat, Heart
+from robo.heartbeat import Heart
+from robo.wire.reports import Beat
 
 
 class Bridge(Node):

@@ -5,9 +5,9 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robo import names
-from robo.discovery import EndpointToken, NodeToken, parse_token
 from robo.errors import InvalidName
+from robo.wire import names
+from robo.wire.keys import EndpointToken, NodeToken, parse_token
 
 chunk = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,8}", fullmatch=True)
 namespace = st.lists(chunk, max_size=3).map("/".join)

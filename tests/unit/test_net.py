@@ -1,7 +1,7 @@
 """What two nodes have to do with each other, from the ends that nodes have."""
 
-from robo.discovery import EndpointToken, parse_token
 from robo.tools.net import between, nearly
+from robo.wire.keys import EndpointToken, parse_token
 
 
 def ends(*said: str) -> dict[str, list[EndpointToken]]:

@@ -5,7 +5,7 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robo.queries import reached
+from robo.wire.queries import reached
 
 SET = "r1/base/parameters/set"
 GET = "r1/base/parameters/get"

@@ -10,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import robo_messages
-from robo import codec
-from robo.codec import Attachment
 from robo.errors import MessageError
 from robo.tools.message_input import field_types
 from robo.tools.publishing import line_of
 from robo.tools.records import read
 from robo.tools.stream import Arrival
+from robo.wire import codec
+from robo.wire.codec import Attachment
 from robo_messages import LaserScan, Message, Twist, Vector3
 
 

@@ -3,10 +3,10 @@
 import pytest
 
 from robo.cli.runs import _robots_to_end
-from robo.discovery import hostname, user
 from robo.errors import RunError, UsageError
-from robo.supervisor.status import SupervisorToken
 from robo.tools import runs
+from robo.wire.discovery import hostname, user
+from robo.wire.keys import SupervisorToken
 
 MINE = SupervisorToken("r1", 1, hostname(), user=user())
 ALSO_MINE = SupervisorToken("r2", 2, hostname(), user=user())

@@ -7,11 +7,11 @@ from typing import cast
 
 import pytest
 
-from robo import zenoh_threads
 from robo.cli.network import router_network
 from robo.cli.router import print_config
 from robo.errors import NetworkError, UsageError
-from robo.session import Network, settings_by_path, settings_of, zenoh_config
+from robo.wire import zenoh_threads
+from robo.wire.network import Network, settings_by_path, settings_of, zenoh_config
 
 ROOT = Path(__file__).parents[2]
 

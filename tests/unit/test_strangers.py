@@ -1,6 +1,6 @@
-from robo.discovery import EndpointToken
-from robo.node_status import NodeStatus, Refused
 from robo.tools.strangers import refused, surplus
+from robo.wire.keys import EndpointToken
+from robo.wire.reports import NodeStatus, Refused
 
 
 def status(node: str, uptime: float, published: int = 0, received: int = 0, refused: int = 0) -> NodeStatus:

@@ -14,16 +14,16 @@ from hypothesis import strategies as st
 from robo.errors import NodeNotFound, UsageError
 from robo.launch.plan import RestartPlan, TopicPlan
 from robo.supervisor import log_files
-from robo.supervisor.log_files import Filter, LogFiles, LogRecord, RunInfo, record
+from robo.supervisor.log_files import Filter, LogFiles, RunInfo, record
 from robo.supervisor.memory import MemoryKills, oom_kills
 from robo.supervisor.output import Budget, Lines, pump
 from robo.supervisor.reload import FileWatch
 from robo.supervisor.restart import Restarts
-from robo.supervisor.status import ProcessName
 from robo.supervisor.timing import Started, critical_path
 from robo.supervisor.topic_watch import Flow
 from robo.text.terminal import escaped_json
 from robo.tools import logs
+from robo.wire.reports import LogRecord, ProcessName
 
 # -- restarts ------------------------------------------------------------------------------------
 

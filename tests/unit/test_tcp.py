@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from robo import tcp
+from robo.wire import tcp
 from tests.conftest import free_port
 
 

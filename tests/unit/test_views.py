@@ -8,12 +8,12 @@ from rich.console import Console
 
 from robo.cli.runs import explained
 from robo.cli.top import render, shares
-from robo.codec import Attachment
-from robo.supervisor.status import Explanation, Input, ProcessStatus
 from robo.text.chart import Chart
 from robo.tools.stream import Arrival
 from robo.tools.top import Flow, NodeFigures, Snapshot, TopicFigures
 from robo.tools.topics import Topic
+from robo.wire.codec import Attachment
+from robo.wire.reports import Explanation, Input, ProcessStatus
 
 TOPIC = Topic("r1/odom", "nav/Odometry", ["nav/Odometry"], ["/r1/a"], [])
 

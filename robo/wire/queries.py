@@ -13,11 +13,11 @@ from contextlib import suppress
 import msgspec
 import zenoh
 
-from robo import codec
 from robo.text.brief import brief_lines
 from robo.text.suggestions import suggest
+from robo.wire import codec
 
-_logger = logging.getLogger("robo.queries")
+_logger = logging.getLogger("robo.wire.queries")
 
 MOST_WAITING = 1_000
 """Queries of one queryable that may wait. Of more the oldest get no answer: nothing else is held up by them."""

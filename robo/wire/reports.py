@@ -1,12 +1,11 @@
-"""What a supervisor tells of its run; the replies of its control keys and its events."""
+"""What nodes and supervisors tell of themselves, and what they are asked."""
 
 from typing import Annotated, Literal, NamedTuple
 
 import msgspec
 from msgspec import Meta
 
-from robo import names
-from robo.discovery import parse_number
+from robo.wire import names
 
 State = Literal["starting", "ready", "degraded", "restarting", "stopping", "stopped", "failed", "completed"]
 
@@ -160,50 +159,86 @@ class Done(msgspec.Struct, frozen=True):
     """Names that mean nothing of this supervisor's: a robot on several hosts has several."""
 
 
-def control_key(robot: str, verb: str) -> str:
-    """Where a supervisor answers to `ps`, `why`, `events`, `logs`, `stop`, `start`, `restart` and `down`."""
-    return names.join("@robo", robot, "supervisor", verb)
+class Result(msgspec.Struct, frozen=True):
+    """What came of a `set`."""
+
+    successful: bool
+    reason: str = ""
+    """Why nothing was set."""
 
 
-class SupervisorToken(msgspec.Struct, frozen=True):
-    """Which process a supervisor is: a liveliness token that vanishes with it."""
+class Said(msgspec.Struct, frozen=True):
+    """A value of a parameter and where it was said."""
 
-    robot: str
-    pid: int
-    machine: str
-    part: str = ""
-    """The host of the manifest whose part it runs; empty for all of it."""
+    value: object
+    source: str
+
+
+class Refused(msgspec.Struct, frozen=True):
+    """Messages that a node has left out because another source is the one."""
+
+    sender: str
+    """A node's full name, or `a plain Zenoh client`."""
+    count: int
+    age: float
+    """How long ago the last one came, s."""
+
+
+class NodeStatus(msgspec.Struct, frozen=True):
+    """What a node has seen so far; also the reply to a query on its status key."""
+
+    node: str
+    """The full name."""
+    published: dict[str, int]
+    """Messages published, by topic."""
+    received: dict[str, int]
+    """Messages given to callbacks, by topic."""
+    malformed: dict[str, int]
+    """Payloads dropped because they were no message of the topic's type, by topic."""
+    dropped: dict[str, int]
+    """Messages dropped because the callback fell behind, by topic."""
+    callback_errors: int
+    """Exceptions that callbacks raised."""
+    refused: dict[str, list[Refused]] = {}
+    """Whose messages were left out because another source is the one, by topic."""
+    missed: dict[str, int] = {}
+    """Ticks that timers skipped because callbacks took too long, by the timer's callback."""
+    served: dict[str, int] = {}
+    """Calls answered, by service."""
+    uptime: float = 0.0
+    """How long the node has been running, s."""
+    busy: float = 0.0
+    """How long its callbacks have run, the one that runs and waiting for services included, s."""
+    running: str = ""
+    """The callback that runs just now; empty where none does."""
+    running_for: float = 0.0
+    """How long it has been running, s. One that does not return holds up all others of the node."""
     zid: str = ""
-    """The id of its Zenoh session."""
-    user: str = ""
-    """The name of the user whose process it is."""
-
-    def key(self) -> str:
-        """The token's key expression."""
-        parts = (self.part, self.machine, self.zid, self.user)
-        return names.join("@robo", self.robot, "run", str(self.pid), "%".join(parts))
+    """The id of its Zenoh session; only in the reply to a query."""
+    links: list[str] = []
+    """The ids of the Zenoh sessions to which it is linked; only in the reply to a query."""
+    time: int = 0
+    """The node's wall clock, ns since the epoch; only in the reply to a query."""
 
 
-def supervisors_key(robot: str) -> str:
-    """The tokens of all supervisors of a robot."""
-    return names.join("@robo", robot, "run", "*", "*")
+class Beat(msgspec.Struct, frozen=True):
+    """What a beat says."""
+
+    status: NodeStatus
+    late: bool = False
+    """Whether a callback holds the beat back: no sign of life, but its status says which one."""
+    files: list[str] = []
+    """The source files of the process, Python's own and installed ones left out; in the first beat only."""
 
 
-def parse_supervisor_token(key: str) -> SupervisorToken | None:
-    """The token that a key of `supervisors_key` spells; None for a key that spells none."""
-    chunks, parts = key.split("/"), key.rpartition("/")[2].split("%")
-    if len(chunks) < 5 or len(parts) != 4 or not all(map(names.is_word, chunks[1:-3])) or not key.isprintable():
-        return None
-    pid = parse_number(chunks[-2])
-    token = SupervisorToken("/".join(chunks[1:-3]), pid or 0, parts[1], parts[0], parts[2], parts[3])
-    return token if token.key() == key else None
+class LogRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One line of output."""
 
-
-def log_key(robot: str) -> str:
-    """Where a supervisor publishes what its processes print."""
-    return names.join("@robo", robot, "output")
-
-
-def event_key(robot: str) -> str:
-    """Where a supervisor publishes its events."""
-    return names.join("@robo", robot, "events")
+    time: int
+    """ns since the epoch."""
+    node: str
+    """As it is called on the console."""
+    message: str
+    level: str | None = None
+    """DEBUG to FATAL where the line begins with it, as robo's nodes write it."""
+    stream: str = "stderr"

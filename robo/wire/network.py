@@ -1,27 +1,14 @@
-"""Opening Zenoh sessions with robo's defaults: loopback only, no multicast, quick to start and to heal.
+"""How a process joins the network, as Zenoh's settings."""
 
-Three kinds of process take part. A robot's **nodes** are peers that meet at their robot's router and
-then link directly. **Routers** join robots to each other and serve tools; a node that is run alone is
-its own router. **Tools** are clients of a router.
-"""
-
-import atexit
-import logging
 import os
 import re
-import threading
 from collections.abc import Mapping, Sequence
 from typing import Literal, cast, get_args
 
 import msgspec
-
-from robo import zenoh_threads
-from robo.environment import CONNECT_VARIABLE, LISTEN_VARIABLE, SHARED_MEMORY_VARIABLE
-
-os.environ.setdefault(zenoh_threads.VARIABLE, zenoh_threads.OF_A_NODE)
-
 import zenoh
 
+from robo.environment import CONNECT_VARIABLE, LISTEN_VARIABLE, SHARED_MEMORY_VARIABLE
 from robo.errors import NetworkError
 
 Mode = Literal["peer", "client", "router"]
@@ -31,12 +18,6 @@ RENDEZVOUS = "tcp/127.0.0.1:7447"
 """Where robots on one machine meet: the first router listens there, the others link to it."""
 
 _SOURCE = re.compile(r" at \S+\.rs:\d+\.?")
-"""Where in Zenoh's own source an error was raised: no help to users."""
-
-_UNREACHED = re.compile(r"Unable to connect to any of \[.*\]\. Timeout!")
-"""How Zenoh says that nobody answers."""
-
-_logger = logging.getLogger("robo.session")
 
 _RETRY = {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5}
 
@@ -172,7 +153,7 @@ def _own_settings(network: Network) -> dict[str, object]:
         # Tools ask routers who is connected, and what those declare who are no nodes of robo's.
         settings |= {"adminspace/enabled": True, "metadata": {"name": network.name}}
         settings[_RULES] = _NEVER_WAIT
-    if _on_this_machine(network):
+    if on_this_machine(network):
         # Between processes of one machine a longer queue keeps both ends busy; over a slow link it would
         # hold old messages. Leave `transport/unicast/qos` on: without it a publisher that drops a
         # message once on a full queue now and then drops all of them from then on (zenoh 1.10).
@@ -180,92 +161,17 @@ def _own_settings(network: Network) -> dict[str, object]:
     return settings
 
 
-def _on_this_machine(network: Network) -> bool:
+def on_this_machine(network: Network) -> bool:
     """Whether all of its links are unix sockets."""
     return all(endpoint.startswith("unixsock-stream/") for endpoint in network.connect + network.listen)
-
-
-def open_session(network: Network) -> zenoh.Session:
-    """Open a session; it is closed at exit if nobody closes it before.
-
-    Raises:
-        NetworkError: nobody answers at the endpoints to dial within `network.timeout`.
-    """
-    if network.mode == "router":
-        zenoh_threads.use_those_of_a_router()
-    try:
-        session = zenoh.open(zenoh_config(network))
-    except zenoh.ZError as error:
-        reason = _UNREACHED.sub("nobody answers", _SOURCE.sub("", str(error)))
-        where = ", ".join(network.connect) or ", ".join(network.listen)
-        raise NetworkError(
-            f"no connection at {where}: {reason}\n"
-            "  Is a robot running there? `robo up` starts one; --connect names another place."
-        ) from None
-    _open.append(session)
-    if not _on_this_machine(network):
-        import robo.tcp  # noqa: F401 - for _on_link; a node that is linked to its robot alone needs no sockets
-
-        # Called on a thread of Zenoh's, once for each link: no thread more for it.
-        at_once = zenoh.handlers.Callback(_on_link, indirect=False)
-        session.info.declare_link_events_listener(at_once, history=True)
-    return session
-
-
-def _on_link(event: zenoh.LinkEvent) -> None:
-    if event.kind == zenoh.SampleKind.PUT and event.link.src.startswith(_OVER_TCP):
-        from robo import tcp  # imported before: nothing is to be loaded on a thread of Zenoh's
-
-        tcp.end_without_waiting(event.link.src, event.link.dst)
-
-
-_OVER_TCP = ("tcp/", "tls/", "ws/")
 
 
 def _plain(error: zenoh.ZError) -> str:
     """What Zenoh says is wrong, without where in its source."""
     message = re.search(r'msg: "(.*?)"', str(error))
-    return _SOURCE.sub("", message[1] if message is not None else str(error))
+    return without_source(message[1] if message is not None else str(error))
 
 
-_open: list[zenoh.Session] = []
-
-CLOSE_TIMEOUT = 0.6
-"""How long to wait for a session to close, s. Zenoh itself waits 10 s for links that do not answer,
-and a link that is just being dialled does not."""
-
-
-def close_session(session: zenoh.Session) -> bool:
-    """Leave the network; safe to call twice.
-
-    What was published has left before. A link that keeps Zenoh from closing in time ends with the
-    process, so this is logged and no error.
-
-    Returns:
-        Whether it closed in time. Where it did not, a process had better end with `os._exit`:
-        Python would wait for Zenoh at exit.
-    """
-    if session not in _open:
-        return True
-    _open.remove(session)
-    closing = threading.Thread(target=_close, args=(session,), name="robo-close", daemon=True)
-    closing.start()
-    closing.join(CLOSE_TIMEOUT)
-    if closing.is_alive():
-        _logger.info("the session did not close within %g s", CLOSE_TIMEOUT)
-        return False
-    return True
-
-
-def _close(session: zenoh.Session) -> None:
-    try:
-        session.close()
-    except zenoh.ZError as error:
-        _logger.info("the session did not close cleanly: %s", error)
-
-
-@atexit.register
-def _close_all() -> None:
-    """A session that nobody closed would keep the process from exiting."""
-    while _open:
-        close_session(_open[-1])
+def without_source(text: str) -> str:
+    """What Zenoh says, without the place in its own source where it says so: no help to users."""
+    return _SOURCE.sub("", text)

@@ -1,4 +1,4 @@
-"""Who is there: liveliness tokens that name nodes, publishers and subscriptions.
+"""The key space: every key and token that robo puts on the network.
 
 A token is a key that vanishes with its session, however that ends. Its last five chunks are fixed, so
 that it can be read whatever the namespace's length; `/` within a chunk is written `%`:
@@ -18,16 +18,12 @@ the publisher, which its messages carry: by it a receiver knows whose they are.
 Anybody may declare any key: what does not spell a token to the letter is none.
 """
 
-import os
-import pwd
-import threading
-from collections.abc import Iterable
 from typing import ClassVar, Literal, get_args
 
 import msgspec
 import zenoh
 
-from robo import names
+from robo.wire import names
 
 PREFIX = "@robo"
 ALL_TOKENS = f"{PREFIX}/**"
@@ -141,83 +137,9 @@ def tokens_of_publishers(topic: str) -> str:
     return names.join(PREFIX, "**/pub/*/*/*", _mangle(topic))
 
 
-def tokens(session: zenoh.Session, timeout: float) -> list[NodeToken | EndpointToken]:
-    """Every node and every end of a topic or service that this session can see.
-
-    Args:
-        session: who asks.
-        timeout: how long to wait for routers that do not answer, s.
-    """
-    replies = session.liveliness().get(ALL_TOKENS, timeout=timeout)
-    found = [parse_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]
-    return [token for token in found if isinstance(token, NodeToken | EndpointToken)]
-
-
-def publishers_of(session: zenoh.Session, topic: str, timeout: float) -> list[EndpointToken]:
-    """The publishers of a topic that nodes have announced.
-
-    Args:
-        session: who asks.
-        topic: the key expression.
-        timeout: how long to wait for routers that do not answer, s.
-    """
-    replies = session.liveliness().get(tokens_of_publishers(topic), timeout=timeout)
-    found = [parse_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]
-    return [token for token in found if isinstance(token, EndpointToken)]
-
-
 def status_key(namespace: str, node: str) -> str:
     """Where a node answers queries about its counters; `*` asks all nodes of a namespace."""
     return names.join(PREFIX, namespace, "status", node)
-
-
-def hostname() -> str:
-    """This machine's name, as a chunk of a key may hold it."""
-    return _as_chunk(os.uname().nodename)
-
-
-def user() -> str:
-    """The name of the user whose process this is, as a chunk of a key may hold it."""
-    try:
-        return _as_chunk(pwd.getpwuid(os.geteuid()).pw_name)
-    except KeyError:  # a number that has no name, as containers have them
-        return str(os.geteuid())
-
-
-def _as_chunk(text: str) -> str:
-    return "".join(c if c.isalnum() or c in "._-" else "_" for c in text) or "_"
-
-
-def wait_for_nodes(session: zenoh.Session, full_names: Iterable[str], timeout: float) -> set[str]:
-    """Wait until this session sees each of these nodes ready, and return those it does not see.
-
-    Peers of one robot see a token only over their direct link, where declarations travel in order:
-    whoever sees a node's token already knows its subscriptions, and loses no message to it.
-
-    Args:
-        session: the session that wants to see them.
-        full_names: for example `/r1/position_tracker`.
-        timeout: in s.
-    """
-    wanted = frozenset(full_names)
-    if not wanted:
-        return set()
-    changed = threading.Condition()
-    seen: set[str] = set()
-
-    def notice(sample: zenoh.Sample) -> None:
-        token = parse_token(str(sample.key_expr))
-        if sample.kind == zenoh.SampleKind.PUT and isinstance(token, NodeToken) and token.full_name in wanted:
-            with changed:
-                seen.add(token.full_name)
-                changed.notify()
-
-    subscriber = session.liveliness().declare_subscriber(ALL_TOKENS, notice, history=True)
-    with changed:
-        changed.wait_for(lambda: seen == wanted, timeout)
-        missing = wanted - seen
-    subscriber.undeclare()
-    return set(missing)
 
 
 def _mangle(chunk: str) -> str:
@@ -226,3 +148,61 @@ def _mangle(chunk: str) -> str:
 
 def _unmangle(chunk: str) -> str:
     return "" if chunk == "%" else chunk.replace("%", "/")
+
+
+def control_key(robot: str, verb: str) -> str:
+    """Where a supervisor answers to `ps`, `why`, `events`, `logs`, `stop`, `start`, `restart` and `down`."""
+    return names.join(PREFIX, robot, "supervisor", verb)
+
+
+class SupervisorToken(msgspec.Struct, frozen=True):
+    """Which process a supervisor is: a liveliness token that vanishes with it."""
+
+    robot: str
+    pid: int
+    machine: str
+    part: str = ""
+    """The host of the manifest whose part it runs; empty for all of it."""
+    zid: str = ""
+    """The id of its Zenoh session."""
+    user: str = ""
+    """The name of the user whose process it is."""
+
+    def key(self) -> str:
+        """The token's key expression."""
+        parts = (self.part, self.machine, self.zid, self.user)
+        return names.join(PREFIX, self.robot, "run", str(self.pid), "%".join(parts))
+
+
+def supervisors_key(robot: str) -> str:
+    """The tokens of all supervisors of a robot."""
+    return names.join(PREFIX, robot, "run", "*", "*")
+
+
+def parse_supervisor_token(key: str) -> SupervisorToken | None:
+    """The token that a key of `supervisors_key` spells; None for a key that spells none."""
+    chunks, parts = key.split("/"), key.rpartition("/")[2].split("%")
+    if len(chunks) < 5 or len(parts) != 4 or not all(map(names.is_word, chunks[1:-3])) or not key.isprintable():
+        return None
+    pid = parse_number(chunks[-2])
+    token = SupervisorToken("/".join(chunks[1:-3]), pid or 0, parts[1], parts[0], parts[2], parts[3])
+    return token if token.key() == key else None
+
+
+def log_key(robot: str) -> str:
+    """Where a supervisor publishes what its processes print."""
+    return names.join(PREFIX, robot, "output")
+
+
+def event_key(robot: str) -> str:
+    """Where a supervisor publishes its events."""
+    return names.join(PREFIX, robot, "events")
+
+
+SYSTEM_TOPICS = {"log": "system/Log", "parameter_events": "system/ParameterEvent"}
+"""What every node publishes beside its contract, by topic of its namespace: log records and changed parameters."""
+
+
+def parameters_key(namespace: str, node: str, verb: str) -> str:
+    """The key of a verb; `*` for all of them, or for all nodes of a namespace."""
+    return names.join(namespace, node, "parameters", verb)

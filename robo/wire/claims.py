@@ -16,10 +16,12 @@ from contextlib import suppress
 
 import zenoh
 
-from robo import names, tcp
-from robo.discovery import ClaimToken, NodeToken, hostname, parse_token
 from robo.errors import NetworkError
-from robo.session import Network, close_session, open_session
+from robo.wire import names, tcp
+from robo.wire.discovery import hostname
+from robo.wire.keys import ClaimToken, NodeToken, parse_token
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 
 ANSWERS_WITHIN = 0.5
 """How long a start waits for a site that may know of another run, s."""

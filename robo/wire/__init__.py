@@ -1,0 +1,1 @@
+"""What two processes must agree on: names, keys, reports, encoding, and how they join the network."""
