@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     )
     from robo.message_info import MessageInfo
     from robo.node import Node
-    from robo.parameters import NON_FINITE, READ_ONLY, Parameters, Step, Unit
+    from robo.parameters.hints import NON_FINITE, READ_ONLY, Step, Unit
+    from robo.parameters.model import Parameters
     from robo.runner import run
     from robo.wire.network import Network
     from robo.wire.qos import KEEP_ALL
@@ -76,7 +77,8 @@ _HOMES = {
     "contract": ("Client", "Publisher", "service", "subscribe", "timer"),
     "message_info": ("MessageInfo",),
     "node": ("Node",),
-    "parameters": ("NON_FINITE", "READ_ONLY", "Parameters", "Step", "Unit"),
+    "parameters.hints": ("NON_FINITE", "READ_ONLY", "Step", "Unit"),
+    "parameters.model": ("Parameters",),
     "runner": ("run",),
     "wire.network": ("Network",),
     "wire.qos": ("KEEP_ALL",),

@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast, overloa
 import msgspec
 
 import robo_messages
-from robo import parameters
 from robo.errors import ContractError
 from robo.executor import period_of
 from robo.message_info import MessageInfo
+from robo.parameters import hints
+from robo.parameters import model as parameters
 from robo.wire.qos import DEFAULT_DEPTH, DEFAULT_TIMEOUT, check_depth
 from robo_messages import Message
 
@@ -168,7 +169,7 @@ class Contract(msgspec.Struct, frozen=True):
     timers: tuple[TimerDeclaration, ...]
     services: tuple[ServiceDeclaration, ...]
     clients: tuple[ClientDeclaration, ...]
-    parameters: tuple[parameters.ParameterInfo, ...]
+    parameters: tuple[hints.ParameterInfo, ...]
 
 
 class _SubscribeMark(msgspec.Struct):

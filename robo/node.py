@@ -27,8 +27,8 @@ from robo.intake import Intake
 from robo.memory import Memory
 from robo.message_info import PLAIN, MessageInfo
 from robo.parameter_server import ParameterServer
-from robo.parameters import Parameters as AnyParameters
-from robo.parameters import build, change, flat
+from robo.parameters.model import Parameters as AnyParameters
+from robo.parameters.model import build, change, flat
 from robo.services import ServiceClient, ServiceServer, service_token
 from robo.wire import discovery, keys, names
 from robo.wire.keys import NodeToken

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import msgspec
 
-from robo import parameter_files
 from robo.contract import Contract, contract_of
 from robo.contract_text import contract_text
 from robo.environment import MODE_VARIABLE, SPEC_VARIABLE
 from robo.errors import UsageError
 from robo.node import Node
-from robo.parameters import parse_assignment
+from robo.parameters import files as parameter_files
+from robo.parameters.words import parse_assignment
 from robo.runner import NodeSpec
 from robo.wire.network import MODES, Mode
 from robo.wire.reports import Said

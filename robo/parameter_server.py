@@ -18,9 +18,10 @@ from collections.abc import Callable, Mapping, Sequence
 import msgspec
 import zenoh
 
-from robo import parameters
 from robo.errors import ParameterError
-from robo.parameters import ParameterInfo, Parameters
+from robo.parameters import model as parameters
+from robo.parameters.hints import ParameterInfo
+from robo.parameters.model import Parameters
 from robo.text.brief import shown
 from robo.text.suggestions import hint
 from robo.wire import codec, names, queries

@@ -92,9 +92,9 @@ def manifests(incomplete: str) -> list[str]:
 
 def types(incomplete: str) -> list[str]:
     """Names of message types."""
-    from robo.tools import interfaces
+    from robo.interfaces import catalogue
 
-    return [name for name in interfaces.known() if name.startswith(incomplete)]
+    return [name for name in catalogue.known() if name.startswith(incomplete)]
 
 
 def _live(ctx: typer.Context, incomplete: str, find: "Callable[[zenoh.Session], Iterable[str]]") -> list[str]:

@@ -4,22 +4,22 @@ import robo_messages
 from robo.cli.connection import note, paint, print_json, print_line, print_table, print_text
 from robo.cli.json_text import document
 from robo.errors import MessageError
-from robo.tools import interfaces
-from robo.tools.interfaces import FieldInfo
-from robo.tools.ros_text import ros_text
+from robo.interfaces import catalogue
+from robo.interfaces.catalogue import FieldInfo
+from robo.interfaces.ros_text import ros_text
 from robo_messages import Message
 
 
 def print_list(*, json: bool) -> None:
     """Print all known types."""
-    found = interfaces.listed()
+    found = catalogue.listed()
     if json:
         for one in found:
             print_json(one)
     else:
         rows = [(one.name, one.kind, one.description or f"in {one.source}") for one in found]
         print_table([("TYPE", "KIND", "DESCRIPTION"), *rows])
-    for problem in interfaces.broken():
+    for problem in catalogue.broken():
         note(f"left out: {problem}")
 
 
@@ -31,7 +31,7 @@ def print_type(name: str, *, json: bool, json_schema: bool, ros: bool) -> None:
         ContractError: the file that says it cannot be imported.
     """
     try:
-        types = [interfaces.find(half) for half in interfaces.halves(name)]
+        types = [catalogue.find(half) for half in catalogue.halves(name)]
     except robo_messages.UnknownType as error:
         raise MessageError(error.args[0]) from None
     if ros:
@@ -42,7 +42,7 @@ def print_type(name: str, *, json: bool, json_schema: bool, ros: bool) -> None:
         print_text(document(whole))
     elif json:
         for type_ in types:
-            print_json(interfaces.describe(type_))
+            print_json(catalogue.describe(type_))
     else:
         for number, type_ in enumerate(types):
             if number:
@@ -51,7 +51,7 @@ def print_type(name: str, *, json: bool, json_schema: bool, ros: bool) -> None:
 
 
 def _print(type_: type[Message]) -> None:
-    interface = interfaces.describe(type_)
+    interface = catalogue.describe(type_)
     print_line(paint(interface.name, "1"))
     for line in interface.description.splitlines():
         print_line(f"  {line}".rstrip())
@@ -67,9 +67,9 @@ def _print(type_: type[Message]) -> None:
 
 def _rows(type_: type[Message], depth: int) -> list[tuple[str, str, str]]:
     """Name, type, and default with description of each field, those of inner messages below theirs."""
-    inner = interfaces.inner_types(type_)
+    inner = catalogue.inner_types(type_)
     rows = []
-    for field in interfaces.describe(type_).fields:
+    for field in catalogue.describe(type_).fields:
         rows.append((f"{'  ' * depth}{field.name}", field.type, _about(field, shows_default=field.name not in inner)))
         if field.name in inner:
             rows += _rows(inner[field.name], depth + 1)
@@ -77,6 +77,6 @@ def _rows(type_: type[Message], depth: int) -> list[tuple[str, str, str]]:
 
 
 def _about(field: FieldInfo, *, shows_default: bool) -> str:
-    default = interfaces.default_text(field.default) if shows_default and field.default is not None else ""
+    default = catalogue.default_text(field.default) if shows_default and field.default is not None else ""
     short = default if len(default) <= 24 else "…"
     return "  ".join(part for part in (f"= {short}" if short and short != '""' else "", field.description) if part)

@@ -10,7 +10,7 @@ from robo.cli.connection import clock_time, connect_to_robot, hint, nodes_of, no
 from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.errors import NodeUnreachable, UsageError
-from robo.parameters import range_text
+from robo.parameters.hints import range_text
 from robo.tools import nodes, parameters
 from robo.tools.parameters import Described
 from robo.tools.stream import Stream

@@ -11,9 +11,10 @@ import robo_messages
 from robo.cli.connection import amount, connect_to_robot, hint, note
 from robo.cli.reach import Reach
 from robo.errors import MessageError
+from robo.interfaces import catalogue
+from robo.interfaces.message_input import message_of
 from robo.text.terminal import own
-from robo.tools import interfaces, topics
-from robo.tools.message_input import message_of
+from robo.tools import topics
 from robo.tools.publishing import Line, Sender, flush, line_of
 from robo_messages import Message
 
@@ -217,6 +218,6 @@ def _as_json(text: str) -> object | None:
 
 def _type(name: str) -> type[Message]:
     try:
-        return interfaces.find(name)
+        return catalogue.find(name)
     except robo_messages.UnknownType as error:
         raise MessageError(error.args[0]) from None

@@ -13,10 +13,11 @@ from robo import services
 from robo.cli.connection import connect_to_robot, nodes_of, print_json, print_line, print_table
 from robo.cli.reach import Reach
 from robo.errors import ServiceTimeout, UsageError
-from robo.parameters import parse_value
+from robo.interfaces import catalogue
+from robo.interfaces.message_input import field_types, message_of
+from robo.parameters.words import parse_value
 from robo.text.suggestions import suggest
-from robo.tools import interfaces, nodes
-from robo.tools.message_input import field_types, message_of
+from robo.tools import nodes
 from robo.tools.nodes import ServiceInfo
 from robo.wire import codec
 from robo.wire.names import shown_key
@@ -115,7 +116,7 @@ def _request(type_name: str, text: str | None) -> bytes:
     value = parse_value(text) if text else {}
     if not isinstance(value, dict):
         raise UsageError(f"a request is a map, for example '{{data: true}}', not {text}")
-    type_ = interfaces.find_here(type_name)
+    type_ = catalogue.find_here(type_name)
     if type_ is None:
         return msgspec.msgpack.encode(value)  # its server checks it
     return msgspec.msgpack.encode(message_of(type_, value))
@@ -123,7 +124,7 @@ def _request(type_name: str, text: str | None) -> bytes:
 
 def _shape(type_name: str) -> str:
     """A message type in a line: its fields with their types."""
-    type_ = interfaces.find_here(type_name)
+    type_ = catalogue.find_here(type_name)
     if type_ is None:
         return type_name
     return f"{type_name} {{{', '.join(f'{name}: {kind}' for name, kind in field_types(type_).items())}}}"

@@ -15,7 +15,6 @@ from typing import Any
 import msgspec
 import yaml
 
-from robo import parameter_files
 from robo.environment import (
     CONNECT_VARIABLE,
     IMAGE_VARIABLE,
@@ -30,7 +29,8 @@ from robo.export.placeholders import Placeholders
 from robo.launch.expression import as_text
 from robo.launch.find import SHARE
 from robo.launch.plan import Plan, ProcessPlan
-from robo.parameters import parse_value
+from robo.parameters import files as parameter_files
+from robo.parameters.words import parse_value
 from robo.runner import NodeSpec
 from robo.wire.codec import jsonable
 

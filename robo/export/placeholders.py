@@ -23,7 +23,7 @@ class Placeholders:
 
     def environment(self, variable: str, default: str | None) -> str | None:
         """What `${env:NAME}` in a manifest is: a word, or the default where that is no text."""
-        from robo.parameters import parse_value
+        from robo.parameters.words import parse_value
 
         if default is not None and not isinstance(parse_value(default), str):
             return default

@@ -23,7 +23,7 @@ from robo.launch.plan import Plan, ProcessPlan, TopicPlan
 from robo.launch.reader import read
 from robo.launch.substitution import BROKEN, Scope, Shared
 from robo.launch.values import Assignment, Checked, Files, Said, Setting
-from robo.parameter_files import ParameterEntry
+from robo.parameters.files import ParameterEntry
 from robo.text.brief import shown
 from robo.text.files import read_text
 from robo.text.suggestions import suggest

@@ -8,14 +8,14 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import msgspec
 
-from robo import parameter_files
 from robo.launch.arguments import COMMAND_LINE
 from robo.launch.contracts import Answer, typed
 from robo.launch.find import nearby
 from robo.launch.manifest import ParameterSource
 from robo.launch.plan import ParameterValue
 from robo.launch.substitution import BROKEN, Scope, Word
-from robo.parameter_files import ParameterEntry, ParameterFile, flat_entries
+from robo.parameters import files as parameter_files
+from robo.parameters.files import ParameterEntry, ParameterFile, flat_entries
 from robo.text.brief import shown
 from robo.text.suggestions import hint, suggest
 from robo.text.tree import Position, Problem, Scalar

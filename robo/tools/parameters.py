@@ -6,8 +6,8 @@ from typing import TypeVar
 import msgspec
 import zenoh
 
-from robo import parameter_files
 from robo.errors import NodeUnreachable, ParameterError
+from robo.parameters import files as parameter_files
 from robo.text.paths import nested
 from robo.text.tree import Problem
 from robo.wire.codec import UNREADABLE
@@ -73,7 +73,7 @@ def typed(described: Iterable[Described], name: str, text: str) -> object:
     Raises:
         ParameterError: a list, map or quote is not closed.
     """
-    from robo.parameters import parse_value
+    from robo.parameters.words import parse_value
 
     types = {one.name: one.type for one in described}
     return text if types.get(name) == "str" else parse_value(text)

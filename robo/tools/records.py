@@ -7,8 +7,8 @@ from typing import Any
 import msgspec
 
 from robo.errors import MessageError
-from robo.tools import interfaces
-from robo.tools.message_input import restored
+from robo.interfaces import catalogue
+from robo.interfaces.message_input import restored
 from robo.tools.stream import Arrival
 from robo.wire import codec
 from robo.wire.codec import Malformed, jsonable
@@ -102,7 +102,7 @@ def payload_of(type_name: str, message: object) -> bytes:
     Raises:
         MessageError: the message does not fit its type.
     """
-    type_ = interfaces.find_here(type_name)
+    type_ = catalogue.find_here(type_name)
     return msgspec.msgpack.encode(restored(type_, message) if type_ is not None else message)
 
 

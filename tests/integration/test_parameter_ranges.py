@@ -9,7 +9,7 @@ import zenoh
 
 from robo import Node, ParameterError
 from robo.contract import contract_of
-from robo.parameters import ParameterInfo
+from robo.parameters.hints import ParameterInfo
 from robo_services.carmen_player import CarmenPlayer
 from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.position_tracker import PositionTracker

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from robo import parameter_files
 from robo.cli.network import router_network
 from robo.errors import ManifestError, ParameterFileError, RoboError, UnreadableFile, UsageError
 from robo.launch import resolve
 from robo.launch.faults import as_text
 from robo.launch.find import find_manifest
+from robo.parameters import files as parameter_files
 from robo.text.brief import brief, brief_lines, marked, shown
 from robo.text.files import read_bytes, read_text
 from robo_services import carmen, world

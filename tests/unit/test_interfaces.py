@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from robo.tools import interfaces, ros_text
+from robo.interfaces import catalogue, ros_text
 from robo_messages import LaserScan, UnknownType
 
 GRIPPER = '''
@@ -22,7 +22,7 @@ class Gripper(Message):
 
 def in_folder(folder: Path, code: str, **environment: str) -> str:
     """What Python prints there."""
-    script = f"from robo.tools import interfaces, ros_text\n{code}"
+    script = f"from robo.interfaces import catalogue, ros_text\n{code}"
     result = subprocess.run(
         [sys.executable, "-c", script], cwd=folder, capture_output=True, text=True, check=True,
         env={"PATH": "", **environment},
@@ -35,8 +35,8 @@ def test_types_below_the_current_folder_are_known(tmp_path: Path, place: str) ->
     file = tmp_path / place
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(GRIPPER)
-    assert in_folder(tmp_path, "print('my_robot/Gripper' in interfaces.known())") == "True"
-    assert "width" in in_folder(tmp_path, "print(interfaces.describe(interfaces.find('my_robot/Gripper')))")
+    assert in_folder(tmp_path, "print('my_robot/Gripper' in catalogue.known())") == "True"
+    assert "width" in in_folder(tmp_path, "print(catalogue.describe(catalogue.find('my_robot/Gripper')))")
 
 
 def test_modules_may_be_named(tmp_path: Path) -> None:
@@ -44,7 +44,7 @@ def test_modules_may_be_named(tmp_path: Path) -> None:
     (tmp_path / "elsewhere" / "gripper_types.py").write_text(GRIPPER)
     here = tmp_path / "here"
     here.mkdir()
-    code = "print(interfaces.find('my_robot/Gripper').__module__)"
+    code = "print(catalogue.find('my_robot/Gripper').__module__)"
     path = str(tmp_path / "elsewhere")
     assert in_folder(here, code, ROBO_MESSAGES="gripper_types", PYTHONPATH=path) == "gripper_types"
 
@@ -57,16 +57,16 @@ def test_installed_packages_announce_theirs(tmp_path: Path) -> None:
     (info / "entry_points.txt").write_text("[robo.messages]\ngripper = gripper_types\n")
     here = tmp_path / "here"
     here.mkdir()
-    code = "print([one for one in interfaces.listed() if one.name == 'my_robot/Gripper'][0].description)"
+    code = "print([one for one in catalogue.listed() if one.name == 'my_robot/Gripper'][0].description)"
     assert in_folder(here, code, PYTHONPATH=str(tmp_path)) == "A gripper's state."
 
 
 def test_a_file_that_cannot_be_imported_is_told(tmp_path: Path) -> None:
     (tmp_path / "broken.py").write_text(f"{GRIPPER}\nraise RuntimeError('no hardware')")
     code = (
-        "try: interfaces.find('my_robot/Gripper')\n"
+        "try: catalogue.find('my_robot/Gripper')\n"
         "except Exception as error: print(type(error).__name__, error)\n"
-        "print(len(interfaces.listed()) > 30)"
+        "print(len(catalogue.listed()) > 30)"
     )
     told = in_folder(tmp_path, code)
     assert told.startswith("ContractError broken.py, which says it, cannot be imported: broken.py:")
@@ -112,8 +112,8 @@ def test_a_package_that_cannot_be_imported_does_not_hide_the_others(tmp_path: Pa
 def test_messages_of_a_type_that_cannot_be_imported_here_are_data_all_the_same(tmp_path: Path) -> None:
     (tmp_path / "torn").mkdir()
     (tmp_path / "torn" / "__init__.py").write_text("raise TypeError('torn')")
-    assert in_folder(tmp_path, "print(interfaces.find_here('torn/Type'), interfaces.find_here(''))") == "None None"
-    code = "try: interfaces.find('torn/Type')\nexcept Exception as error: print(type(error).__name__, error)"
+    assert in_folder(tmp_path, "print(catalogue.find_here('torn/Type'), catalogue.find_here(''))") == "None None"
+    code = "try: catalogue.find('torn/Type')\nexcept Exception as error: print(type(error).__name__, error)"
     told = "ContractError module torn, where torn/… may be, cannot be imported: torn/__init__.py:1: TypeError: torn"
     assert in_folder(tmp_path, code, PYTHONUTF8="1") == told
 
@@ -121,7 +121,7 @@ def test_messages_of_a_type_that_cannot_be_imported_here_are_data_all_the_same(t
 def test_what_only_looks_like_a_type_is_none(tmp_path: Path) -> None:
     (tmp_path / "talks.py").write_text(f'"""As in `@message("group/Type")`."""\n# @message("group/Other")\n{GRIPPER}')
     (tmp_path / "torn.py").write_text('@message("torn/Type")\nclass (')
-    code = "print([name for name in interfaces.known() if name.split('/')[0] in ('group', 'torn', 'my_robot')])"
+    code = "print([name for name in catalogue.known() if name.split('/')[0] in ('group', 'torn', 'my_robot')])"
     assert in_folder(tmp_path, code) == "['my_robot/Gripper', 'torn/Type']"
 
 
@@ -130,7 +130,7 @@ def test_what_is_no_code_of_the_user_is_passed_over(tmp_path: Path) -> None:
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "messages.py").write_text(GRIPPER)
     (tmp_path / "env" / "pyvenv.cfg").write_text("")
-    assert in_folder(tmp_path, "print('my_robot/Gripper' in interfaces.known())") == "False"
+    assert in_folder(tmp_path, "print('my_robot/Gripper' in catalogue.known())") == "False"
 
 
 @pytest.mark.parametrize(
@@ -146,23 +146,23 @@ def test_what_is_no_code_of_the_user_is_passed_over(tmp_path: Path) -> None:
 )
 def test_an_unknown_type_is_told(name: str, meant: str) -> None:
     with pytest.raises(UnknownType, match=rf"did you mean {meant}\?"):
-        interfaces.find(name)
+        catalogue.find(name)
 
 
 def test_a_list_shows_whole_sentences() -> None:
-    abouts = {one.name: one.description for one in interfaces.listed()}
+    abouts = {one.name: one.description for one in catalogue.listed()}
     assert [about for about in abouts.values() if about and not about.endswith(".")] == []
     assert abouts["sensor/Imu"] == "Orientation, angular velocity and acceleration."
 
 
 def test_a_type_is_described_with_units_and_constants() -> None:
-    scan = interfaces.describe(LaserScan)
+    scan = catalogue.describe(LaserScan)
     fields = {field.name: field for field in scan.fields}
     assert fields["angle_min"].description == "Angle of the first ray, rad."
     assert (fields["ranges"].type, fields["ranges"].default) == ("list of float", [])
-    assert interfaces.describe(interfaces.find("system/Log")).constants["FATAL"] == 50
-    assert interfaces.halves("std/Trigger") == ["std/Trigger_Request", "std/Trigger_Response"]
-    assert interfaces.halves("std/Empty") == ["std/Empty"]
+    assert catalogue.describe(catalogue.find("system/Log")).constants["FATAL"] == 50
+    assert catalogue.halves("std/Trigger") == ["std/Trigger_Request", "std/Trigger_Response"]
+    assert catalogue.halves("std/Empty") == ["std/Empty"]
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 
 import robo_messages
 from robo.errors import MessageError
-from robo.tools.message_input import message_of, restored
+from robo.interfaces.message_input import message_of, restored
 from robo_messages import DiagnosticStatus, Image, LaserScan, Odometry, Path, PoseStamped, Range, Time, Twist, Vector3
 
 

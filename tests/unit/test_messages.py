@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import robo_messages
-from robo.tools.ros_text import ros_text
+from robo.interfaces.ros_text import ros_text
 from robo_messages import (
     BatteryState,
     Duration,

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import robo_messages
 from robo.errors import MessageError
-from robo.tools.message_input import field_types
+from robo.interfaces.message_input import field_types
 from robo.tools.publishing import line_of
 from robo.tools.records import read
 from robo.tools.stream import Arrival

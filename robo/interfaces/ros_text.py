@@ -3,7 +3,7 @@
 from msgspec import inspect
 
 import robo_messages
-from robo.tools import interfaces
+from robo.interfaces import catalogue
 from robo_messages import Message
 
 _PACKAGES = {
@@ -35,12 +35,12 @@ def ros_text(name: str) -> str:
     Raises:
         robo_messages.UnknownType: there is no such type.
     """
-    parts = [_message(interfaces.find(half)) for half in interfaces.halves(name)]
+    parts = [_message(catalogue.find(half)) for half in catalogue.halves(name)]
     return "\n---\n".join(["\n".join([f"# {ros_name(name)}", *parts[0]]), *("\n".join(part) for part in parts[1:])])
 
 
 def _message(type_: type[Message]) -> list[str]:
-    interface = interfaces.describe(type_)
+    interface = catalogue.describe(type_)
     lines = [f"# {line}".rstrip() for line in interface.description.splitlines()]
     signed = any(value < 0 for value in interface.constants.values())
     lines += [f"{'int8' if signed else 'uint8'} {key}={value}" for key, value in interface.constants.items()]
@@ -77,4 +77,4 @@ def _type(info: inspect.Type) -> str:
 def _default(value: object, info: inspect.Type) -> str:
     """A default other than ROS's own zero."""
     single = isinstance(value, (bool, int, float, str)) and not isinstance(info, inspect.StructType)
-    return f" {interfaces.default_text(value)}" if single and value else ""
+    return f" {catalogue.default_text(value)}" if single and value else ""

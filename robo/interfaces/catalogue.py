@@ -28,10 +28,10 @@ from msgspec import inspect as shapes
 import robo_messages
 from robo.environment import MESSAGES_VARIABLE
 from robo.errors import ContractError, UnreadableFile
+from robo.interfaces.message_input import field_types
 from robo.text.files import read_bytes
 from robo.text.import_errors import explained
 from robo.text.suggestions import closest
-from robo.tools.message_input import field_types
 from robo_messages import Message, UnknownType
 
 ENTRY_POINTS = "robo.messages"

@@ -1,0 +1,1 @@
+"""Message types as people and other systems describe them."""

@@ -1,0 +1,1 @@
+"""Parameters: values, annotations, words of a command line, files."""

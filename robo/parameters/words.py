@@ -1,0 +1,44 @@
+"""Parameters as words of a command line: `name:=value`."""
+
+from robo.errors import ParameterError
+from robo.parameters.hints import plain_type
+from robo.parameters.model import Parameters, types_of
+
+
+def parse_assignment(text: str, cls: type[Parameters] | None = None) -> tuple[str, object]:
+    """`name:=value` from a command line. Where `cls` declares the name as text, it stays text.
+
+    Raises:
+        ParameterError: there is no `:=`, or the value is cut short.
+    """
+    name, assign, value = text.partition(":=")
+    if not assign or not name:
+        raise ParameterError(f"parameter {text!r}: write name:=value, for example log_rate:=2.0")
+    if cls is not None and plain_type(types_of(cls).get(name)) is str:
+        return name, value
+    return name, parse_value(value)
+
+
+def parse_value(text: str) -> object:
+    """A value as a command line writes it: true, 3, 2.5, [1, 2], {a: 1}, "quoted" or plain text.
+
+    Raises:
+        ParameterError: a list, map or quote is not closed.
+    """
+    stripped = text.strip()
+    if stripped in ("true", "false"):
+        return stripped == "true"
+    for number in (int, float):
+        try:
+            return number(stripped)
+        except ValueError:
+            continue
+    if stripped[:1] in ("[", "{", '"', "'"):
+        import yaml
+
+        try:
+            value: object = yaml.safe_load(stripped)
+        except yaml.YAMLError as error:
+            raise ParameterError(f"value {text!r}: {error}") from None
+        return value
+    return text
