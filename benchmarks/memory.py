@@ -24,7 +24,7 @@ def main() -> None:
     from robo.lean import import_msgspec
 
     import_msgspec()  # as in the process of a node
-    from robo.loading import load_node_class
+    from robo.node.loading import load_node_class
     from robo.wire.network import Network
     from robo.wire.session import open_session
 

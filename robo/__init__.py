@@ -18,7 +18,6 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from robo.contract import Client, Publisher, service, subscribe, timer
     from robo.errors import (
         ContractError,
         InvalidName,
@@ -32,8 +31,9 @@ if TYPE_CHECKING:
         ServiceTimeout,
         UsageError,
     )
-    from robo.message_info import MessageInfo
-    from robo.node import Node
+    from robo.node.declare import Client, Publisher, service, subscribe, timer
+    from robo.node.message_info import MessageInfo
+    from robo.node.node import Node
     from robo.parameters.hints import NON_FINITE, READ_ONLY, Step, Unit
     from robo.parameters.model import Parameters
     from robo.runner import run
@@ -74,9 +74,9 @@ __all__ = [
 ]
 
 _HOMES = {
-    "contract": ("Client", "Publisher", "service", "subscribe", "timer"),
-    "message_info": ("MessageInfo",),
-    "node": ("Node",),
+    "node.declare": ("Client", "Publisher", "service", "subscribe", "timer"),
+    "node.message_info": ("MessageInfo",),
+    "node.node": ("Node",),
     "parameters.hints": ("NON_FINITE", "READ_ONLY", "Step", "Unit"),
     "parameters.model": ("Parameters",),
     "runner": ("run",),

@@ -15,9 +15,9 @@ import time
 
 import msgspec
 
-from robo.clock import Clock
 from robo.environment import HEARTBEAT_VARIABLE, WATCH_VARIABLE
-from robo.node import Node
+from robo.node.clock import Clock
+from robo.node.node import Node
 from robo.wire.reports import Beat, NodeStatus
 
 _BEHIND = (errno.EAGAIN, errno.ENOBUFS)

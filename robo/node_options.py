@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 import msgspec
 
-from robo.contract import Contract, contract_of
-from robo.contract_text import contract_text
 from robo.environment import MODE_VARIABLE, SPEC_VARIABLE
 from robo.errors import UsageError
-from robo.node import Node
+from robo.node.contract import Contract, contract_of
+from robo.node.contract_text import contract_text
+from robo.node.node import Node
 from robo.parameters import files as parameter_files
 from robo.parameters.words import parse_assignment
 from robo.runner import NodeSpec

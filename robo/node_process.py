@@ -21,7 +21,7 @@ def main() -> None:
 
     from robo.environment import SPEC_VARIABLE
     from robo.errors import RoboError
-    from robo.loading import load_node_class
+    from robo.node.loading import load_node_class
     from robo.runner import NodeSpec, report, run, run_spec
 
     service, *arguments = sys.argv[1:]

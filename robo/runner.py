@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, NoReturn
 
 import msgspec
 
-from robo import heartbeat, log
-from robo.contract import check_constructor
+from robo import heartbeat
 from robo.endings import end_process, end_with_threads
 from robo.environment import RUN_VARIABLE
 from robo.errors import RoboError, RunError
-from robo.memory import Memory
-from robo.node import Node, exit_code_of
+from robo.node import log
+from robo.node.contract import check_constructor
+from robo.node.memory import Memory
+from robo.node.node import Node, exit_code_of
 from robo.text.terminal import visible
 from robo.wire.discovery import wait_for_nodes
 from robo.wire.network import Mode, Network

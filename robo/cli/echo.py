@@ -12,10 +12,10 @@ from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
 from robo.errors import UsageError
+from robo.samples.records import Received, read
+from robo.samples.stream import Stream
 from robo.text.terminal import visible
 from robo.tools.fields import Field, Filter, Missing, cell, flattened, truncated
-from robo.tools.records import Received, read
-from robo.tools.stream import Stream
 
 
 class Options:

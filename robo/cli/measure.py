@@ -9,10 +9,10 @@ from robo.cli.connection import connect_to_robot, data_size, note, print_json, p
 from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
+from robo.samples.meters import Bandwidth, Delay, Loss, Measure, Meter, Rate, Window
+from robo.samples.stream import Stream
 from robo.text.terminal import visible
 from robo.tools import net
-from robo.tools.meters import Bandwidth, Delay, Loss, Measure, Meter, Rate, Window
-from robo.tools.stream import Stream
 from robo.tools.topics import Topic
 
 SILENT = 3.0

@@ -126,9 +126,9 @@ def print_contract(service: str, *, json: bool) -> None:
     Raises:
         ContractError: there is no such class, or it says something wrong.
     """
-    from robo.contract import contract_of
-    from robo.contract_text import contract_data, contract_text
-    from robo.loading import load_node_class
+    from robo.node.contract import contract_of
+    from robo.node.contract_text import contract_data, contract_text
+    from robo.node.loading import load_node_class
 
     node_class = load_node_class(service)
     contract = contract_of(node_class)

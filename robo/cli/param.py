@@ -11,9 +11,9 @@ from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.errors import NodeUnreachable, UsageError
 from robo.parameters.hints import range_text
+from robo.samples.stream import Stream
 from robo.tools import nodes, parameters
 from robo.tools.parameters import Described
-from robo.tools.stream import Stream
 from robo.wire.codec import UNREADABLE
 from robo.wire.keys import NodeToken
 from robo_messages import ParameterEvent

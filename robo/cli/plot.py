@@ -16,11 +16,11 @@ from robo.cli.reach import Reach
 from robo.cli.screen import Screen
 from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
 from robo.errors import UsageError
+from robo.samples.records import Received, read
+from robo.samples.stream import Stream
 from robo.text.chart import Chart, Point
 from robo.text.terminal import visible
 from robo.tools.fields import Field, Missing, flattened
-from robo.tools.records import Received, read
-from robo.tools.stream import Stream
 
 _COLOURS = ("cyan", "yellow", "magenta", "green", "red", "blue")
 _PERIOD = 0.1

@@ -13,9 +13,9 @@ from robo.cli.reach import Reach
 from robo.errors import MessageError
 from robo.interfaces import catalogue
 from robo.interfaces.message_input import message_of
+from robo.samples.publishing import Line, Sender, flush, line_of
 from robo.text.terminal import own
 from robo.tools import topics
-from robo.tools.publishing import Line, Sender, flush, line_of
 from robo_messages import Message
 
 _LONGEST_LINE = 100_000_000

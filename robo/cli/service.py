@@ -9,12 +9,12 @@ import msgspec
 import zenoh
 
 import robo_messages
-from robo import services
 from robo.cli.connection import connect_to_robot, nodes_of, print_json, print_line, print_table
 from robo.cli.reach import Reach
 from robo.errors import ServiceTimeout, UsageError
 from robo.interfaces import catalogue
 from robo.interfaces.message_input import field_types, message_of
+from robo.node import services
 from robo.parameters.words import parse_value
 from robo.text.suggestions import suggest
 from robo.tools import nodes

@@ -114,8 +114,8 @@ def _in_child(work: Callable[[], bytes]) -> bytes | None:
 
 
 def _answer(asked: Question, loaded: dict[str, Any]) -> Answer:
-    from robo.contract import contract_of
-    from robo.loading import load_node_class
+    from robo.node.contract import contract_of
+    from robo.node.loading import load_node_class
     from robo.parameters import model as parameters
 
     if asked.service not in loaded:

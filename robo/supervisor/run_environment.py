@@ -14,7 +14,7 @@ from robo.environment import (
     SUPERVISED_VARIABLE,
 )
 from robo.launch.plan import ProcessPlan
-from robo.memory import file_name
+from robo.node.memory import file_name
 from robo.runner import NodeSpec
 from robo.wire.codec import jsonable
 from robo.wire.reports import Said

@@ -6,9 +6,9 @@ import msgspec
 import psutil
 import zenoh
 
+from robo.samples.meters import Meter
+from robo.samples.stream import Arrival, Stream
 from robo.tools import nodes, runs, topics
-from robo.tools.meters import Meter
-from robo.tools.stream import Arrival, Stream
 from robo.wire.discovery import hostname
 from robo.wire.keys import NodeToken
 from robo.wire.reports import NodeStatus, ProcessStatus

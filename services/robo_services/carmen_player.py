@@ -8,7 +8,7 @@ from msgspec import Meta
 
 import robo
 from robo import KEEP_ALL, READ_ONLY, Node, ParameterError, Publisher, Unit
-from robo.clock import Clock as WallClock
+from robo.node.clock import Clock as WallClock
 from robo_messages import Clock, LaserScan, Odometry, Time
 from robo_services import carmen
 

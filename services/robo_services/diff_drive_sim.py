@@ -9,8 +9,8 @@ from msgspec import Meta
 
 import robo
 from robo import READ_ONLY, MessageInfo, Node, Publisher, Unit, service, subscribe, timer
-from robo.clock import Clock as WallClock
-from robo.clock import SimClock
+from robo.node.clock import Clock as WallClock
+from robo.node.clock import SimClock
 from robo_messages import (
     Clock,
     Header,

@@ -7,7 +7,7 @@ from msgspec import Meta
 
 import robo
 from robo import READ_ONLY, MessageInfo, Node, NotKept, Publisher, Unit, service, subscribe, timer
-from robo.clock import Clock
+from robo.node.clock import Clock
 from robo_messages import DiagnosticStatus, KeyValue, LaserScan, Message, Odometry, Trigger, Twist
 from robo_services.arrivals import Arrivals, Newest
 from robo_services.safety import Action, Decision, Limits, Seen, decide

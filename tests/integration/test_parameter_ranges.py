@@ -8,7 +8,7 @@ import pytest
 import zenoh
 
 from robo import Node, ParameterError
-from robo.contract import contract_of
+from robo.node.contract import contract_of
 from robo.parameters.hints import ParameterInfo
 from robo_services.carmen_player import CarmenPlayer
 from robo_services.diff_drive_sim import DiffDriveSim

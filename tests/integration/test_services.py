@@ -11,7 +11,7 @@ import zenoh
 
 import robo
 from robo import Client, Node, ServiceError, ServiceTimeout, service, subscribe, timer
-from robo.executor import paused
+from robo.node.turn import paused
 from robo.wire import queries
 from robo.wire.discovery import wait_for_nodes
 from robo.wire.network import Network

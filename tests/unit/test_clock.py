@@ -2,8 +2,9 @@
 
 import threading
 
-from robo.clock import Clock, SimClock
-from robo.executor import TimerLoop, Turn
+from robo.node.clock import Clock, SimClock
+from robo.node.loops import TimerLoop
+from robo.node.turn import Turn
 from tests.support import eventually
 
 MILLISECOND = 1_000_000

@@ -8,9 +8,9 @@ from msgspec import Meta
 
 import robo
 from robo import KEEP_ALL, MessageInfo, Node, Publisher, service, subscribe, timer
-from robo.contract import check_constructor, check_plain, contract_of, snake_case, takes_info
 from robo.errors import ContractError, ParameterError
-from robo.loading import load_node_class
+from robo.node.contract import check_constructor, check_plain, contract_of, snake_case, takes_info
+from robo.node.loading import load_node_class
 from robo_messages import Message, Odometry, Point, Twist
 from robo_services.position_tracker import PositionTracker
 

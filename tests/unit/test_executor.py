@@ -6,10 +6,11 @@ from functools import partial
 
 import pytest
 
-from robo.clock import Clock
-from robo.endpoints import slots
 from robo.errors import ContractError
-from robo.executor import TimerLoop, Turn, checked_period, period_of
+from robo.node.clock import Clock
+from robo.node.loops import TimerLoop, checked_period, period_of
+from robo.node.topics import slots
+from robo.node.turn import Turn
 from robo.wire.qos import KEEP_ALL
 from robo_messages import Image, LaserScan, Odometry, PointCloud2, Twist
 from tests.support import eventually

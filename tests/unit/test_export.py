@@ -14,7 +14,7 @@ from robo.cli.export import export_compose, export_dockerfile
 from robo.errors import UsageError
 from robo.export.compose import MEMORY
 from robo.launch import resolve
-from robo.loading import load_node_class
+from robo.node.loading import load_node_class
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted(path.name for path in (ROOT / "launch").glob("*.yaml"))

@@ -4,7 +4,7 @@ import sys
 import pytest
 
 from robo.errors import UsageError
-from robo.log import ConsoleFormatter, NodeLogger
+from robo.node.log import ConsoleFormatter, NodeLogger
 from robo.text.levels import level_name, level_of
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from robo.environment import MEMORY_VARIABLE
 from robo.errors import NotKept
-from robo.memory import Memory
+from robo.node.memory import Memory
 
 
 def test_what_is_kept_is_there_after_a_restart(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from robo.message_check import LARGE, MessageCheck
+from robo.node.message_check import LARGE, MessageCheck
 from robo_messages import Imu, LaserScan, Point, String, Twist, Vector3
 
 encode = msgspec.msgpack.encode

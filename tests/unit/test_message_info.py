@@ -5,7 +5,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robo.message_info import LEASE, PLAIN, MessageInfo, SoleSource, SourceClock
+from robo.node.message_info import LEASE, PLAIN, MessageInfo, SoleSource, SourceClock
 from robo_messages import String
 from robo_services.arrivals import DOUBT, Arrivals, Newest
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robo.tools.meters import Bandwidth, Delay, Loss, Meter, Rate, Sequences
+from robo.samples.meters import Bandwidth, Delay, Loss, Meter, Rate, Sequences
 
 MS = 1_000_000
 

@@ -13,7 +13,7 @@ from msgspec import Meta
 import robo
 from robo import node_options
 from robo.errors import ContractError, ParameterError, ParameterFileError
-from robo.loading import load_node_class
+from robo.node.loading import load_node_class
 from robo.parameters import files as parameter_files
 from robo.parameters.model import build, change, describe, flat
 from robo.parameters.words import parse_assignment, parse_value

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 import robo_messages
 from robo.errors import MessageError
 from robo.interfaces.message_input import field_types
-from robo.tools.publishing import line_of
-from robo.tools.records import read
-from robo.tools.stream import Arrival
+from robo.samples.publishing import line_of
+from robo.samples.records import read
+from robo.samples.stream import Arrival
 from robo.wire import codec
 from robo.wire.codec import Attachment
 from robo_messages import LaserScan, Message, Twist, Vector3

@@ -8,8 +8,8 @@ from rich.console import Console
 
 from robo.cli.runs import explained
 from robo.cli.top import render, shares
+from robo.samples.stream import Arrival
 from robo.text.chart import Chart
-from robo.tools.stream import Arrival
 from robo.tools.top import Flow, NodeFigures, Snapshot, TopicFigures
 from robo.tools.topics import Topic
 from robo.wire.codec import Attachment

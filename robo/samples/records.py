@@ -9,7 +9,7 @@ import msgspec
 from robo.errors import MessageError
 from robo.interfaces import catalogue
 from robo.interfaces.message_input import restored
-from robo.tools.stream import Arrival
+from robo.samples.stream import Arrival
 from robo.wire import codec
 from robo.wire.codec import Malformed, jsonable
 

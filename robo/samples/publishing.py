@@ -10,7 +10,7 @@ import msgspec
 import zenoh
 
 from robo.errors import MessageError
-from robo.tools.records import Record, payload_of, sample_of
+from robo.samples.records import Record, payload_of, sample_of
 from robo.wire import codec
 from robo.wire.keys import EndpointToken, source_id
 from robo.wire.qos import DEFAULT_DEPTH

@@ -7,8 +7,8 @@ from datetime import UTC, datetime, timedelta
 
 import zenoh
 
-from robo.clock import monotonic_ns
-from robo.message_info import Clocks, MessageInfo, SoleSource
+from robo.node.clock import monotonic_ns
+from robo.node.message_info import Clocks, MessageInfo, SoleSource
 from robo.wire import codec, keys
 from robo.wire.keys import EndpointToken
 from robo.wire.reports import Refused

@@ -11,25 +11,27 @@ from collections.abc import Callable, Mapping, Sequence, Set
 from contextlib import ExitStack, nullcontext
 from functools import partial
 from types import TracebackType
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import msgspec
 import zenoh
 
-from robo import log
-from robo.clock import Clock, SimClock
-from robo.contract import Contract, check_plain, contract_of, takes_info
-from robo.endpoints import TopicPublisher, TopicSubscription, endpoint_token
 from robo.environment import NAMESPACE_VARIABLE, RUN_VARIABLE
 from robo.errors import ContractError, ParameterError
-from robo.executor import TimerLoop, Turn, checked_period, name_of, period_of, taking
-from robo.intake import Intake
-from robo.memory import Memory
-from robo.message_info import PLAIN, MessageInfo
-from robo.parameter_server import ParameterServer
+from robo.node import log
+from robo.node.clock import Clock, SimClock
+from robo.node.contract import Contract, check_plain, contract_of, takes_info
+from robo.node.declare import Declares
+from robo.node.intake import Intake
+from robo.node.loops import TimerLoop, checked_period, period_of
+from robo.node.memory import Memory
+from robo.node.message_info import PLAIN, MessageInfo
+from robo.node.parameter_server import ParameterServer
+from robo.node.services import ServiceClient, ServiceServer, service_token
+from robo.node.topics import TopicPublisher, TopicSubscription, endpoint_token
+from robo.node.turn import Turn, name_of, taking
 from robo.parameters.model import Parameters as AnyParameters
 from robo.parameters.model import build, change, flat
-from robo.services import ServiceClient, ServiceServer, service_token
 from robo.wire import discovery, keys, names
 from robo.wire.keys import NodeToken
 from robo.wire.network import Network
@@ -64,7 +66,7 @@ def exit_code_of(stop: SystemExit) -> int:
     return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
 
 
-class Node:
+class Node(Declares):
     """Base of every node. A subclass declares what it publishes, subscribes and how it is tuned:
 
         class Talker(Node):
@@ -83,7 +85,6 @@ class Node:
     with exit code 1, when a thread dies of an exception, be it one that the subclass has started.
     """
 
-    Parameters: ClassVar[type[AnyParameters]] = AnyParameters
     parameters: AnyParameters
 
     def __init__(

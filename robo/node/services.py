@@ -16,7 +16,7 @@ import zenoh
 
 import robo_messages
 from robo.errors import ServiceError, ServiceTimeout
-from robo.executor import Turn, name_of, paused, taking
+from robo.node.turn import Turn, name_of, paused, taking
 from robo.wire import codec, queries
 from robo.wire.codec import Malformed, TopicDecoder
 from robo.wire.keys import EndpointToken

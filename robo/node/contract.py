@@ -11,101 +11,17 @@ import typing
 from collections.abc import Callable
 from functools import partial
 from types import FunctionType, MethodType
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast, overload
+from typing import Any
 
 import msgspec
 
 import robo_messages
 from robo.errors import ContractError
-from robo.executor import period_of
-from robo.message_info import MessageInfo
+from robo.node.declare import MARK, Client, Declares, Publisher, ServiceMark, SubscribeMark, TimerMark
+from robo.node.message_info import MessageInfo
 from robo.parameters import hints
 from robo.parameters import model as parameters
-from robo.wire.qos import DEFAULT_DEPTH, DEFAULT_TIMEOUT, check_depth
 from robo_messages import Message
-
-if TYPE_CHECKING:
-    from robo.endpoints import TopicPublisher
-    from robo.node import Node
-    from robo.services import ServiceClient
-
-M = TypeVar("M", bound=Message)
-Q = TypeVar("Q", bound=Message)
-A = TypeVar("A", bound=Message)
-N = TypeVar("N", bound="Node")
-
-_MARK = "__robo_contract__"
-
-
-class Publisher(Generic[M]):
-    """Declares a topic that a node publishes: `position = Publisher(Point, "current_position")`.
-
-    On a node, `self.position` is the publisher itself.
-    """
-
-    def __init__(self, message_type: type[M], topic: str, *, depth: int = DEFAULT_DEPTH) -> None:
-        """
-        Args:
-            message_type: what is published.
-            topic: its name: relative, absolute or private (`~/state`).
-            depth: KEEP_ALL makes `publish` wait for receivers that asked for every message;
-                with any other depth it never waits.
-        """
-        self.message_type = message_type
-        self.topic = topic
-        self.depth = check_depth(depth)
-
-    def __set_name__(self, owner: type[object], name: str) -> None:
-        self._attribute = name
-
-    @overload
-    def __get__(self, instance: None, owner: type[object]) -> Publisher[M]: ...
-    @overload
-    def __get__(self, instance: Node, owner: type[object]) -> TopicPublisher[M]: ...
-    def __get__(self, instance: Node | None, owner: type[object]) -> Publisher[M] | TopicPublisher[M]:
-        if instance is None:
-            return self
-        # Node.start() puts the real publisher into the instance, where it hides this descriptor.
-        raise _too_early(owner, self._attribute)
-
-
-def _too_early(owner: type[object], attribute: str) -> ContractError:
-    text = f"{owner.__name__}.{attribute} is used before the node has started; use it in on_start() or later"
-    return ContractError(text)
-
-
-class Client(Generic[Q, A]):
-    """Declares a service that a node calls: `reset = Client(Trigger.Request, Trigger.Response, "reset")`.
-
-    On a node, `self.reset(Trigger.Request())` is the call.
-    """
-
-    def __init__(
-        self, request_type: type[Q], response_type: type[A], service: str, *, timeout: float = DEFAULT_TIMEOUT
-    ) -> None:
-        """
-        Args:
-            request_type: what is asked.
-            response_type: what is answered.
-            service: its name: relative, absolute or private.
-            timeout: how long a call waits for its answer, s.
-        """
-        self.request_type = request_type
-        self.response_type = response_type
-        self.service = service
-        self.timeout = timeout
-
-    def __set_name__(self, owner: type[object], name: str) -> None:
-        self._attribute = name
-
-    @overload
-    def __get__(self, instance: None, owner: type[object]) -> Client[Q, A]: ...
-    @overload
-    def __get__(self, instance: Node, owner: type[object]) -> ServiceClient[Q, A]: ...
-    def __get__(self, instance: Node | None, owner: type[object]) -> Client[Q, A] | ServiceClient[Q, A]:
-        if instance is None:
-            return self
-        raise _too_early(owner, self._attribute)
 
 
 class SubscriptionDeclaration(msgspec.Struct, frozen=True):
@@ -172,50 +88,6 @@ class Contract(msgspec.Struct, frozen=True):
     parameters: tuple[hints.ParameterInfo, ...]
 
 
-class _SubscribeMark(msgspec.Struct):
-    topic: str
-    depth: int
-    sole_source: str | None
-
-
-class _TimerMark(msgspec.Struct):
-    rate: float | str
-
-
-class _ServiceMark(msgspec.Struct):
-    service: str
-
-
-class _Subscribing(Protocol):
-    """A method that takes a message, or a message and what is known of it."""
-
-    @overload
-    def __call__(self, method: Callable[[N, M], None]) -> Callable[[N, M], None]: ...
-    @overload
-    def __call__(self, method: Callable[[N, M, MessageInfo], None]) -> Callable[[N, M, MessageInfo], None]: ...
-
-
-def subscribe(topic: str, *, depth: int = DEFAULT_DEPTH, sole_source: str | None = None) -> _Subscribing:
-    """Call this method with each message of a topic; the message type is the parameter's annotation.
-
-    A method with one parameter more gets a `MessageInfo` there: how old the message is, and whose.
-
-    Args:
-        topic: its name: relative, absolute or private.
-        depth: keep the newest n messages while the node is busy; KEEP_ALL to lose none.
-        sole_source: the parameter, a text, that says whose messages alone count: the name of a node;
-            `plain` for plain Zenoh clients, which say no name; empty for the first node that comes.
-            Those of others are counted, told and left out.
-    """
-    check_depth(depth)
-
-    def mark(method: Any) -> Any:
-        setattr(method, _MARK, _SubscribeMark(topic, depth, sole_source))
-        return method
-
-    return cast(_Subscribing, mark)
-
-
 def takes_info(callback: Callable[..., object]) -> bool:
     """Whether a callback of a subscription takes a `MessageInfo` beside the message."""
     function: Any = callback
@@ -227,37 +99,6 @@ def takes_info(callback: Callable[..., object]) -> bool:
         return False
     given = len(getattr(function, "__defaults__", None) or ()) + (getattr(callback, "__self__", None) is not None)
     return bool(code.co_argcount - given >= 2)
-
-
-def service(name: str) -> Callable[[Callable[[N, Q], A]], Callable[[N, Q], A]]:
-    """Answer the calls of a service with this method: it takes the request and returns the response.
-
-        @service("reset_distance")
-        def reset(self, request: Trigger.Request) -> Trigger.Response: ...
-
-    What the method raises reaches the caller as a `ServiceError` with its message.
-
-    Args:
-        name: of the service: relative, absolute or private.
-    """
-
-    def mark(method: Callable[[N, Q], A]) -> Callable[[N, Q], A]:
-        setattr(method, _MARK, _ServiceMark(name))
-        return method
-
-    return mark
-
-
-def timer(*, rate: float | str) -> Callable[[Callable[[N], None]], Callable[[N], None]]:
-    """Call this method at a steady rate: in Hz, or the name of the parameter that says it."""
-    if not isinstance(rate, str):
-        period_of(rate)
-
-    def mark(method: Callable[[N], None]) -> Callable[[N], None]:
-        setattr(method, _MARK, _TimerMark(rate))
-        return method
-
-    return mark
 
 
 _GENERATOR, _ASYNC = 0x20, 0x80 | 0x200  # as in `inspect`, whose import would cost each node 0.5 MB
@@ -303,7 +144,7 @@ def place_of(function: Any) -> str:
     return f"{function.__code__.co_filename}:{function.__code__.co_firstlineno}"
 
 
-def check_constructor(cls: type[Node]) -> None:
+def check_constructor(cls: type[Declares]) -> None:
     """Refuse a class that a process could not make a node of: its `__init__` does not take what names a node.
 
     Raises:
@@ -314,7 +155,7 @@ def check_constructor(cls: type[Node]) -> None:
         code = getattr(init, "__code__", None)
         if code is None:
             continue
-        if base.__module__ == "robo.node" or code.co_flags & _TAKES_KEYWORDS:
+        if base.__module__ == "robo.node.node" or code.co_flags & _TAKES_KEYWORDS:
             return
         takes = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
         if not set(takes) >= _GIVEN_TO_A_NODE:
@@ -334,7 +175,7 @@ def snake_case(class_name: str) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", class_name).lower()
 
 
-def contract_of(cls: type[Node]) -> Contract:
+def contract_of(cls: type[Declares]) -> Contract:
     """Collect what a node class declares, its base classes included.
 
     Raises:
@@ -354,13 +195,13 @@ def contract_of(cls: type[Node]) -> Contract:
         )
     infos = tuple(parameters.describe(cls.Parameters))
     for name, member in _members(cls).items():
-        mark = getattr(member, _MARK, None)
+        mark = getattr(member, MARK, None)
         if mark is not None:
             check_plain(member, f"{cls.__name__}.{name}")
         if isinstance(member, Publisher):
             _check_type(cls, name, member.message_type)
             publishers.append(PublisherDeclaration(member.topic, member.message_type, member.depth, name))
-        elif isinstance(mark, _SubscribeMark):
+        elif isinstance(mark, SubscribeMark):
             takes = "subscription's callback takes self, the message and, if it wants, a MessageInfo"
             message_type = _annotation(cls, name, member, takes, MessageInfo)
             if mark.sole_source is not None and mark.sole_source not in {i.name for i in infos if i.type == "str"}:
@@ -380,11 +221,11 @@ def contract_of(cls: type[Node]) -> Contract:
             clients.append(
                 ClientDeclaration(member.service, member.request_type, member.response_type, member.timeout, name)
             )
-        elif isinstance(mark, _ServiceMark):
+        elif isinstance(mark, ServiceMark):
             request_type = _annotation(cls, name, member, "service's method takes self and the request")
             response_type = _check_type(cls, name, _hints(f"{cls.__name__}.{name}", member).get("return"))
             services.append(ServiceDeclaration(mark.service, request_type, response_type, name))
-        elif isinstance(mark, _TimerMark):
+        elif isinstance(mark, TimerMark):
             if isinstance(mark.rate, str) and mark.rate not in {info.name for info in infos}:
                 raise ContractError(
                     f"{cls.__name__}.{name}: @timer(rate={mark.rate!r}) names no parameter of this node"
@@ -402,7 +243,7 @@ def contract_of(cls: type[Node]) -> Contract:
     )
 
 
-def _members(cls: type[Node]) -> dict[str, Any]:
+def _members(cls: type[Declares]) -> dict[str, Any]:
     members: dict[str, Any] = {}
     for base in reversed(cls.__mro__):
         members |= vars(base)
@@ -427,7 +268,7 @@ def _function(method: Callable[..., Any]) -> Any:
 
 
 def _annotation(
-    cls: type[Node], name: str, method: Callable[..., Any], takes: str, more: type | None = None
+    cls: type[Declares], name: str, method: Callable[..., Any], takes: str, more: type | None = None
 ) -> type[Message]:
     """The message type that a callback takes; `more` is the type of a second parameter, if it may have one."""
     where = f"{cls.__name__}.{name}"
@@ -451,7 +292,7 @@ def _hints(where: str, method: Callable[..., Any]) -> dict[str, Any]:
         ) from None
 
 
-def _check_type(cls: type[Node], name: str, message_type: Any) -> type[Message]:
+def _check_type(cls: type[Declares], name: str, message_type: Any) -> type[Message]:
     where = f"{cls.__name__}.{name}"
     if not (isinstance(message_type, type) and issubclass(message_type, Message)):
         raise ContractError(f"{where}: {message_type!r} is no message type; use a subclass of robo_messages.Message")

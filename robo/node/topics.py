@@ -11,9 +11,10 @@ import msgspec
 import zenoh
 
 import robo_messages
-from robo.executor import SubscriptionLoop, Turn
-from robo.intake import Intake
-from robo.message_check import MessageCheck
+from robo.node.intake import Intake
+from robo.node.loops import SubscriptionLoop
+from robo.node.message_check import MessageCheck
+from robo.node.turn import Turn
 from robo.wire import codec
 from robo.wire.keys import EndpointKind, EndpointToken, source_id
 from robo.wire.qos import KEEP_ALL

@@ -4,9 +4,9 @@ import importlib
 import os
 import sys
 
-from robo.contract import check_constructor
 from robo.errors import ContractError
-from robo.node import Node
+from robo.node.contract import check_constructor
+from robo.node.node import Node
 from robo.text.suggestions import MOST_LISTED, closest, suggest
 
 

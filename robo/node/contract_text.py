@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import msgspec
 
 import robo_messages
-from robo.contract import ClientDeclaration, Contract, ServiceDeclaration
+from robo.node.contract import ClientDeclaration, Contract, ServiceDeclaration
 
 
 def contract_text(contract: Contract) -> str:

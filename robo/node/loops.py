@@ -12,17 +12,17 @@ where what has piled up would take a callback longer than `STALE`, it goes on wi
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from time import monotonic
-from types import CoroutineType, TracebackType
+from types import CoroutineType
 from typing import Generic, TypeVar
 
 import zenoh
 
-from robo.clock import Clock
 from robo.errors import ContractError
-from robo.message_info import MessageInfo
+from robo.node.clock import Clock
+from robo.node.message_info import MessageInfo
+from robo.node.turn import Turn, enter, name_of
 from robo.wire.codec import UNREADABLE, Malformed, TopicDecoder
 from robo.wire.qos import KEEP_ALL
 from robo_messages import Message
@@ -60,89 +60,6 @@ def period_of(rate: float) -> float:
     raise ContractError(f"a timer's rate of {rate!r} Hz: use {1 / LONGEST_PERIOD:g} to {1 / SHORTEST_PERIOD:g} Hz")
 
 
-class Turn:
-    """Mutual exclusion that is served in order of arrival.
-
-    `threading.Lock` lets a thread that releases and at once acquires again starve the others for
-    seconds; here it hands over. Without contention it costs no more than the lock itself.
-    """
-
-    def __init__(self, on_death: Callable[[BaseException], None] | None = None) -> None:
-        """`on_death` is told what ended a thread that runs callbacks here; by default Python's own hook is."""
-        lock = threading.Lock()
-        waiting: deque[threading.Lock] = deque()
-        try_lock, unlock = lock.acquire, lock.release
-
-        def wait() -> None:
-            gate = threading.Lock()
-            gate.acquire()
-            waiting.append(gate)
-            if try_lock(False):
-                # The holder left before it could see the gate. Nobody else can have taken the gate
-                # out: only a holder does, and then the lock stays locked.
-                waiting.remove(gate)
-                return
-            gate.acquire()  # opened by the holder before us, who leaves the lock locked for us
-
-        def release() -> None:
-            while not waiting:
-                unlock()
-                # Who came between the look and the unlocking waits to be handed the turn.
-                if not waiting or not try_lock(False):
-                    return
-            waiting.popleft().release()
-
-        # Closures, and taking it in two steps: this runs for every message, and attribute look-ups
-        # and a call more would double its time.
-        self.try_acquire: Callable[[bool], bool] = try_lock
-        """`try_acquire(False)` takes the turn if it is free, and says whether it did."""
-        self.wait: Callable[[], None] = wait
-        """Take the turn after all who have waited longer."""
-        self.waiting = waiting
-        """Who waits, in order; empty is false."""
-        self.busy = 0.0
-        """How long callbacks have run, s; who holds the turn adds to it when he gives it away."""
-        self.running = ""
-        """The callback that runs, as who holds the turn says; empty while none does."""
-        self.since = 0.0
-        """When it began, by `time.monotonic`."""
-        self.on_death = on_death
-        self.release: Callable[[], None] = release
-        """Pass the turn on to who has waited longest, if anybody waits."""
-
-    def guarded(self, work: Callable[[], None]) -> Callable[[], None]:
-        """What a thread runs that runs callbacks: should it die, that is told to the node."""
-
-        def run() -> None:
-            try:
-                work()
-            except BaseException as error:
-                if self.on_death is None:
-                    raise
-                self.on_death(error)
-
-        return run
-
-    def acquire(self) -> None:
-        """Wait for the turn."""
-        if not self.try_acquire(False):
-            self.wait()
-
-    def __enter__(self) -> None:
-        self.acquire()
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.release()
-
-
-def name_of(callback: Callable[..., object]) -> str:
-    """What to call a callback in messages: its function's name."""
-    function: object = getattr(callback, "func", callback)  # of a functools.partial
-    return getattr(function, "__name__", type(function).__name__)
-
-
 def check_outcome(outcome: object) -> None:
     """Refuse what a callback has returned where that is a coroutine: nobody would await it.
 
@@ -152,70 +69,6 @@ def check_outcome(outcome: object) -> None:
     if isinstance(outcome, CoroutineType):
         outcome.close()
         raise ContractError("the callback returned a coroutine, which nobody awaits; let it call a plain function")
-
-
-class _Thread(threading.local):
-    """What the running thread is, if it runs callbacks."""
-
-    turn: Turn | None = None
-    """The turn that it holds while user code runs in it."""
-    spare: Callable[[], None] | None = None
-    """Makes sure that another thread does this one's work while it waits."""
-
-
-_thread = _Thread()
-
-
-def enter(turn: Turn, spare: Callable[[], None] | None = None) -> None:
-    """Say that from here on this thread runs callbacks of a node, holding its turn."""
-    _thread.turn, _thread.spare = turn, spare
-
-
-@contextmanager
-def taking(turn: Turn, name: str, spare: Callable[[], None] | None = None) -> Iterator[None]:
-    """Run what stands below as a callback of the node whose turn this is; at once within one of its callbacks.
-
-    Args:
-        turn: the node's.
-        name: of the callback, for whoever asks what runs.
-        spare: makes sure that another thread does this one's work while it waits.
-    """
-    if _thread.turn is turn:
-        yield
-        return
-    before = _thread.turn, _thread.spare
-    with turn:
-        enter(turn, spare)
-        turn.running, turn.since = name, monotonic()
-        try:
-            yield
-        finally:
-            turn.busy += monotonic() - turn.since
-            turn.running = ""
-            _thread.turn, _thread.spare = before
-
-
-@contextmanager
-def paused() -> Iterator[None]:
-    """Let the node's other callbacks run while this one waits for an answer.
-
-    Without it a callback that calls a service of its own node, or of one that calls back, would wait
-    for itself. As with `await`, what the node holds may have changed when the wait is over.
-    """
-    turn = _thread.turn
-    if turn is None:
-        yield
-        return
-    if _thread.spare is not None:
-        _thread.spare()
-    running, since = turn.running, turn.since
-    turn.running = ""
-    turn.release()
-    try:
-        yield
-    finally:
-        turn.acquire()
-        turn.running, turn.since = running, since
 
 
 class SubscriptionLoop(Generic[M]):

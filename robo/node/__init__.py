@@ -1,0 +1,1 @@
+"""The node: what it declares, its topics, services, parameters, clock and log."""

@@ -1,0 +1,1 @@
+"""Messages as an outsider sees them: with the time of their arrival, of any type."""
