@@ -407,7 +407,7 @@ def abuse(supervisor: psutil.Process, folder: str, endpoint: str, options: argpa
         print(console[-5000:])
     faults = [f"a process has ended: {name} ({pid})" for pid, name in before.items() if pid not in after]
     for name, grown in growth.items():
-        most = MOST_GROWTH + plain["router" if "robo.router" in name else "client"]
+        most = MOST_GROWTH + plain["router" if "robo.process.router" in name else "client"]
         faults += [f"{name} grew by {grown / 1e6:.1f} MB"] * (grown > most)
     faults += [f"{topic} paused for {gap:.3f} s" for topic, gap in loops.longest.items() if gap > LONGEST_GAP]
     faults += ["a traceback in the log"] * ("Traceback" in console or any("Traceback" in text for _, text in lines))

@@ -124,7 +124,9 @@ def run(case: Case, seconds: float, *, flood: str | None, strangers: bool) -> tu
         words = ["-m", "robo", "up", "simulation.yaml", "--robot-name", "r1", "--listen", f"tcp/0.0.0.0:{PORT}"]
         robot = start(stack, [], words, "is ready", {"ROBO_LOG_DIR": folder})
         router = next(
-            p for p in psutil.Process(robot.pid).children(recursive=True) if "robo.router" in " ".join(p.cmdline())
+            p
+            for p in psutil.Process(robot.pid).children(recursive=True)
+            if "robo.process.router" in " ".join(p.cmdline())
         )
         kind = "strangers" if strangers else "tools"
         if flood:

@@ -21,7 +21,7 @@ def main() -> None:
         say_ready()
         session.close()
         return
-    from robo.lean import import_msgspec
+    from robo.process.lean import import_msgspec
 
     import_msgspec()  # as in the process of a node
     from robo.node.loading import load_node_class

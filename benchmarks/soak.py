@@ -61,7 +61,7 @@ def main() -> None:
 
 def watch(supervisor: psutil.Process, seconds: float) -> bool:
     """Measure for so long. Returns whether all limits held."""
-    router = next(p for p in supervisor.children(recursive=True) if "robo.router" in " ".join(p.cmdline()))
+    router = next(p for p in supervisor.children(recursive=True) if "robo.process.router" in " ".join(p.cmdline()))
     time.sleep(min(10.0, seconds / 10))  # what the start has left behind settles
     begin, cpu = time.monotonic(), used(supervisor)
     sizes: list[int] = []

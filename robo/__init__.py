@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from robo.node.node import Node
     from robo.parameters.hints import NON_FINITE, READ_ONLY, Step, Unit
     from robo.parameters.model import Parameters
-    from robo.runner import run
+    from robo.process.runner import run
     from robo.wire.network import Network
     from robo.wire.qos import KEEP_ALL
     from robo.wire.reports import NodeStatus
@@ -79,7 +79,7 @@ _HOMES = {
     "node.node": ("Node",),
     "parameters.hints": ("NON_FINITE", "READ_ONLY", "Step", "Unit"),
     "parameters.model": ("Parameters",),
-    "runner": ("run",),
+    "process.runner": ("run",),
     "wire.network": ("Network",),
     "wire.qos": ("KEEP_ALL",),
     "wire.reports": ("NodeStatus",),

@@ -27,7 +27,7 @@ def _run() -> None:
 
     terminal.guard()
     if sys.argv[1:2] == ["health"]:
-        from robo.health import main as check_health  # it runs every few seconds
+        from robo.process.health import main as check_health  # it runs every few seconds
 
         sys.exit(check_health(sys.argv[2:]))
     gc.set_threshold(_COLLECT_AFTER)
@@ -39,7 +39,7 @@ def _run() -> None:
         app(prog_name="robo")
     except SystemExit as end:
         if "zenoh" in sys.modules and isinstance(end.code, int | None):
-            from robo.endings import leave
+            from robo.process.endings import leave
 
             leave(end.code or 0)
         raise

@@ -6,7 +6,7 @@ from pathlib import Path
 from robo.cli.connection import note, print_text
 from robo.cli.json_text import document
 from robo.cli.network import router_network
-from robo.router import route
+from robo.process.router import route
 from robo.text.paths import nested
 from robo.wire import claims, tcp, zenoh_threads
 from robo.wire.network import settings_of

@@ -44,4 +44,4 @@ def hand_over(arguments: Sequence[str]) -> NoReturn:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
     words = [f"{service}{colon}{node_class}", *arguments[1:]]
-    os.execv(sys.executable, [sys.executable, "-m", "robo.node_process", *words])
+    os.execv(sys.executable, [sys.executable, "-m", "robo.process.node", *words])

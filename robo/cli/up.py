@@ -4,7 +4,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from robo import lean
 from robo.cli import show
 from robo.cli.background import notify_starter, start_in_background
 from robo.cli.json_text import document
@@ -17,6 +16,7 @@ from robo.launch.plan import Plan
 from robo.launch.resolve import Resolution
 from robo.launch.substitution import Word
 from robo.launch.values import Assignment
+from robo.process import lean
 from robo.supervisor.early import Begun, search_path
 from robo.text import levels
 from robo.text.files import read_text

@@ -31,7 +31,7 @@ from robo.launch.find import SHARE
 from robo.launch.plan import Plan, ProcessPlan
 from robo.parameters import files as parameter_files
 from robo.parameters.words import parse_value
-from robo.runner import NodeSpec
+from robo.process.spec import NodeSpec
 from robo.wire.codec import jsonable
 
 PORT = 7447

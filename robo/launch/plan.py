@@ -132,7 +132,7 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
     def module(self) -> tuple[str, ...]:
         """The words after `python -m` that run a service; its full name is for the list of processes."""
         assert self.service is not None
-        return ("robo.node_process", self.service, self.full_name, *self.args)
+        return ("robo.process.node", self.service, self.full_name, *self.args)
 
     def command(self, python: str = sys.executable) -> tuple[str, ...]:
         """The words that start it, a service with this interpreter."""

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from robo.environment import RUN_VARIABLE
-from robo.template_process import PADDING
+from robo.process.template import PADDING
 from robo.wire.run_id import new_run_id
 
 
@@ -46,7 +46,7 @@ def _start_template(environment: dict[str, str]) -> "tuple[subprocess.Popen[byte
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     ours.setblocking(False)
     with theirs:
-        command = [sys.executable, "-m", "robo.template_process", str(theirs.fileno()), PADDING]
+        command = [sys.executable, "-m", "robo.process.template", str(theirs.fileno()), PADDING]
         try:
             process = subprocess.Popen(
                 command, env=environment, stdin=subprocess.DEVNULL, pass_fds=(theirs.fileno(),), process_group=0

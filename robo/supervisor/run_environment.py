@@ -15,7 +15,7 @@ from robo.environment import (
 )
 from robo.launch.plan import ProcessPlan
 from robo.node.memory import file_name
-from robo.runner import NodeSpec
+from robo.process.spec import NodeSpec
 from robo.wire.codec import jsonable
 from robo.wire.reports import Said
 

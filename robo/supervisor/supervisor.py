@@ -25,7 +25,7 @@ import zenoh
 from robo.environment import LOG_LEVEL_VARIABLE, NETWORK_VARIABLE, RUN_VARIABLE, WATCH_VARIABLE
 from robo.errors import NetworkError
 from robo.launch.plan import Plan, ProcessPlan, StopPlan, TopicPlan
-from robo.router import LINGER
+from robo.process.router import LINGER
 from robo.supervisor import last_resort, log_space, orphans, process
 from robo.supervisor.console import Console
 from robo.supervisor.control import Control
@@ -297,7 +297,7 @@ class Supervisor:
 
     async def _start_router(self) -> None:
         variables = {NETWORK_VARIABLE: msgspec.json.encode(self._router_network).decode()}
-        command = [sys.executable, "-m", "robo.router"]
+        command = [sys.executable, "-m", "robo.process.router"]
         await self._router.start(command, self._base | variables, template=self.template)
 
     async def _keep_router(self) -> None:

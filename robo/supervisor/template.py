@@ -9,7 +9,7 @@ from contextlib import suppress
 
 import msgspec
 
-from robo.template_process import LARGEST
+from robo.process.template import LARGEST
 
 
 class Forked:

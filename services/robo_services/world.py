@@ -14,8 +14,9 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from robo import RoboError, lean
+from robo import RoboError
 from robo.errors import UnreadableFile
+from robo.process import lean
 from robo.text.files import read_text
 from robo_services.kinematics import Pose2
 

@@ -121,7 +121,7 @@ def crash(project: Project, service: str) -> None:
     kill = (
         "import os, signal; [os.kill(int(p), signal.SIGKILL) for p in os.listdir('/proc') if p.isdigit() and p != '1' "
     )
-    kill += "and b'robo.node_process' in open(f'/proc/{p}/cmdline', 'rb').read()]"
+    kill += "and b'robo.process.node' in open(f'/proc/{p}/cmdline', 'rb').read()]"
     project("exec", "-T", service, "python", "-c", kill, check=False)
     eventually(lambda: project.state(service)["RestartCount"] > before, "it is started again")
 

@@ -101,7 +101,7 @@ def test_the_plan_as_data_and_as_text() -> None:
     monitor, controller = plan["processes"]
     assert monitor["service"] == "robo_services.safety_monitor"
     assert controller["command"][1:] == [
-        "-m", "robo.node_process", "robo_services.velocity_controller", "/r1/velocity_controller",
+        "-m", "robo.process.node", "robo_services.velocity_controller", "/r1/velocity_controller",
     ]  # fmt: skip
     velocity = controller["parameters"]["linear_velocity"]
     assert (velocity["value"], velocity["source"]) == (0.3, "command line")

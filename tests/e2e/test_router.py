@@ -113,7 +113,7 @@ def test_tools_tell_that_the_connection_is_lost_and_back() -> None:
         ps = stack.enter_context(robo("ps", "--watch", "--interval", "0.2", "--connect", endpoint))
         ps.wait_for("safety_monitor")
 
-        router = up.child("robo.router")
+        router = up.child("robo.process.router")
         router.suspend()
         for tool in (echo, ps):
             tool.wait_for(f"the link to {endpoint} is lost")

@@ -91,9 +91,9 @@ groups:
 
 def test_a_template_that_is_told_to_stop_while_it_imports_says_nothing() -> None:
     script = (
-        "import os, signal; from robo import lean, template_process\n"
+        "import os, signal; from robo.process import lean, template\n"
         "lean.import_msgspec = lambda: os.kill(os.getpid(), signal.SIGINT)\n"
-        "template_process.main()"
+        "template.main()"
     )
     result = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, timeout=PATIENCE, check=False
@@ -116,7 +116,7 @@ groups:
     with robo("up", file, "--listen", endpoint) as launch:
         launch.wait_for("is ready: 2 nodes")
         monitor = launch.child("/monitor").pid
-        launch.child("robo.template_process").kill()
+        launch.child("robo.process.template").kill()
         launch.child("/tracker").kill()
         launch.wait_for("tracker was killed by SIGKILL")
         launch.wait_for("tracker is ready again")

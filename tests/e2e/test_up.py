@@ -150,7 +150,7 @@ def test_the_router_comes_back_and_data_flow_on(endpoint: str) -> None:
         positions = Inbox(plain, "r1/current_position")
         robot.wait_for("r1 is ready")
         positions.wait_for(1)
-        robot.child("robo.router").kill()
+        robot.child("robo.process.router").kill()
         robot.wait_for("starting it again")
         positions.forget()
         positions.wait_for(3)

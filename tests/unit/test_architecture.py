@@ -30,11 +30,11 @@ def modules_after(code: str) -> set[str]:
     "code",
     [
         "import robo",
-        "import robo_services.velocity_controller, robo.node_process",
-        "import robo_services.position_tracker, robo.node_process",
-        "import robo_services.safety_monitor, robo.node_process",
-        "import robo_services.carmen_player, robo.node_process",
-        "import robo.router",
+        "import robo_services.velocity_controller, robo.process.node",
+        "import robo_services.position_tracker, robo.process.node",
+        "import robo_services.safety_monitor, robo.process.node",
+        "import robo_services.carmen_player, robo.process.node",
+        "import robo.process.router",
     ],
 )
 def test_a_node_carries_nothing_heavy(code: str) -> None:

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 import yaml
 
-from robo import node_options
 from robo.cli.export import export_compose, export_dockerfile
 from robo.errors import UsageError
 from robo.export.compose import MEMORY
 from robo.launch import resolve
 from robo.node.loading import load_node_class
+from robo.process import options as node_options
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted(path.name for path in (ROOT / "launch").glob("*.yaml"))

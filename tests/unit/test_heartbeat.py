@@ -5,7 +5,7 @@ import socket
 import msgspec
 
 from robo import Node, NodeStatus
-from robo.heartbeat import Heart
+from robo.process.heartbeat import Heart
 from robo.wire.reports import Beat
 
 

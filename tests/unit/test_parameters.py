@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from msgspec import Meta
 
 import robo
-from robo import node_options
 from robo.errors import ContractError, ParameterError, ParameterFileError
 from robo.node.loading import load_node_class
 from robo.parameters import files as parameter_files
 from robo.parameters.model import build, change, describe, flat
 from robo.parameters.words import parse_assignment, parse_value
+from robo.process import options as node_options
 from robo.text.tree import Problem
 from robo.text.yaml_tree import lines_of
 

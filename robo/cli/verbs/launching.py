@@ -286,7 +286,7 @@ def health(
     words: Annotated[list[str] | None, typer.Argument(metavar="[NODE] [OPTIONS]", show_default=False)] = None,
 ) -> int:
     """Tell whether the router, or a node, is well; for health checks of containers."""
-    from robo.health import main
+    from robo.process.health import main
 
     return main(words or [])
 

@@ -11,18 +11,17 @@ from typing import TYPE_CHECKING, NoReturn
 
 import msgspec
 
-from robo import heartbeat
-from robo.endings import end_process, end_with_threads
 from robo.environment import RUN_VARIABLE
 from robo.errors import RoboError, RunError
 from robo.node import log
 from robo.node.contract import check_constructor
 from robo.node.memory import Memory
 from robo.node.node import Node, exit_code_of
+from robo.process import heartbeat
+from robo.process.endings import end_process, end_with_threads
 from robo.text.terminal import visible
 from robo.wire.discovery import wait_for_nodes
-from robo.wire.network import Mode, Network
-from robo.wire.reports import Said
+from robo.wire.network import Network
 from robo.wire.run_id import new_run_id
 from robo.wire.session import close_session, open_session
 
@@ -30,27 +29,7 @@ if TYPE_CHECKING:
     from types import FrameType
 
     from robo.wire.claims import Claim
-
-
-class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):
-    """All that a node's process needs to know, resolved."""
-
-    service: str = ""
-    """`package.module:Class` or `package.module`; empty for a command that may run any node."""
-    name: str | None = None
-    namespace: str | None = None
-    parameters: dict[str, object] = {}
-    sources: dict[str, list[Said]] = {}
-    """By parameter, all that was said of it, from the weakest to what holds."""
-    remappings: dict[str, str] = {}
-    memory: str = ""
-    """The file that its launch has made for what it keeps over restarts."""
-    needs: tuple[str, ...] = ()
-    """Full names of nodes that this one must see before it starts."""
-    mode: Mode | None = None
-    """None for one that nobody has launched: ROBO_MODE says it, or it is a router of its own."""
-    connect: tuple[str, ...] = ()
-    listen: tuple[str, ...] = ()
+from robo.process.spec import NodeSpec
 
 
 def run(node_class: type[Node], arguments: Sequence[str] | None = None) -> NoReturn:
@@ -59,7 +38,7 @@ def run(node_class: type[Node], arguments: Sequence[str] | None = None) -> NoRet
     `robo.run(PositionTracker)` at the end of a module makes it a command of its own; `--help` shows
     its options and its contract.
     """
-    from robo import node_options
+    from robo.process import options as node_options
 
     try:
         code = run_spec(node_class, node_options.parse(node_class, sys.argv[1:] if arguments is None else arguments))

@@ -1,4 +1,4 @@
-"""`python -m robo.node_process SERVICE …`: the process of a node, by the name of its service.
+"""`python -m robo.process.node SERVICE …`: the process of a node, by the name of its service.
 
 A supervisor puts the finished spec into the environment, and into the arguments only what helps
 whoever reads the process list. Otherwise the arguments are those of the node's command line.
@@ -9,7 +9,7 @@ import os
 import signal
 import sys
 
-from robo import lean
+from robo.process import lean
 
 
 def main() -> None:
@@ -22,7 +22,8 @@ def main() -> None:
     from robo.environment import SPEC_VARIABLE
     from robo.errors import RoboError
     from robo.node.loading import load_node_class
-    from robo.runner import NodeSpec, report, run, run_spec
+    from robo.process.runner import report, run, run_spec
+    from robo.process.spec import NodeSpec
 
     service, *arguments = sys.argv[1:]
     given = os.environ.get(SPEC_VARIABLE)

@@ -1,4 +1,4 @@
-"""`python -m robo.template_process FD …`: a process that has imported all that a node needs, and forks nodes.
+"""`python -m robo.process.template FD …`: a process that has imported all that a node needs, and forks nodes.
 
 Importing costs a node more than all the rest of its start. A supervisor starts one template, asks it for
 nodes over a socket, and is told of their ends. The template has a single thread and does nothing else; it
@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 
-from robo import lean
+from robo.process import lean
 
 PADDING = "-" * 400
 """The template's last argument: room for the command line that a node shows."""
@@ -31,7 +31,7 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     gc.disable()  # there is nothing to collect while modules are imported
     lean.import_msgspec()
-    importlib.import_module("robo.runner")  # for the nodes to be
+    importlib.import_module("robo.process.runner")  # for the nodes to be
     gc.freeze()  # what is here is never freed, and need not be copied by a collection
     gc.enable()
     node = serve(socket.socket(fileno=int(sys.argv[1])))

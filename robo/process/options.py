@@ -14,7 +14,7 @@ from robo.node.contract_text import contract_text
 from robo.node.node import Node
 from robo.parameters import files as parameter_files
 from robo.parameters.words import parse_assignment
-from robo.runner import NodeSpec
+from robo.process.spec import NodeSpec
 from robo.wire.network import MODES, Mode
 from robo.wire.reports import Said
 

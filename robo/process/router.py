@@ -1,6 +1,6 @@
 """A robot's router: where its nodes meet, and where tools and other robots find it.
 
-`python -m robo.router` is the process that a supervisor starts; its network is in the environment.
+`python -m robo.process.router` is the process that a supervisor starts; its network is in the environment.
 """
 
 import os
