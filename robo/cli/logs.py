@@ -13,8 +13,8 @@ from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.environment import CONNECT_VARIABLE
 from robo.errors import RoboError
+from robo.machine.log_files import Filter, log_base
 from robo.supervisor.console import Console
-from robo.supervisor.log_files import Filter, log_base
 from robo.tools import logs, runs
 from robo.wire.reports import Asked, LogRecord
 from robo.wire.run_id import supervisor_lives

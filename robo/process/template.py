@@ -2,7 +2,7 @@
 
 Importing costs a node more than all the rest of its start. A supervisor starts one template, asks it for
 nodes over a socket, and is told of their ends. The template has a single thread and does nothing else; it
-ends with its supervisor. See `robo.supervisor.template` for the other end.
+ends with its supervisor. See `robo.machine.forks` for the other end.
 """
 
 import fcntl

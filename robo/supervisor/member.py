@@ -16,9 +16,9 @@ import msgspec
 
 from robo.launch.manifest import Until
 from robo.launch.plan import ProcessPlan
-from robo.supervisor.process import Child, describe_exit, spawned
+from robo.machine.child import Child, describe_exit, spawned
+from robo.machine.forks import Template
 from robo.supervisor.restart import Restarts
-from robo.supervisor.template import Template
 from robo.supervisor.topic_watch import Flow
 from robo.wire.codec import UNREADABLE
 from robo.wire.reports import Beat, Exit, Explanation, Input, ProcessStatus, State

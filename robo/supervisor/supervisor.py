@@ -25,23 +25,24 @@ import zenoh
 from robo.environment import LOG_LEVEL_VARIABLE, NETWORK_VARIABLE, RUN_VARIABLE, WATCH_VARIABLE
 from robo.errors import NetworkError
 from robo.launch.plan import Plan, ProcessPlan, StopPlan, TopicPlan
+from robo.machine import child as process
+from robo.machine import last_resort, log_space, orphans
+from robo.machine.child import Child, describe_exit
+from robo.machine.forks import Template
+from robo.machine.guard import Watchdog
+from robo.machine.log_files import SUPERVISOR, Filter, LogFiles, RunInfo, record
+from robo.machine.log_writer import LogWriter
+from robo.machine.memory_kills import MemoryKills
 from robo.process.router import LINGER
-from robo.supervisor import last_resort, log_space, orphans, process
 from robo.supervisor.console import Console
 from robo.supervisor.control import Control
 from robo.supervisor.early import Begun, base_environment
-from robo.supervisor.log_files import SUPERVISOR, Filter, LogFiles, RunInfo, record
-from robo.supervisor.log_writer import LogWriter
 from robo.supervisor.member import Changes, Member
-from robo.supervisor.memory import MemoryKills
-from robo.supervisor.process import Child, describe_exit
 from robo.supervisor.reload import FileWatch, files_of, same
 from robo.supervisor.run_environment import RunEnvironment
 from robo.supervisor.sites import Sites
-from robo.supervisor.template import Template
 from robo.supervisor.timing import Started, timing_text
 from robo.supervisor.topic_watch import Flow, TopicWatch
-from robo.supervisor.watchdog import Watchdog
 from robo.text.brief import shown
 from robo.text.suggestions import suggest
 from robo.wire import claims, discovery, keys, names

@@ -20,9 +20,9 @@ import zenoh
 
 from robo.environment import CONNECT_VARIABLE, KILL_TEST_VARIABLE, LOG_FOLDER_VARIABLE
 from robo.errors import NetworkError
-from robo.supervisor import orphans
-from robo.supervisor.cgroup import ControlGroup
-from robo.supervisor.log_files import log_base
+from robo.machine import orphans
+from robo.machine.cgroup import ControlGroup
+from robo.machine.log_files import log_base
 from robo.tools import nodes, runs
 from robo.tools import strangers as unannounced
 from robo.wire import tcp

@@ -13,7 +13,7 @@ from typing import BinaryIO
 import msgspec
 
 from robo.errors import NodeNotFound, RunError, UsageError
-from robo.supervisor.log_files import SUPERVISOR, RunInfo, log_base
+from robo.machine.log_files import SUPERVISOR, RunInfo, log_base
 from robo.text.suggestions import suggest
 from robo.wire.codec import UNREADABLE
 from robo.wire.reports import LogRecord, ProcessName

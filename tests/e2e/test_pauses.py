@@ -15,7 +15,7 @@ from tests.support import robo
 
 HELD_UP = """\
 import os, sys, time
-from robo.supervisor.template import Template
+from robo.machine.forks import Template
 
 read = Template._read
 

@@ -601,7 +601,7 @@ WITHOUT_GROUPS = """\
 import os, signal, subprocess, sys
 from pathlib import Path
 from robo.supervisor import watchdog
-from robo.supervisor.cgroup import ControlGroup
+from robo.machine.cgroup import ControlGroup
 
 ControlGroup.make = classmethod(lambda cls, run: None)
 folder = Path(sys.argv[1])

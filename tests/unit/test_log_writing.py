@@ -10,10 +10,10 @@ import pytest
 
 from robo import environment
 from robo.errors import UsageError
-from robo.supervisor import log_files
-from robo.supervisor.log_files import LogFiles, RunInfo
-from robo.supervisor.log_space import KEPT_RUNS, KeptRun, kept_runs, limit, make_room, surplus
-from robo.supervisor.log_writer import FIRST_TRY, LAST_TRY, LogWriter
+from robo.machine import log_files
+from robo.machine.log_files import LogFiles, RunInfo
+from robo.machine.log_space import KEPT_RUNS, KeptRun, kept_runs, limit, make_room, surplus
+from robo.machine.log_writer import FIRST_TRY, LAST_TRY, LogWriter
 from robo.tools import logs
 from robo.wire.reports import LogRecord
 from robo.wire.run_id import new_run_id

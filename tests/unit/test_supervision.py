@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from robo.errors import NodeNotFound, UsageError
 from robo.launch.plan import RestartPlan, TopicPlan
-from robo.supervisor import log_files
-from robo.supervisor.log_files import Filter, LogFiles, RunInfo, record
-from robo.supervisor.memory import MemoryKills, oom_kills
-from robo.supervisor.output import Budget, Lines, pump
+from robo.machine import log_files
+from robo.machine.log_files import Filter, LogFiles, RunInfo, record
+from robo.machine.memory_kills import MemoryKills, oom_kills
+from robo.machine.output import Budget, Lines, pump
 from robo.supervisor.reload import FileWatch
 from robo.supervisor.restart import Restarts
 from robo.supervisor.timing import Started, critical_path

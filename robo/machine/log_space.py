@@ -13,7 +13,7 @@ import msgspec
 
 from robo.environment import LOG_LIMIT_VARIABLE
 from robo.errors import UsageError
-from robo.supervisor.log_files import RunInfo
+from robo.machine.log_files import RunInfo
 from robo.wire.run_id import supervisor_lives
 
 KEPT_RUNS = 10

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import msgspec
 
-from robo.supervisor.log_files import SUPERVISOR, LogFiles
+from robo.machine.log_files import SUPERVISOR, LogFiles
 from robo.wire.reports import LogRecord
 
 FIRST_TRY, LAST_TRY = 0.5, 10.0

@@ -12,9 +12,9 @@ from contextlib import ExitStack, suppress
 from typing import IO
 
 from robo.environment import HEARTBEAT_VARIABLE
+from robo.machine.forks import Forked, Template
+from robo.machine.output import BUFFER, Budget, pump
 from robo.process.template import HEART
-from robo.supervisor.output import BUFFER, Budget, pump
-from robo.supervisor.template import Forked, Template
 
 _LAST_LINES = 30
 _DRAIN = 0.3

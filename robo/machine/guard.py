@@ -12,8 +12,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
-from robo.supervisor.cgroup import ControlGroup
-from robo.supervisor.orphans import sweep
+from robo.machine.cgroup import ControlGroup
+from robo.machine.orphans import sweep
 
 
 class Watchdog:

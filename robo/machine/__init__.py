@@ -1,0 +1,1 @@
+"""What the operating system does for a run: children, their output, log files, and that nothing outlives it."""
