@@ -7,7 +7,8 @@ from pathlib import Path
 from robo.cli.connection import note
 from robo.cli.up import DEFAULT_MANIFEST, manifest_file
 from robo.errors import UsageError
-from robo.export import compose, dockerfile
+from robo.export.compose import dockerfile
+from robo.export.compose import file as compose
 from robo.export.placeholders import Placeholders
 from robo.launch import resolve, substitution
 from robo.launch.faults import ManifestFaults

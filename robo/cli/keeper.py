@@ -4,8 +4,8 @@ import signal
 from pathlib import Path
 
 from robo.cli.connection import note
-from robo.containers.engine import SOCKET, Engine
-from robo.containers.keeper import Keeper
+from robo.export.compose.engine import SOCKET, Engine
+from robo.export.compose.keeper import Keeper
 
 
 def run_keeper(*, project: str, socket: Path | None, ready_file: Path | None) -> None:

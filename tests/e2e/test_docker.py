@@ -16,8 +16,8 @@ import pytest
 import yaml
 import zenoh
 
-from robo.containers.keeper import DELAY
-from robo.export.compose import PACKAGES
+from robo.export.compose.file import PACKAGES
+from robo.export.compose.keeper import DELAY
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from tests.conftest import free_port

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from robo.containers.engine import SERVICE
+from robo.export.compose.engine import SERVICE
 from tests.support import eventually, robo, run_robo
 
 

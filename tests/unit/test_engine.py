@@ -4,7 +4,7 @@ import socket
 import threading
 from pathlib import Path
 
-from robo.containers.engine import Engine
+from robo.export.compose.engine import Engine
 
 ABSENT = b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n"
 

@@ -11,8 +11,8 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from robo.containers.engine import Engine, Event
 from robo.errors import EngineError
+from robo.export.compose.engine import Engine, Event
 
 DELAY = 1.0
 """From a kill to the start, s: who kills the whole project, or removes what he has killed, means it."""

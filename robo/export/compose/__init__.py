@@ -1,0 +1,1 @@
+"""Docker Compose: the file, its image, and what watches over containers."""
