@@ -20,7 +20,7 @@ def _run() -> None:
         sys.argv[1:] = [*sys.argv[2:], "--help"]
     if sys.argv[1:2] == ["run"]:
         # A node's process carries no command-line library: hand over before one is imported.
-        from robo.cli.run import hand_over
+        from robo.cli.launch.run import hand_over
 
         hand_over(sys.argv[2:])
     from robo.text import terminal

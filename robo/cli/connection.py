@@ -1,20 +1,14 @@
 """What the tools share: reaching a running robot, and printing."""
 
-import os
-import shutil
-import sys
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 import zenoh
 
-from robo.cli.json_text import to_json
 from robo.cli.reach import Reach
 from robo.errors import NetworkError, NodeNotFound
-from robo.text.columns import aligned, fitted
 from robo.text.suggestions import suggest
-from robo.text.terminal import own, visible
 from robo.tools import nodes
 from robo.wire import tcp
 from robo.wire.keys import NodeToken
@@ -105,79 +99,3 @@ def nodes_of(session: zenoh.Session, reach: Reach) -> list[NodeToken]:
         robots = sorted({token.namespace for token in every})
         raise NodeNotFound(f"no node of a robot {reach.robot} is on this network; {suggest(reach.robot, robots)}")
     return found
-
-
-def print_line(text: str) -> None:
-    """A line of data, at once; a newline in it is no way to begin another."""
-    print(visible(text, keep="\t"), flush=True)
-
-
-def print_lines(lines: Iterable[str]) -> None:
-    """Lines of data, each as `print_line` has it."""
-    for line in lines:
-        print_line(line)
-
-
-def print_text(text: str) -> None:
-    """Data of several lines, at once."""
-    print(text, flush=True)
-
-
-def print_json(value: object) -> None:
-    """An object as a line of JSON, at once."""
-    print_text(to_json(value))
-
-
-def print_table(rows: Sequence[Sequence[str]], spared: Sequence[str] = ()) -> None:
-    """A table whose first row is its head; on a narrow terminal without some of the columns that are `spared`."""
-    if spared and sys.stdout.isatty():
-        rows = fitted(rows, shutil.get_terminal_size().columns, spared)
-    for number, line in enumerate(aligned(rows)):
-        print(paint(line, "1") if number == 0 else line)
-
-
-def paint(text: str, code: str) -> str:
-    """Text in a colour, where a terminal shows it and nobody has said NO_COLOR."""
-    shows = sys.stdout.isatty() and not os.environ.get("NO_COLOR")
-    return own(f"\x1b[{code}m") + text + own("\x1b[0m") if shows else text
-
-
-def clear_screen() -> None:
-    """Begin again at the top, on a terminal."""
-    if sys.stdout.isatty():
-        print(own("\x1b[H\x1b[J"), end="")
-
-
-def hint(text: str) -> None:
-    """Talk for people who wait, beside the data."""
-    if sys.stderr.isatty():
-        note(text)
-
-
-def note(text: str) -> None:
-    """Something to know about the data, beside them."""
-    print(text, file=sys.stderr, flush=True)
-
-
-def clock_time(nanoseconds: int) -> str:
-    """A time of today: `18:30:00.123`."""
-    stamp = time.strftime("%H:%M:%S", time.localtime(nanoseconds / 1e9))
-    return f"{stamp}.{nanoseconds // 10**6 % 1000:03d}"
-
-
-def amount(count: int, what: str) -> str:
-    """How many of something: `1 node`, `2 nodes`."""
-    return f"{count} {what}{'' if count == 1 else 's'}"
-
-
-def depth_text(depth: int) -> str:
-    """How much an end of a topic keeps."""
-    return "keeps all" if depth == 0 else f"depth {depth}"
-
-
-def data_size(size: float, unit: str = "B") -> str:
-    """A number of bytes for people: `1.2 MB`, or `1.2 MB/s`."""
-    for factor, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
-        if abs(size) >= factor:
-            return f"{size / factor:.3g} {prefix}{unit}"
-    return f"{size:.3g} {unit}"

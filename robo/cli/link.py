@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import zenoh
 
-from robo.cli.connection import note
+from robo.cli.printing import note
 from robo.cli.reach import Reach
 from robo.wire.network import Network
 

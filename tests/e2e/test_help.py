@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from typer.main import get_command
 
-from robo.cli import run
 from robo.cli.app import app
+from robo.cli.launch import run
 from robo.process import health
 from tests.pages import ROOT
 from tests.support import INTERRUPTED, Desk, Running, eventually, is_endless

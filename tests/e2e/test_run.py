@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from robo import modules
+from robo.cli.launch import modules
 from tests.support import PATIENCE, Command, Running, eventually, plain_environment, robo
 
 pytestmark = pytest.mark.timeout(120)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
-from robo.cli.export import export_compose, export_dockerfile
+from robo.cli.launch.export import export_compose, export_dockerfile
 from robo.errors import UsageError
 from robo.export.compose.file import MEMORY
 from robo.launch import resolve

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from robo.cli.network import router_network
+from robo.cli.launch.network import router_network
 from robo.errors import ManifestError, ParameterFileError, RoboError, UnreadableFile, UsageError
 from robo.launch import resolve
 from robo.launch.faults import as_text

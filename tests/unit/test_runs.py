@@ -2,7 +2,7 @@
 
 import pytest
 
-from robo.cli.runs import _robots_to_end
+from robo.cli.views.runs import _robots_to_end
 from robo.errors import RunError, UsageError
 from robo.tools import runs
 from robo.wire.discovery import hostname, user

@@ -7,8 +7,8 @@ from typing import cast
 
 import pytest
 
-from robo.cli.network import router_network
-from robo.cli.router import print_config
+from robo.cli.launch.network import router_network
+from robo.cli.launch.router import print_config
 from robo.errors import NetworkError, UsageError
 from robo.wire import zenoh_threads
 from robo.wire.network import Network, settings_by_path, settings_of, zenoh_config

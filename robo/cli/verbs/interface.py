@@ -17,7 +17,7 @@ def interface_list(json: JsonLines = False) -> None:
     Packages of your own are found by the entry point group robo.messages, by ROBO_MESSAGES=module,…, and in Python
     files below the current folder.
     """
-    from robo.cli.interface import print_list
+    from robo.cli.views.interface import print_list
 
     print_list(json=json)
 
@@ -37,7 +37,7 @@ def interface_show(
     ros: Annotated[bool, typer.Option("--ros", help="Print it as ROS writes it.")] = False,
 ) -> None:
     """Print a type: fields, types, defaults, units."""
-    from robo.cli.interface import print_type
+    from robo.cli.views.interface import print_type
 
     if json + json_schema + ros > 1:
         raise UsageError("choose one of --json, --json-schema and --ros")

@@ -13,7 +13,7 @@ verbs = typer.Typer(rich_markup_mode=None)
 @verb(verbs, "list", "robo node list", "robo node list --json --robot-name r1")
 def node_list(reach: Reach, json: JsonLines = False) -> None:
     """List the nodes that are ready: class, process, host."""
-    from robo.cli.node import print_nodes
+    from robo.cli.views.node import print_nodes
 
     print_nodes(reach, json=json)
 
@@ -26,7 +26,7 @@ def node_info(reach: Reach, name: NodeName, json: Json = False) -> int:
 
     Exit code: 0 fine, 1 there is no such node or it does not answer.
     """
-    from robo.cli.node import print_info
+    from robo.cli.views.node import print_info
 
     return print_info(name, reach, json=json)
 
@@ -44,6 +44,6 @@ def node_show(
     json: Json = False,
 ) -> None:
     """Print the contract of a node class that need not run: topics, services, timers, parameters."""
-    from robo.cli.node import print_contract
+    from robo.cli.views.node import print_contract
 
     print_contract(service, json=json)

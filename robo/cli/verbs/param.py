@@ -22,7 +22,7 @@ Names = Annotated[
 @verb(verbs, "list", "robo param list", "robo param list velocity_controller --json")
 def param_list(reach: Reach, node: OptionalNode = None, json: Json = False) -> None:
     """List parameters and their values, of one node or of all."""
-    from robo.cli.param import print_list
+    from robo.cli.views.param import print_list
 
     print_list(node, reach, json=json)
 
@@ -37,7 +37,7 @@ def param_get(
     json: Json = False,
 ) -> None:
     """Print values, one a line."""
-    from robo.cli.param import print_values
+    from robo.cli.views.param import print_values
 
     print_values(node, names, reach, json=json)
 
@@ -58,7 +58,7 @@ def param_set(
     ],
 ) -> None:
     """Set parameters of a running node: all of them, or none."""
-    from robo.cli.param import set_values
+    from robo.cli.views.param import set_values
 
     set_values(node, words, reach)
 
@@ -66,7 +66,7 @@ def param_set(
 @verb(verbs, "describe", "robo param describe safety_monitor", "robo param describe safety_monitor rate")
 def param_describe(reach: Reach, node: NodeName, names: Names = None, json: Json = False) -> None:
     """Print type, range, unit, default and description."""
-    from robo.cli.param import print_descriptions
+    from robo.cli.views.param import print_descriptions
 
     print_descriptions(node, names or [], reach, json=json)
 
@@ -79,7 +79,7 @@ def param_dump(
     file: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write it there.")] = None,
 ) -> None:
     """Write values as a parameter file, which `robo up` and ROS 2 read."""
-    from robo.cli.param import dump
+    from robo.cli.views.param import dump
 
     dump(node, reach, every=every, file=file)
 
@@ -91,7 +91,7 @@ def param_load(
     file: Annotated[str, typer.Argument(metavar="FILE", help="A parameter file.")],
 ) -> None:
     """Set what a parameter file says of a running node: all of it, or nothing."""
-    from robo.cli.param import load
+    from robo.cli.views.param import load
 
     load(node, file, reach)
 
@@ -99,7 +99,7 @@ def param_load(
 @verb(verbs, "explain", "robo param explain velocity_controller linear_velocity")
 def param_explain(reach: Reach, node: NodeName, names: Names = None, json: Json = False) -> None:
     """Print everything that was said of parameters, from the weakest to what holds, each with its place."""
-    from robo.cli.param import explain
+    from robo.cli.views.param import explain
 
     explain(node, names or [], reach, json=json)
 
@@ -107,6 +107,6 @@ def param_explain(reach: Reach, node: NodeName, names: Names = None, json: Json 
 @verb(verbs, "watch", "robo param watch", "robo param watch velocity_controller --json")
 def param_watch(reach: Reach, node: OptionalNode = None, json: JsonLines = False) -> None:
     """Print changes of parameters as they come."""
-    from robo.cli.param import watch
+    from robo.cli.views.param import watch
 
     watch(node, reach, json=json)

@@ -24,7 +24,7 @@ Everything = Annotated[
 )
 def ps(reach: Reach, json: JsonLines = False, watch: Watch = False, interval: Interval = 1.0) -> None:
     """List the processes of running robots: state, restarts, processor, memory, messages per second."""
-    from robo.cli.runs import print_processes
+    from robo.cli.views.runs import print_processes
 
     print_processes(reach, json=json, watch=watch, interval=interval)
 
@@ -66,7 +66,7 @@ def restart(reach: Reach, names: Everything, json: Json = False) -> None:
 
 
 def _have_done(what: str, names: list[str], reach: Reach, *, json: bool) -> None:
-    from robo.cli.runs import command
+    from robo.cli.views.runs import command
 
     command(what, names, reach, json=json)
 
@@ -84,7 +84,7 @@ def down(
 
     A robot that is only a part of its run, as one of a fleet is, is stopped, and the run goes on.
     """
-    from robo.cli.runs import down as end
+    from robo.cli.views.runs import down as end
 
     end(reach, every=every, everyone=everyone, timeout=timeout)
 
@@ -99,7 +99,7 @@ def why(
     json: JsonLines = False,
 ) -> None:
     """Tell why nodes are as they are: how they ended, their last words, what they wait for, stale inputs."""
-    from robo.cli.runs import why as explain_nodes
+    from robo.cli.views.runs import why as explain_nodes
 
     explain_nodes(names or [], reach, json=json)
 
@@ -117,7 +117,7 @@ def events(
     follow: Annotated[bool, typer.Option("--follow/--no-follow", help="Wait for more, until Ctrl-C.")] = True,
 ) -> None:
     """Print what has happened in running robots, and what happens."""
-    from robo.cli.runs import print_events
+    from robo.cli.views.runs import print_events
 
     print_events(reach, json=json, follow=follow)
 
@@ -153,7 +153,7 @@ def logs(
     With --connect (or ROBO_CONNECT), and where no run is kept on this machine, supervisors are asked over the
     network, on all hosts of the robot: they keep the last 5,000 lines.
     """
-    from robo.cli.logs import Wanted, print_logs, print_runs
+    from robo.cli.views.logs import Wanted, print_logs, print_runs
 
     if list_runs:
         print_runs(robot=reach.robot, json=json)
@@ -180,6 +180,6 @@ def doctor(
 
     Exit code: 0 all is well, 1 something has to be mended.
     """
-    from robo.cli.doctor import examine
+    from robo.cli.views.doctor import examine
 
     return examine(kill_test=kill_test, json=json, connect=reach.connect)

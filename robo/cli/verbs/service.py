@@ -21,7 +21,7 @@ ServiceName = Annotated[
 @verb(verbs, "list", "robo service list", "robo service list --json")
 def service_list(reach: Reach, json: JsonLines = False) -> None:
     """List services with their types and servers."""
-    from robo.cli.service import print_services
+    from robo.cli.views.service import print_services
 
     print_services(reach, json=json)
 
@@ -29,7 +29,7 @@ def service_list(reach: Reach, json: JsonLines = False) -> None:
 @verb(verbs, "type", "robo service type r1/reset_distance")
 def service_type(reach: Reach, name: ServiceName) -> None:
     """Print the type of a service."""
-    from robo.cli.service import print_type
+    from robo.cli.views.service import print_type
 
     print_type(name, reach)
 
@@ -37,7 +37,7 @@ def service_type(reach: Reach, name: ServiceName) -> None:
 @verb(verbs, "info", "robo service info r1/reset_distance")
 def service_info(reach: Reach, name: ServiceName, json: Json = False) -> None:
     """Print who serves a service, what it takes and what it returns."""
-    from robo.cli.service import print_info
+    from robo.cli.views.service import print_info
 
     print_info(name, reach, json=json)
 
@@ -59,6 +59,6 @@ def service_call(
     json: Json = False,
 ) -> None:
     """Call a service and print its answer."""
-    from robo.cli.service import call
+    from robo.cli.views.service import call
 
     call(name, words or [], reach, timeout=timeout, json=json)

@@ -29,7 +29,7 @@ def graph(
 
     `robo check MANIFEST --graph FORM` draws the same of a manifest.
     """
-    from robo.cli.graph import print_graph
+    from robo.cli.views.graph import print_graph
 
     print_graph(reach, form="json" if json else form, hide_system=hide_system)
 
@@ -54,7 +54,7 @@ def top(
     stale: far older than the topic's own pace), bandwidth and loss. It receives every topic of the robot that is
     named, or of all.
     """
-    from robo.cli.top import watch
+    from robo.cli.views.top import watch
 
     watch(reach, once=once, json=json, interval=interval)
 
@@ -83,6 +83,6 @@ def net(
 
     Exit code: 0 fine, 1 something is wrong, 2 words that make no sense.
     """
-    from robo.cli.net import print_network
+    from robo.cli.views.net import print_network
 
     return print_network(nodes or [], reach, json=json)

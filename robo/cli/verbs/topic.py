@@ -38,7 +38,7 @@ def topic_list(
     interval: Interval = 1.0,
 ) -> None:
     """List topics: type, how many publish and subscribe, messages a second where supervisors know."""
-    from robo.cli.topic import print_topics
+    from robo.cli.views.topic import print_topics
 
     print_topics(reach, verbose=verbose, json=json, watch=watch, interval=interval)
 
@@ -46,7 +46,7 @@ def topic_list(
 @verb(verbs, "info", "robo topic info r1/odom", "robo topic info odom --robot-name r1 --json")
 def topic_info(reach: Reach, key: TopicName, json: Json = False) -> None:
     """Print all about one topic: its type, who publishes and subscribes it, and how much they keep."""
-    from robo.cli.topic import print_info
+    from robo.cli.views.topic import print_info
 
     print_info(key, reach, json=json)
 
@@ -54,7 +54,7 @@ def topic_info(reach: Reach, key: TopicName, json: Json = False) -> None:
 @verb(verbs, "type", "robo topic type r1/odom", 'robo interface show "$(robo topic type r1/odom)"')
 def topic_type(reach: Reach, key: TopicName, json: Json = False) -> None:
     """Print the type of a topic."""
-    from robo.cli.topic import print_type
+    from robo.cli.views.topic import print_type
 
     print_type(key, reach, json=json)
 
@@ -62,7 +62,7 @@ def topic_type(reach: Reach, key: TopicName, json: Json = False) -> None:
 @verb(verbs, "find", "robo topic find geometry/Twist", "robo topic find sensor/LaserScan --json")
 def topic_find(reach: Reach, type_name: TypeName, json: JsonLines = False) -> int:
     """Print the topics of a type. Exit code 1 where there are none."""
-    from robo.cli.topic import print_topics_of
+    from robo.cli.views.topic import print_topics_of
 
     return print_topics_of(type_name, reach, json=json)
 
@@ -103,7 +103,7 @@ def topic_echo(
     Exit code: 0 fine, 1 the --duration was over before --count messages, or any, were printed, 2 words that make no
     sense.
     """
-    from robo.cli.echo import Options, print_messages
+    from robo.cli.views.echo import Options, print_messages
 
     if json + csv + yaml > 1:
         raise UsageError("choose one of --json, --csv and --yaml")
@@ -155,7 +155,7 @@ def topic_pub(
     Exit code: 0 published, 1 the data or a line are no message of the type or the topic has a publisher, 2 words that
     make no sense.
     """
-    from robo.cli.pub import Options, publish, publish_lines
+    from robo.cli.views.pub import Options, publish, publish_lines
 
     if "-" in (key, type_name, data):
         if data not in (None, "-") or once:
@@ -188,7 +188,7 @@ def _measuring(measure: Literal["hz", "bw", "delay", "loss"], about: str, *examp
         window: Window = 1.0,
         json: JsonLines = False,
     ) -> int:
-        from robo.cli.measure import print_figures
+        from robo.cli.views.measure import print_figures
 
         return print_figures(measure, keys, reach, count=count, duration=duration, window=window, json=json)
 
@@ -255,6 +255,6 @@ def topic_plot(
     Without --field, all of its numbers that are not in lists. Where the output is no terminal, one picture of what
     came within the window, or within --duration. Exit code 1 where nothing came.
     """
-    from robo.cli.plot import plot
+    from robo.cli.views.plot import plot
 
     return plot(key, field or [], reach, window=window, duration=duration)

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import robo_messages
 from robo.cli.json_text import document
-from robo.cli.up import manifest_file
+from robo.cli.launch.modules import check_nothing_hides_robo
+from robo.cli.launch.up import manifest_file
 from robo.errors import UsageError
 from robo.launch import faults, missing, resolve
 from robo.launch.check import Findings, check, ends_of
@@ -14,7 +15,6 @@ from robo.launch.find import names_manifest
 from robo.launch.graph import graph_of
 from robo.launch.schema import manifest_schema
 from robo.launch.substitution import Word
-from robo.modules import check_nothing_hides_robo
 from robo.supervisor.early import search_path
 from robo.text.graph import FORMATS, draw
 from robo.text.tree import Position, Problem

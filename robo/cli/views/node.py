@@ -4,11 +4,10 @@ from collections.abc import Sequence
 
 import msgspec
 
-from robo.cli.connection import (
-    connect_to_robot,
+from robo.cli.connection import connect_to_robot, nodes_of
+from robo.cli.printing import (
     data_size,
     depth_text,
-    nodes_of,
     note,
     paint,
     print_json,
@@ -18,7 +17,7 @@ from robo.cli.connection import (
     print_text,
 )
 from robo.cli.reach import Reach
-from robo.cli.runs import duration
+from robo.cli.views.runs import duration
 from robo.text.columns import aligned
 from robo.tools import nodes
 from robo.tools.nodes import NodeInfo

@@ -1,6 +1,7 @@
 """`robo graph`: drawing what runs."""
 
-from robo.cli.connection import amount, connect_to_robot, nodes_of, note, print_text
+from robo.cli.connection import connect_to_robot, nodes_of
+from robo.cli.printing import amount, note, print_text
 from robo.cli.reach import Reach
 from robo.errors import UsageError
 from robo.text import graph

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from robo.cli.connection import paint, print_json, print_line
+from robo.cli.printing import paint, print_json, print_line
 from robo.tools import doctor
 
 _MARKS = {"ok": ("ok", "32"), "note": ("note", "33"), "fault": ("FAULT", "31")}

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import zenoh
 
 import robo_messages
-from robo.cli.connection import amount, connect_to_robot, hint, note
+from robo.cli.connection import connect_to_robot
+from robo.cli.printing import amount, hint, note
 from robo.cli.reach import Reach
 from robo.errors import MessageError
 from robo.interfaces import catalogue

@@ -16,11 +16,12 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from robo.cli.connection import connect_to_robot, data_size, print_json
+from robo.cli.connection import connect_to_robot
 from robo.cli.link import Link, watched
+from robo.cli.printing import data_size, print_json
 from robo.cli.reach import Reach
-from robo.cli.runs import duration
-from robo.cli.screen import Screen
+from robo.cli.views.runs import duration
+from robo.cli.views.screen import Screen
 from robo.text.terminal import visible
 from robo.tools.top import NodeFigures, Snapshot, TopicFigures, Watch
 

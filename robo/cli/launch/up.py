@@ -4,9 +4,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from robo.cli import show
-from robo.cli.background import notify_starter, start_in_background
 from robo.cli.json_text import document
+from robo.cli.launch import show
+from robo.cli.launch.background import notify_starter, start_in_background
 from robo.errors import ManifestError, RoboError, UnreadableFile, UsageError
 from robo.launch import arguments, faults, missing, reader, resolve
 from robo.launch.check import unmatched
@@ -70,7 +70,7 @@ def run_up(
     if not dry_run:
         # Before node classes are looked at in a forked process, which then has Zenoh already.
         lean.import_asyncio()
-        from robo.cli.network import router_network
+        from robo.cli.launch.network import router_network
         from robo.supervisor import supervisor
 
         network = router_network(listen, connect, config)

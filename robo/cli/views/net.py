@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from robo.cli.connection import connect_to_robot, paint, print_json, print_line, print_table
+from robo.cli.connection import connect_to_robot
+from robo.cli.printing import paint, print_json, print_line, print_table
 from robo.cli.reach import Reach
 from robo.errors import UsageError
 from robo.tools import net

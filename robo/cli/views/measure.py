@@ -5,10 +5,11 @@ from collections.abc import Collection, Sequence
 
 import zenoh
 
-from robo.cli.connection import connect_to_robot, data_size, note, print_json, print_line
+from robo.cli.connection import connect_to_robot
 from robo.cli.link import watched
+from robo.cli.printing import data_size, note, print_json, print_line
 from robo.cli.reach import Reach
-from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
+from robo.cli.views.waiting import complain_of_few, tell_who_is_waited_for
 from robo.samples.meters import Bandwidth, Delay, Loss, Measure, Meter, Rate, Window
 from robo.samples.stream import Stream
 from robo.text.terminal import visible

@@ -6,11 +6,12 @@ import sys
 import time
 from collections.abc import Sequence
 
-from robo.cli.connection import connect_to_robot, note
+from robo.cli.connection import connect_to_robot
 from robo.cli.json_text import to_json
 from robo.cli.link import watched
+from robo.cli.printing import note
 from robo.cli.reach import Reach
-from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
+from robo.cli.views.waiting import complain_of_few, tell_who_is_waited_for
 from robo.errors import UsageError
 from robo.samples.records import Received, read
 from robo.samples.stream import Stream

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import zenoh
 
-from robo.cli.connection import amount, hint, note
+from robo.cli.printing import amount, hint, note
 from robo.cli.reach import Reach
 from robo.text.suggestions import suggest
 from robo.tools import topics

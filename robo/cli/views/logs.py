@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import zenoh
 
-from robo.cli.connection import connect_to_robot, note, print_json, print_table
+from robo.cli.connection import connect_to_robot
 from robo.cli.link import watched
+from robo.cli.printing import note, print_json, print_table
 from robo.cli.reach import Reach
 from robo.environment import CONNECT_VARIABLE
 from robo.errors import RoboError

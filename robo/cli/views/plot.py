@@ -13,8 +13,8 @@ from rich.text import Text
 from robo.cli.connection import connect_to_robot
 from robo.cli.link import watched
 from robo.cli.reach import Reach
-from robo.cli.screen import Screen
-from robo.cli.waiting import complain_of_few, tell_who_is_waited_for
+from robo.cli.views.screen import Screen
+from robo.cli.views.waiting import complain_of_few, tell_who_is_waited_for
 from robo.errors import UsageError
 from robo.samples.records import Received, read
 from robo.samples.stream import Stream

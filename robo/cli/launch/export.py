@@ -4,8 +4,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from robo.cli.connection import note
-from robo.cli.up import DEFAULT_MANIFEST, manifest_file
+from robo.cli.launch.up import DEFAULT_MANIFEST, manifest_file
+from robo.cli.printing import note
 from robo.errors import UsageError
 from robo.export.compose import dockerfile
 from robo.export.compose import file as compose

@@ -3,7 +3,7 @@
 import signal
 from pathlib import Path
 
-from robo.cli.connection import note
+from robo.cli.printing import note
 from robo.export.compose.engine import SOCKET, Engine
 from robo.export.compose.keeper import Keeper
 

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 import msgspec
 import zenoh
 
-from robo.cli.connection import (
+from robo.cli.connection import connect_to_robot
+from robo.cli.link import watched
+from robo.cli.printing import (
     clear_screen,
     clock_time,
-    connect_to_robot,
     hint,
     note,
     paint,
@@ -18,7 +19,6 @@ from robo.cli.connection import (
     print_lines,
     print_table,
 )
-from robo.cli.link import watched
 from robo.cli.reach import Reach
 from robo.errors import RunError, UsageError
 from robo.tools import nodes, runs, strangers

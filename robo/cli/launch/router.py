@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from robo.cli.connection import note, print_text
 from robo.cli.json_text import document
-from robo.cli.network import router_network
+from robo.cli.launch.network import router_network
+from robo.cli.printing import note, print_text
 from robo.process.router import route
 from robo.text.paths import nested
 from robo.wire import claims, tcp, zenoh_threads

@@ -5,8 +5,8 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
+from robo.cli.launch.modules import check_nothing_hides_robo, module_of
 from robo.errors import UsageError
-from robo.modules import check_nothing_hides_robo, module_of
 
 USAGE = """Usage: robo run SERVICE [OPTIONS]
 

@@ -2,18 +2,9 @@
 
 import time
 
-from robo.cli.connection import (
-    clear_screen,
-    connect_to_robot,
-    depth_text,
-    nodes_of,
-    note,
-    paint,
-    print_json,
-    print_line,
-    print_table,
-)
+from robo.cli.connection import connect_to_robot, nodes_of
 from robo.cli.link import watched
+from robo.cli.printing import clear_screen, depth_text, note, paint, print_json, print_line, print_table
 from robo.cli.reach import Reach
 from robo.tools import runs, topics
 from robo.tools.topics import End, Topic

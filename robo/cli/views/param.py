@@ -6,8 +6,9 @@ from pathlib import Path
 import msgspec
 import zenoh
 
-from robo.cli.connection import clock_time, connect_to_robot, hint, nodes_of, note, print_json, print_line, print_text
+from robo.cli.connection import connect_to_robot, nodes_of
 from robo.cli.link import watched
+from robo.cli.printing import clock_time, hint, note, print_json, print_line, print_text
 from robo.cli.reach import Reach
 from robo.errors import NodeUnreachable, UsageError
 from robo.parameters.hints import range_text

@@ -9,7 +9,8 @@ import msgspec
 import zenoh
 
 import robo_messages
-from robo.cli.connection import connect_to_robot, nodes_of, print_json, print_line, print_table
+from robo.cli.connection import connect_to_robot, nodes_of
+from robo.cli.printing import print_json, print_line, print_table
 from robo.cli.reach import Reach
 from robo.errors import ServiceTimeout, UsageError
 from robo.interfaces import catalogue

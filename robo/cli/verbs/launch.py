@@ -83,7 +83,7 @@ def up(
     Exit code: 0 ended by itself or by SIGTERM, 1 a mistake in a file or a node that failed, 2 words
     that make no sense, 130 Ctrl-C.
     """
-    from robo.modules import check_nothing_hides_robo
+    from robo.cli.launch.modules import check_nothing_hides_robo
 
     check_nothing_hides_robo()
     begun = None
@@ -91,7 +91,7 @@ def up(
         from robo.supervisor.early import begin
 
         begun = begin()  # first of all: it gets ready while the rest is read
-    from robo.cli.up import run_up
+    from robo.cli.launch.up import run_up
 
     return run_up(
         words or [],
@@ -147,7 +147,7 @@ def check(
 
     Exit code: 0 fine, 1 faults, 2 words that make no sense.
     """
-    from robo.cli.check import run_check
+    from robo.cli.launch.check import run_check
 
     return run_check(words, robot_name=robot_name, json=json, graph=graph)
 
@@ -163,7 +163,7 @@ def schema(
     name: Annotated[str, typer.Argument(metavar="manifest|TYPE", help="What to describe.", show_default=False)],
 ) -> None:
     """Print the JSON Schema of manifests, by which editors complete them, or of a message type."""
-    from robo.cli.check import print_schema
+    from robo.cli.launch.check import print_schema
 
     print_schema(name)
 
@@ -204,7 +204,7 @@ def export_compose(
     engine's socket, unless --keeper asks for a profile with one that does: see `robo keeper --help`.
     The Dockerfile of the current folder makes the image; where there is none the file builds nothing.
     """
-    from robo.cli.export import export_compose as write
+    from robo.cli.launch.export import export_compose as write
 
     write(words or [], robot=robot_name, output=output, keeper=keeper)
 
@@ -212,7 +212,7 @@ def export_compose(
 @verb(export, "dockerfile", "robo export dockerfile > Dockerfile")
 def export_dockerfile() -> None:
     """Print a Dockerfile for nodes of your own: robo's image with the Python package of the current folder."""
-    from robo.cli.export import export_dockerfile as write
+    from robo.cli.launch.export import export_dockerfile as write
 
     write()
 
@@ -240,8 +240,8 @@ def router(
     On loopback only, unless --listen says otherwise. Each `robo up` has a router of its own; one by itself is
     for a site with several robots: their `robo up --connect tcp/SITE:7447` dials it.
     """
-    from robo.cli.router import print_config as show
-    from robo.cli.router import run_router
+    from robo.cli.launch.router import print_config as show
+    from robo.cli.launch.router import run_router
 
     (show if print_config else run_router)(name=name, listen=listen or [], connect=connect or [], config=config)
 
@@ -270,7 +270,7 @@ def keeper(
     if the policy is on-failure or always; what was stopped stays stopped. It needs the engine's socket, and whoever
     holds that is root on the host: so no Compose file starts a keeper unasked, and it listens to the engine alone.
     """
-    from robo.cli.keeper import run_keeper
+    from robo.cli.launch.keeper import run_keeper
 
     run_keeper(project=project, socket=socket, ready_file=ready_file)
 
@@ -302,6 +302,6 @@ def run(
     words: Annotated[list[str] | None, typer.Argument(metavar="SERVICE [OPTIONS]", show_default=False)] = None,
 ) -> None:
     """Run one node, alone; `robo run SERVICE --help` shows its contract."""
-    from robo.cli.run import hand_over
+    from robo.cli.launch.run import hand_over
 
     hand_over(words or [])

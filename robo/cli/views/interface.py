@@ -1,8 +1,8 @@
 """`robo interface`: printing message and service types."""
 
 import robo_messages
-from robo.cli.connection import note, paint, print_json, print_line, print_table, print_text
 from robo.cli.json_text import document
+from robo.cli.printing import note, paint, print_json, print_line, print_table, print_text
 from robo.errors import MessageError
 from robo.interfaces import catalogue
 from robo.interfaces.catalogue import FieldInfo

@@ -1,1 +1,0 @@
-"""What robo asks of a Docker engine."""
