@@ -17,7 +17,7 @@ from robo.text.levels import level_of
 from robo.wire import codec
 from robo.wire.keys import control_key, event_key, log_key
 from robo.wire.queries import QueryLoop, reply, reply_error
-from robo.wire.reports import Asked, Event, LogRecord
+from robo.wire.reports import Event, LogRecord, Request
 
 _LONGEST = 60.0
 """How long a command may take, s."""
@@ -28,7 +28,7 @@ _LARGEST = 100_000
 READING = ("ps", "why", "events", "logs", "sites")
 """The verbs that only tell."""
 
-Verb = Callable[[Asked], Coroutine[Any, Any, object]]
+Verb = Callable[[Request], Coroutine[Any, Any, object]]
 
 
 class Control:
@@ -84,7 +84,7 @@ class Control:
         reply(query, key, answer)
 
 
-def read_request(payload: bytes) -> Asked:
+def read_request(payload: bytes) -> Request:
     """What a query asks for; an empty one for all.
 
     Raises:
@@ -93,7 +93,7 @@ def read_request(payload: bytes) -> Asked:
     if len(payload) > _LARGEST:
         raise UsageError(f"the request has {len(payload):,} bytes; it may have {_LARGEST:,}")
     try:
-        asked = msgspec.msgpack.decode(payload, type=Asked) if payload else Asked()
+        asked = msgspec.msgpack.decode(payload, type=Request) if payload else Request()
     except codec.UNREADABLE as error:
         what, _, field = str(error).partition(" - at `$.")
         where = f"{field.rstrip('`')}: " if field else ""

@@ -16,7 +16,7 @@ from robo.process.template import PADDING
 from robo.wire.run_id import new_run_id
 
 
-class Begun(NamedTuple):
+class HeadStart(NamedTuple):
     """A run that has begun."""
 
     run_id: str
@@ -24,10 +24,10 @@ class Begun(NamedTuple):
     """The template process and the socket to ask it on; None where processes are not forked."""
 
 
-def begin() -> Begun:
+def begin() -> HeadStart:
     """Begin a run. What has been begun ends with this process."""
     run_id = new_run_id()
-    return Begun(run_id, _start_template({**base_environment(), RUN_VARIABLE: run_id}))
+    return HeadStart(run_id, _start_template({**base_environment(), RUN_VARIABLE: run_id}))
 
 
 def base_environment() -> dict[str, str]:

@@ -60,7 +60,7 @@ class Changes:
             await future
 
 
-class Surroundings(Protocol):
+class Run(Protocol):
     """What a member needs of the run that it is part of."""
 
     changes: Changes
@@ -88,7 +88,7 @@ class Surroundings(Protocol):
 class Member:
     """A process of the plan: its child, which a restart replaces, and how far it has come."""
 
-    def __init__(self, plan: ProcessPlan, label: str, run: Surroundings) -> None:
+    def __init__(self, plan: ProcessPlan, label: str, run: Run) -> None:
         self.plan = plan
         self.label = label
         """What it is called in the output."""
@@ -190,7 +190,7 @@ class Member:
         ready = self.plan.ready
         return ready.when == "node" or bool(ready.log or ready.port or ready.probe or ready.topics)
 
-    def unhurt(self) -> bool:
+    def healthy(self) -> bool:
         """Whether nothing is wrong with it."""
         return self.ready or self.state == "completed"
 
@@ -585,7 +585,7 @@ class Member:
     def _fresh(self) -> bool:
         return self.running and time.monotonic() - self._beat_at < 3 * BEAT_PERIOD
 
-    def forgive(self, now: float) -> None:
+    def excuse_silence(self, now: float) -> None:
         """The supervisor itself has slept: nobody can be blamed for beats that it did not hear."""
         self._beat_at = now
 

@@ -36,7 +36,7 @@ from robo.machine.memory_kills import MemoryKills
 from robo.process.router import LINGER
 from robo.supervisor.console import Console
 from robo.supervisor.control import Control
-from robo.supervisor.early import Begun, base_environment
+from robo.supervisor.early import HeadStart, base_environment
 from robo.supervisor.member import Changes, Member
 from robo.supervisor.reload import FileWatch, files_of, same
 from robo.supervisor.run_environment import RunEnvironment
@@ -48,7 +48,7 @@ from robo.text.suggestions import suggest
 from robo.wire import claims, discovery, keys, names
 from robo.wire.keys import ClaimToken, NodeToken, SupervisorToken, parse_supervisor_token, supervisors_key
 from robo.wire.network import Network
-from robo.wire.reports import Asked, Done, Event, Explanation, LogRecord, ProcessName, ProcessStatus, Site, State
+from robo.wire.reports import Event, Explanation, LogRecord, Outcome, ProcessName, ProcessStatus, Request, Site, State
 from robo.wire.run_id import new_run_id
 from robo.wire.session import close_session, open_session
 
@@ -88,7 +88,7 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     """Reads the manifest again, or tells its mistakes; with it changed files restart what they touch."""
     notify: Callable[[str], None] | None = None
     """Is told `up`, `ready` and `down`: for whoever waits for a run in the background."""
-    begun: Begun | None = None
+    begun: HeadStart | None = None
     """What of the run has begun already."""
 
 
@@ -109,7 +109,7 @@ class Supervisor:
         self._plan = plan
         self._console = console
         self._options = options
-        begun = options.begun or Begun(new_run_id(), None)
+        begun = options.begun or HeadStart(new_run_id(), None)
         self._run_id = begun.run_id
         self.template = Template(*begun.template) if begun.template is not None else None
         self._folder = Path(tempfile.mkdtemp(prefix="robo-"))
@@ -163,7 +163,7 @@ class Supervisor:
         self._events: list[Event] = []
         self._stop = asyncio.Event()
         self._exit_code: int | None = None
-        self._fallen: list[Member] = []
+        self._failed: list[Member] = []
         self._stop_requests = 0
         self._announced = False
         self._phases: list[tuple[str, float]] = []
@@ -204,7 +204,7 @@ class Supervisor:
                 self._begin_life(name)
             if await self._join(loop):
                 self._event("up", "")
-                self._tell_of_the_fallen()
+                self._tell_of_the_failed()
                 self._tend(self._settle(), "the claim of names")
                 self._tend(self._watch_sites(), "the links to sites")
                 self._tend(self._look_after(), "the run")
@@ -484,7 +484,7 @@ class Supervisor:
             self._say(f"{member.label} is ready" + (" again" if member.restarts.count else ""))
         if closing:
             return
-        self._tell_of_the_fallen()
+        self._tell_of_the_failed()
         if member.finished:
             for other in self._members.values():
                 until = other.plan.needs.get(member.plan.full_name)
@@ -495,7 +495,7 @@ class Supervisor:
         if member.plan.required and (member.down or state == "completed"):
             self._finish(0 if state == "completed" else 1)
 
-    def _tell_of_the_fallen(self) -> None:
+    def _tell_of_the_failed(self) -> None:
         """Let whoever waits for this run in the background know that it will not be ready all by itself."""
         if self._announced or self._control is None or self._options.notify is None:
             return  # who is told too early finds nobody to ask
@@ -557,7 +557,7 @@ class Supervisor:
                 flow.mark(now)
             for member in self._members.values():
                 if now - last > 4 * _TICK:
-                    member.forgive(now)
+                    member.excuse_silence(now)
                 if now - self._begin > _STARTING:
                     member.measure()
                 why = member.check(now)
@@ -581,7 +581,7 @@ class Supervisor:
 
     def _announce(self) -> None:
         # What has done its work and ended well is as good as ready.
-        if self._announced or not all(m.unhurt() for m in self._members.values()):
+        if self._announced or not all(m.healthy() for m in self._members.values()):
             return
         self._announced = True
         seconds = time.monotonic() - self._begin
@@ -662,57 +662,57 @@ class Supervisor:
 
     # -- commands ------------------------------------------------------------------------------------
 
-    async def _ps(self, asked: Asked) -> list[ProcessStatus]:
-        return [self._status(member) for member in self._chosen(asked)]
+    async def _ps(self, request: Request) -> list[ProcessStatus]:
+        return [self._status(member) for member in self._chosen(request)]
 
-    async def _why(self, asked: Asked) -> list[Explanation]:
-        return [m.explain(self._status(m), self.unmet(m.plan)) for m in self._chosen(asked)]
+    async def _why(self, request: Request) -> list[Explanation]:
+        return [m.explain(self._status(m), self.unmet(m.plan)) for m in self._chosen(request)]
 
-    async def _past_events(self, asked: Asked) -> list[Event]:
-        chosen = {m.plan.full_name for m in self._chosen(asked)} if asked.names else None
+    async def _past_events(self, request: Request) -> list[Event]:
+        chosen = {m.plan.full_name for m in self._chosen(request)} if request.names else None
         return [event for event in self._events if chosen is None or event.node in chosen]
 
-    async def _past_output(self, asked: Asked) -> list[LogRecord]:
-        labels = {member.label for name in asked.names for member in self._meant(name).values()}
-        labels |= {SUPERVISOR} & {*asked.names}
-        wanted = Filter(since=asked.since, least=asked.level)
-        found = [one for one in self._recent if (not asked.names or one.node in labels) and wanted.wants(one)]
-        return found if asked.lines is None else found[-asked.lines :] if asked.lines else []
+    async def _past_output(self, request: Request) -> list[LogRecord]:
+        labels = {member.label for name in request.names for member in self._meant(name).values()}
+        labels |= {SUPERVISOR} & {*request.names}
+        wanted = Filter(since=request.since, least=request.level)
+        found = [one for one in self._recent if (not request.names or one.node in labels) and wanted.wants(one)]
+        return found if request.lines is None else found[-request.lines :] if request.lines else []
 
-    async def _tell_sites(self, _: Asked) -> list[Site]:
+    async def _tell_sites(self, _: Request) -> list[Site]:
         return [*self._sites.all.values()]
 
-    async def _stop_some(self, asked: Asked) -> Done:
-        chosen = self._chosen(asked)
+    async def _stop_some(self, request: Request) -> Outcome:
+        chosen = self._chosen(request)
         await asyncio.gather(*(member.stop() for member in chosen))
-        return self._done(chosen, asked)
+        return self._done(chosen, request)
 
-    async def _start_some(self, asked: Asked) -> Done:
-        chosen = [member for member in self._chosen(asked) if not member.running]
+    async def _start_some(self, request: Request) -> Outcome:
+        chosen = [member for member in self._chosen(request) if not member.running]
         await asyncio.gather(*(member.restart("as asked") for member in chosen))
-        return self._done(chosen, asked)
+        return self._done(chosen, request)
 
-    async def _restart_some(self, asked: Asked) -> Done:
-        chosen = self._chosen(asked)
+    async def _restart_some(self, request: Request) -> Outcome:
+        chosen = self._chosen(request)
         await asyncio.gather(*(member.restart("as asked") for member in chosen))
-        return self._done(chosen, asked)
+        return self._done(chosen, request)
 
-    def _done(self, members: Sequence[Member], asked: Asked) -> Done:
-        return Done([m.plan.full_name for m in members], [name for name in asked.names if not self._meant(name)])
+    def _done(self, members: Sequence[Member], request: Request) -> Outcome:
+        return Outcome([m.plan.full_name for m in members], [name for name in request.names if not self._meant(name)])
 
-    async def _down(self, asked: Asked) -> Done:
-        if asked.names:
+    async def _down(self, request: Request) -> Outcome:
+        if request.names:
             raise RuntimeError("down ends the whole run and takes no names; stop ends nodes and groups")
         self._say("stopping, as robo down asks")
         asyncio.get_running_loop().call_later(0.05, self._finish, 0)  # the answer leaves before the network does
-        return Done([*self._members])
+        return Outcome([*self._members])
 
-    def _chosen(self, asked: Asked) -> list[Member]:
+    def _chosen(self, request: Request) -> list[Member]:
         """The members that names mean: full names, names as the output has them, names of groups or their parts."""
-        if not asked.names:
+        if not request.names:
             return list(self._members.values())
         found: dict[str, Member] = {}
-        for name in asked.names:
+        for name in request.names:
             means = self._meant(name)
             if not means and not self._plan.host:  # another host's supervisor may know it
                 known = [m.label for m in self._members.values()] + [m.plan.group for m in self._members.values()]
@@ -757,7 +757,7 @@ class Supervisor:
     def _finish(self, exit_code: int | None) -> None:
         """End the launch; the first one to say so decides the exit code."""
         if not self._stop.is_set():
-            self._fallen = [m for m in self._members.values() if m.failed]
+            self._failed = [m for m in self._members.values() if m.failed]
             self._exit_code = exit_code
             self._stop.set()
             self.changes.notify()
@@ -852,7 +852,7 @@ class Supervisor:
 
     def _summarize(self) -> None:
         """Repeat why processes failed: their own last words, where these may have scrolled away."""
-        for member in self._fallen:
+        for member in self._failed:
             if not member.exits:
                 continue
             last = member.exits[-1]
@@ -869,7 +869,7 @@ class Supervisor:
         if self._exit_code is not None:
             return self._exit_code
         unstarted = any(not m.exits and not m.finished for m in self._members.values())
-        return 1 if self._fallen or unstarted else 0
+        return 1 if self._failed or unstarted else 0
 
     # -- inside ----------------------------------------------------------------------------------------
 

@@ -9,7 +9,6 @@ from types import TracebackType
 
 import msgspec
 
-import robo
 import robo_messages
 from robo.errors import UnreadableFile
 from robo.text.brief import brief
@@ -18,7 +17,10 @@ from robo.text.files import read_text
 _UNSAFE = re.compile(r"\((?P<value>.*)\) as a default value is unsafe", re.DOTALL)
 """What msgspec says of a default that all instances would share."""
 
-_OWN = tuple(os.path.dirname(str(file)) + os.sep for file in (robo.__file__, robo_messages.__file__, msgspec.__file__))
+_ROBO = os.path.dirname(os.path.dirname(__file__))
+_OWN = tuple(
+    folder + os.sep for folder in (_ROBO, *(os.path.dirname(str(m.__file__)) for m in (robo_messages, msgspec)))
+)
 _LIBRARY = sysconfig.get_path("stdlib") + os.sep
 
 

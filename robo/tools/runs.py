@@ -14,7 +14,7 @@ from robo.wire import names
 from robo.wire.discovery import hostname, user
 from robo.wire.keys import SupervisorToken, control_key, event_key, log_key, parse_supervisor_token, supervisors_key
 from robo.wire.queries import Fault, read_fault
-from robo.wire.reports import Asked, Done, Event, Explanation, LogRecord, ProcessName, ProcessStatus, Site
+from robo.wire.reports import Event, Explanation, LogRecord, Outcome, ProcessName, ProcessStatus, Request, Site
 
 T = TypeVar("T")
 
@@ -38,7 +38,7 @@ def processes(session: zenoh.Session, robot: str | None = None, timeout: float =
     found: list[ProcessStatus] = []
     answered = False
     key = control_key(robot if robot is not None else "**", "ps")
-    for sample in samples(_get(session, key, Asked(), timeout)):
+    for sample in samples(_get(session, key, Request(), timeout)):
         told = read(sample, list[ProcessStatus])
         answered = answered or told is not None
         found += told or []
@@ -115,7 +115,7 @@ def _named(session: zenoh.Session, target: Target, words: Sequence[str]) -> list
     return list(dict.fromkeys(found))
 
 
-def command(session: zenoh.Session, target: Target, verb: str, words: Sequence[str]) -> Done:
+def command(session: zenoh.Session, target: Target, verb: str, words: Sequence[str]) -> Outcome:
     """Have `stop`, `start`, `restart` or `down` done to nodes or groups of a robot, on all its hosts.
 
     Raises:
@@ -123,11 +123,11 @@ def command(session: zenoh.Session, target: Target, verb: str, words: Sequence[s
         RunError: no supervisor runs that robot, or it could not do it.
     """
     asked = _named(session, target, words)
-    answers = _ask(session, target.robot, verb, Asked(asked), Done, COMMAND_TIMEOUT)
+    answers = _ask(session, target.robot, verb, Request(asked), Outcome, COMMAND_TIMEOUT)
     unknown = [name for name in asked if all(name in answer.unknown for answer in answers)]
     if unknown:
         raise _not_found(session, target.robot, unknown)
-    return Done([node for answer in answers for node in answer.nodes])
+    return Outcome([node for answer in answers for node in answer.nodes])
 
 
 def explain(session: zenoh.Session, target: Target, words: Sequence[str]) -> list[Explanation]:
@@ -136,7 +136,7 @@ def explain(session: zenoh.Session, target: Target, words: Sequence[str]) -> lis
     Raises:
         NodeNotFound, RunError: as for `command`.
     """
-    answers = _ask(session, target.robot, "why", Asked(_named(session, target, words)), list[Explanation], TIMEOUT)
+    answers = _ask(session, target.robot, "why", Request(_named(session, target, words)), list[Explanation], TIMEOUT)
     found = [explanation for answer in answers for explanation in answer]
     if words and not found:
         raise _not_found(session, target.robot, words)
@@ -146,7 +146,8 @@ def explain(session: zenoh.Session, target: Target, words: Sequence[str]) -> lis
 def sites(session: zenoh.Session, robot: str | None = None, timeout: float = TIMEOUT) -> list[Site]:
     """The sites that robots were told to dial, and whether they are linked to them."""
     found: list[Site] = []
-    for sample in samples(_get(session, control_key(robot if robot is not None else "**", "sites"), Asked(), timeout)):
+    key = control_key(robot if robot is not None else "**", "sites")
+    for sample in samples(_get(session, key, Request(), timeout)):
         found += read(sample, list[Site]) or []
     return found
 
@@ -166,7 +167,7 @@ def _not_found(session: zenoh.Session, robot: str, words: Sequence[str]) -> Node
     return NodeNotFound(f"robot {robot} has no node or group {', '.join(words)}; {suggest(words[0], there)}")
 
 
-def output(session: zenoh.Session, robot: str, asked: Asked) -> list[LogRecord]:
+def output(session: zenoh.Session, robot: str, asked: Request) -> list[LogRecord]:
     """What the processes of a robot have printed, on all its hosts, as far as their supervisors keep it.
 
     Raises:
@@ -252,7 +253,7 @@ class EventStream:
         """What has happened so far, in order."""
         found: list[Event] = []
         key = control_key(self._robot, "events")
-        for sample in samples(_get(self._session, key, Asked(), TIMEOUT)):
+        for sample in samples(_get(self._session, key, Request(), TIMEOUT)):
             found += filter(self._is_wanted, read(sample, list[Event]) or [])
         return sorted(found, key=lambda event: event.time)
 
@@ -267,7 +268,7 @@ class EventStream:
                 yield event
 
 
-def _ask(session: zenoh.Session, robot: str, verb: str, asked: Asked, kind: type[T], timeout: float) -> list[T]:
+def _ask(session: zenoh.Session, robot: str, verb: str, asked: Request, kind: type[T], timeout: float) -> list[T]:
     """The answers of all supervisors of a robot."""
     answers: list[T] = []
     faults: list[Fault] = []
@@ -285,7 +286,7 @@ def _ask(session: zenoh.Session, robot: str, verb: str, asked: Asked, kind: type
     return answers
 
 
-def _get(session: zenoh.Session, key: str, asked: Asked, timeout: float) -> Iterator[zenoh.Reply]:
+def _get(session: zenoh.Session, key: str, asked: Request, timeout: float) -> Iterator[zenoh.Reply]:
     """The replies of every supervisor that a key reaches, and not only of the nearest."""
     replies = session.get(
         key,

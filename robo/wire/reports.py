@@ -137,7 +137,7 @@ class Site(msgspec.Struct, frozen=True):
     """Why it is not reached; empty where that is not known yet."""
 
 
-class Asked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a control verb is to be done to. A field that is not known is refused: `{"name": "x"}` would mean all."""
 
     names: Annotated[list[str], Meta(max_length=1000)] = []
@@ -150,7 +150,7 @@ class Asked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """For `logs`: only so many, the newest."""
 
 
-class Done(msgspec.Struct, frozen=True):
+class Outcome(msgspec.Struct, frozen=True):
     """What a control verb has done."""
 
     nodes: list[str]

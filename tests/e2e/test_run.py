@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from robo.cli.launch import modules
+import robo as package
 from tests.support import PATIENCE, Command, Running, eventually, plain_environment, robo
 
 pytestmark = pytest.mark.timeout(120)
@@ -110,7 +110,7 @@ def test_a_file_that_hides_robo_is_named(tmp_path: Path, words: tuple[str, ...])
 
 def test_a_checkout_of_robo_does_not_hide_it(tmp_path: Path, endpoint: str) -> None:
     # As the README's first command does: an installed robo starts in the folder that it was installed from.
-    shutil.copytree(Path(modules.__file__).parent, tmp_path / "robo", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(Path(package.__file__).parent, tmp_path / "robo", ignore=shutil.ignore_patterns("__pycache__"))
     words = [str(Path(sys.executable).with_name("robo")), "up", "--robot-name", "r1", "--listen", endpoint]
     launch = Running(words, cwd=str(tmp_path), env=plain_environment())
     try:

@@ -600,12 +600,12 @@ def test_a_closed_terminal_ends_the_run(endpoint: str) -> None:
 WITHOUT_GROUPS = """\
 import os, signal, subprocess, sys
 from pathlib import Path
-from robo.supervisor import watchdog
+from robo.machine import guard
 from robo.machine.cgroup import ControlGroup
 
 ControlGroup.make = classmethod(lambda cls, run: None)
 folder = Path(sys.argv[1])
-dog = watchdog.Watchdog("no-such-run", folder / "sockets")
+dog = guard.Watchdog("no-such-run", folder / "sockets")
 quiet = subprocess.DEVNULL
 sleepers = [subprocess.Popen(["env", "-i", "sleep", "600"], stdout=quiet, start_new_session=True) for _ in range(2)]
 dog.note(sleepers[0].pid, True)

@@ -13,15 +13,15 @@ import zenoh
 from robo.supervisor.control import Control
 from robo.wire.keys import control_key
 from robo.wire.queries import Fault, read_fault
-from robo.wire.reports import Asked
+from robo.wire.reports import Request
 
 
 @pytest.fixture
-def control(session: zenoh.Session) -> Iterator[list[Asked]]:
+def control(session: zenoh.Session) -> Iterator[list[Request]]:
     """A control of robot r1; what its only verb was asked for."""
-    asked: list[Asked] = []
+    asked: list[Request] = []
 
-    async def logs(what: Asked) -> list[str]:
+    async def logs(what: Request) -> list[str]:
         asked.append(what)
         return []
 
@@ -60,7 +60,7 @@ def ask(session: zenoh.Session, payload: bytes) -> Fault | None:
     ],
 )  # fmt: skip
 def test_nonsense_gets_an_error_that_names_the_field(
-    control: list[Asked], other: zenoh.Session, caplog: pytest.LogCaptureFixture, request_: object, named: str
+    control: list[Request], other: zenoh.Session, caplog: pytest.LogCaptureFixture, request_: object, named: str
 ) -> None:
     fault = ask(other, msgspec.msgpack.encode(request_))
     assert fault is not None
@@ -71,10 +71,10 @@ def test_nonsense_gets_an_error_that_names_the_field(
 
 
 def test_no_bytes_at_all_bring_about_a_traceback(
-    control: list[Asked], other: zenoh.Session, caplog: pytest.LogCaptureFixture
+    control: list[Request], other: zenoh.Session, caplog: pytest.LogCaptureFixture
 ) -> None:
     chance = random.Random(14)
-    good = msgspec.msgpack.encode(Asked(["a"], 5, "warn", 3))
+    good = msgspec.msgpack.encode(Request(["a"], 5, "warn", 3))
     refused = 0
     for _ in range(500):
         payload = bytearray(good)
@@ -87,4 +87,4 @@ def test_no_bytes_at_all_bring_about_a_traceback(
     assert ask(other, b"\x91" * 50_000) is not None
     assert [record for record in caplog.records if record.levelno >= logging.WARNING] == []
     assert ask(other, good) is None
-    assert control[-1] == Asked(["a"], 5, "warn", 3)
+    assert control[-1] == Request(["a"], 5, "warn", 3)

@@ -69,6 +69,6 @@ ALWAYS_HEAVY = {"numpy", "asyncio", "pytest"}
     ],
 )
 def test_a_verb_imports_what_it_needs_and_no_more(verb: str, may_load: set[str]) -> None:
-    loaded = modules_after(f"import robo.cli.{verb}")
+    loaded = modules_after(f"import robo.cli.views.{verb}")
     assert loaded & (HEAVY | ALWAYS_HEAVY) - {"typer", "click"} <= may_load
     assert "typer" not in loaded, "what a verb does is apart from how it is called"

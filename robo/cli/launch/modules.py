@@ -28,7 +28,7 @@ def check_nothing_hides_robo() -> None:
     Raises:
         UsageError: there is one.
     """
-    if os.path.isfile(os.path.join("robo", "node_process.py")):
+    if os.path.isfile(os.path.join("robo", "process", "node.py")):
         return
     for path in ("robo.py", os.path.join("robo", "__init__.py")):
         if os.path.isfile(path):

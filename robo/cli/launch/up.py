@@ -17,7 +17,7 @@ from robo.launch.resolve import Resolution
 from robo.launch.substitution import Word
 from robo.launch.values import Assignment
 from robo.process import lean
-from robo.supervisor.early import Begun, search_path
+from robo.supervisor.early import HeadStart, search_path
 from robo.text import levels
 from robo.text.files import read_text
 from robo.text.tree import Problem
@@ -42,7 +42,7 @@ def run_up(
     config: Path | None,
     detach: bool,
     wait: bool,
-    begun: Begun | None,
+    begun: HeadStart | None,
 ) -> int:
     """Do what `robo up` was asked to.
 
