@@ -37,7 +37,7 @@ from robo.wire.keys import NodeToken
 from robo.wire.network import Network
 from robo.wire.qos import DEFAULT_DEPTH, DEFAULT_TIMEOUT, KEEP_ALL
 from robo.wire.queries import QueryLoop, reply
-from robo.wire.reports import NodeStatus, Said
+from robo.wire.reports import NodeStatus, Setting
 from robo.wire.session import close_session, open_session
 from robo_messages import Clock as ClockMessage
 from robo_messages import Log, Message, Parameter, ParameterEvent, Time
@@ -94,7 +94,7 @@ class Node(Declares):
         namespace: str | None = None,
         parameters: Mapping[str, object] | None = None,
         remappings: Mapping[str, str] | None = None,
-        sources: Mapping[str, Sequence[Said]] | None = None,
+        sources: Mapping[str, Sequence[Setting]] | None = None,
         session: zenoh.Session | None = None,
     ) -> None:
         """
@@ -266,7 +266,7 @@ class Node(Declares):
             said = self._said.setdefault(name, [])
             if said and said[-1].source == SET_WHILE_RUNNING:
                 said.pop()
-            said.append(Said(value, SET_WHILE_RUNNING))
+            said.append(Setting(value, SET_WHILE_RUNNING))
         for timer in list(self._timers):
             timer.reschedule()
         try:
@@ -284,9 +284,9 @@ class Node(Declares):
                 if self._running and self._event_publisher is not None and event.changed_parameters:
                     self._event_publisher.publish(event)
 
-    def _explain(self, name: str) -> list[Said]:
+    def _explain(self, name: str) -> list[Setting]:
         default = flat(type(self).Parameters())[name]
-        return [Said(default, "declared default"), *self._said.get(name, ())]
+        return [Setting(default, "declared default"), *self._said.get(name, ())]
 
     # -- endpoints made while running ----------------------------------------------------------
 

@@ -28,7 +28,7 @@ from robo.wire import codec, names, queries
 from robo.wire.codec import Malformed
 from robo.wire.keys import parameters_key
 from robo.wire.queries import QueryLoop
-from robo.wire.reports import Result, Said
+from robo.wire.reports import Result, Setting
 
 LONGEST_REQUEST = 1_000_000
 """A longer request, in bytes, is refused unread."""
@@ -49,7 +49,7 @@ class ParameterServer:
         node: str,
         current: Callable[[], Parameters],
         infos: Sequence[ParameterInfo],
-        explain: Callable[[str], list[Said]],
+        explain: Callable[[str], list[Setting]],
         set_all: Callable[[Mapping[str, object]], None],
     ) -> None:
         """

@@ -16,7 +16,7 @@ from robo.parameters import files as parameter_files
 from robo.parameters.words import parse_assignment
 from robo.process.spec import NodeSpec
 from robo.wire.network import MODES, Mode
-from robo.wire.reports import Said
+from robo.wire.reports import Setting
 
 
 def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
@@ -42,10 +42,10 @@ def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
             if entry.matches(namespace or "", name or contract.name):
                 values |= entry.values
                 for parameter, value in entry.values.items():
-                    sources.setdefault(parameter, []).append(Said(value, str(entry.positions[parameter])))
+                    sources.setdefault(parameter, []).append(Setting(value, str(entry.positions[parameter])))
     given = [parse_assignment(text, node_class.Parameters) for text in options.param]
     for parameter, value in given:
-        sources.setdefault(parameter, []).append(Said(value, "command line"))
+        sources.setdefault(parameter, []).append(Setting(value, "command line"))
     return msgspec.structs.replace(
         launched,
         service=f"{node_class.__module__}:{node_class.__qualname__}",

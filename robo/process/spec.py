@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from robo.wire.network import Mode
-from robo.wire.reports import Said
+from robo.wire.reports import Setting
 
 if TYPE_CHECKING:
     pass
@@ -19,7 +19,7 @@ class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):
     name: str | None = None
     namespace: str | None = None
     parameters: dict[str, object] = {}
-    sources: dict[str, list[Said]] = {}
+    sources: dict[str, list[Setting]] = {}
     """By parameter, all that was said of it, from the weakest to what holds."""
     remappings: dict[str, str] = {}
     memory: str = ""

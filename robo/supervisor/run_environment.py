@@ -17,7 +17,7 @@ from robo.launch.plan import ProcessPlan
 from robo.node.memory import file_name
 from robo.process.spec import NodeSpec
 from robo.wire.codec import jsonable
-from robo.wire.reports import Said
+from robo.wire.reports import Setting
 
 
 class RunEnvironment:
@@ -57,7 +57,7 @@ class RunEnvironment:
             namespace=plan.namespace,
             parameters={name: said.value for name, said in plan.parameters.items()},
             sources={
-                name: [Said(one.value, one.source) for one in (*said.over, said)]
+                name: [Setting(one.value, one.source) for one in (*said.over, said)]
                 for name, said in plan.parameters.items()
             },
             remappings=plan.remap,

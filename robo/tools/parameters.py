@@ -13,7 +13,7 @@ from robo.text.tree import Problem
 from robo.wire.codec import UNREADABLE
 from robo.wire.keys import NodeToken, parameters_key
 from robo.wire.queries import Fault, first_answer
-from robo.wire.reports import Result, Said
+from robo.wire.reports import Result, Setting
 
 T = TypeVar("T")
 
@@ -49,9 +49,9 @@ def describe(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ())
     return list(_ask(session, node, "describe", _named(names), dict[str, Described]).values())
 
 
-def explain(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ()) -> dict[str, list[Said]]:
+def explain(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ()) -> dict[str, list[Setting]]:
     """Everything that was said of parameters, from the weakest to what holds. Raises as `get`."""
-    said = _ask(session, node, "explain", _named(names), dict[str, list[Said]])
+    said = _ask(session, node, "explain", _named(names), dict[str, list[Setting]])
     return _complete(node, names, {name: sources for name, sources in said.items() if sources})
 
 

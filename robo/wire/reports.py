@@ -167,11 +167,15 @@ class Result(msgspec.Struct, frozen=True):
     """Why nothing was set."""
 
 
-class Said(msgspec.Struct, frozen=True):
-    """A value of a parameter and where it was said."""
+class Setting(msgspec.Struct, frozen=True):
+    """A value that a parameter was given, and by whom.
+
+    Of one parameter there are as many as there were settings of it, weakest first; the last one holds.
+    """
 
     value: object
     source: str
+    """Where it stands: `file:line:column` of its name, or in words: `declared default`, `command line`."""
 
 
 class Refused(msgspec.Struct, frozen=True):
