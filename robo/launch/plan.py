@@ -134,11 +134,11 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
         assert self.service is not None
         return ("robo.process.node", self.service, self.full_name, *self.args)
 
-    def command(self, python: str = sys.executable) -> tuple[str, ...]:
-        """The words that start it, a service with this interpreter."""
+    def command(self) -> tuple[str, ...]:
+        """The words that start it here, a service with this interpreter."""
         if self.service is None:
             return (*self.prefix, *self.run, *self.args)
-        return (*self.prefix, python, "-m", *self.module)
+        return (*self.prefix, sys.executable, "-m", *self.module)
 
     @property
     def plain(self) -> bool:

@@ -12,7 +12,7 @@ from contextlib import ExitStack, suppress
 from typing import IO
 
 from robo.environment import HEARTBEAT_VARIABLE
-from robo.machine.forks import Forked, Template
+from robo.machine.forks import Fork, Forked
 from robo.machine.output import BUFFER, Budget, pump
 from robo.process.template import HEART
 
@@ -103,7 +103,7 @@ class Child:
         environment: Mapping[str, str],
         *,
         cwd: str | None = None,
-        template: Template | None = None,
+        fork: Fork | None = None,
     ) -> None:
         """Start the process.
 
@@ -111,7 +111,7 @@ class Child:
             command: the words of its command line.
             environment: all of it.
             cwd: the folder it runs in.
-            template: what to fork it from, where it is a node that may be forked.
+            fork: forks it from the template, where it may be: what is forked shows the same command line.
 
         Raises:
             OSError: the program or the folder is not there, or may not be used.
@@ -130,12 +130,9 @@ class Child:
                 ours.callback(self._close_heart)
                 theirs.enter_context(heart)
                 handed_down = (heart.fileno(),)
-            if template is not None:
+            if fork is not None:
                 beats = {HEARTBEAT_VARIABLE: f"{HEART}:{self._beat_period:g}"} if handed_down else {}
-                # The words behind `python -m`.
-                self._process = await template.fork(
-                    command[2:], {**environment, **beats}, (their_out, their_err, *handed_down)
-                )
+                self._process = await fork({**environment, **beats}, (their_out, their_err, *handed_down))
             if self._process is None:
                 if handed_down:
                     environment = {**environment, HEARTBEAT_VARIABLE: f"{handed_down[0]}:{self._beat_period:g}"}

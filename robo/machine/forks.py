@@ -4,8 +4,9 @@ import asyncio
 import os
 import socket
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 
 import msgspec
 
@@ -31,6 +32,10 @@ class Forked:
             self._ended.set_result(code)
 
 
+Fork = Callable[[Mapping[str, str], Sequence[int]], Awaitable[Forked | None]]
+"""Forks a process with this environment and these descriptors; None where it has to be started in another way."""
+
+
 class Template:
     """The template process of one run."""
 
@@ -45,6 +50,10 @@ class Template:
     def listen(self) -> None:
         """Begin to hear of ends, in the running loop."""
         asyncio.get_running_loop().add_reader(self._socket, self._read)
+
+    def module(self, words: Sequence[str]) -> Fork:
+        """What forks a module with its words, as they stand after `python -m`."""
+        return partial(self.fork, words)
 
     async def fork(
         self, words: Sequence[str], environment: Mapping[str, str], descriptors: Sequence[int]

@@ -246,6 +246,7 @@ class Member:
         """
         plan = self.plan
         command = plan.command()
+        template = self._run.template if plan.plain else None
         beats = plan.service is not None or plan.ready.when == "node"
         period = min(BEAT_PERIOD, plan.watchdog / 4) if plan.watchdog else BEAT_PERIOD
         self._child = Child(self._on_line, self._on_beat if beats else None, period)
@@ -262,7 +263,7 @@ class Member:
                 command,
                 self._run.environment(plan),
                 cwd=plan.cwd,
-                template=self._run.template if plan.plain else None,
+                fork=template.module(plan.module) if template is not None else None,
             )
         except OSError as error:
             place = f" in {plan.cwd}" if plan.cwd else ""

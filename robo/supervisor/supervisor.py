@@ -298,8 +298,9 @@ class Supervisor:
 
     async def _start_router(self) -> None:
         variables = {NETWORK_VARIABLE: msgspec.json.encode(self._router_network).decode()}
-        command = [sys.executable, "-m", "robo.process.router"]
-        await self._router.start(command, self._base | variables, template=self.template)
+        module = ["robo.process.router"]
+        fork = self.template.module(module) if self.template is not None else None
+        await self._router.start([sys.executable, "-m", *module], self._base | variables, fork=fork)
 
     async def _keep_router(self) -> None:
         """Start the router again when it dies; nodes and tools find it again by themselves."""
