@@ -14,6 +14,7 @@ import msgspec
 from robo.environment import LOG_LIMIT_VARIABLE
 from robo.errors import UsageError
 from robo.machine.log_files import RunInfo
+from robo.text.unreadable import UNREADABLE
 from robo.wire.run_id import supervisor_lives
 
 KEPT_RUNS = 10
@@ -92,7 +93,7 @@ def kept_runs(base: Path, now: Callable[[], float] = time.time) -> list[KeptRun]
         try:
             info = msgspec.json.decode(file.read_bytes(), type=RunInfo)
             files = list(file.parent.iterdir())
-        except (OSError, msgspec.DecodeError):
+        except (OSError, *UNREADABLE):
             continue  # cut short, or being removed
         fresh = now() - max(map(_modified, files), default=0.0) < _AT_REST
         lives = supervisor_lives(info.run, unknown=fresh)

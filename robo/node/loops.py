@@ -23,7 +23,8 @@ from robo.errors import ContractError
 from robo.node.clock import Clock
 from robo.node.message_info import MessageInfo
 from robo.node.turn import Turn, enter, name_of
-from robo.wire.codec import UNREADABLE, Malformed, TopicDecoder
+from robo.text.unreadable import UNREADABLE
+from robo.wire.codec import Decoder, Malformed
 from robo.wire.qos import KEEP_ALL
 from robo_messages import Message
 
@@ -77,7 +78,7 @@ class SubscriptionLoop(Generic[M]):
     def __init__(
         self,
         subscriber: "zenoh.Subscriber[zenoh.Handler[zenoh.Sample]]",
-        decoder: TopicDecoder[M],
+        decoder: Decoder[M],
         depth: int,
         turn: Turn,
         callback: Callable[..., object],
@@ -223,7 +224,7 @@ class SubscriptionLoop(Generic[M]):
 
     def _second_try(self, payload: bytes, sample: zenoh.Sample) -> None:
         try:
-            message = self._decoder.explain(payload, str(sample.encoding))
+            message = self._decoder.decode_other(payload, str(sample.encoding))
         except Malformed as reason:
             self.malformed += 1
             self._on_malformed(str(reason), sample)

@@ -11,6 +11,7 @@ import msgspec
 
 from robo.environment import MEMORY_VARIABLE
 from robo.errors import NotKept
+from robo.text.unreadable import UNREADABLE
 
 
 class Memory:
@@ -35,7 +36,7 @@ class Memory:
             self.problem = f"{file} is gone" if expected else ""
         except OSError as error:
             self.problem = f"{file}: {error.strerror}"
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        except UNREADABLE:
             self.problem = f"{file} is not as it was written"
         if not self.lost:
             with suppress(NotKept):  # what cannot be written now may hold less than was to be kept

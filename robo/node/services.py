@@ -18,7 +18,7 @@ import robo_messages
 from robo.errors import ServiceError, ServiceTimeout
 from robo.node.turn import Turn, name_of, paused, taking
 from robo.wire import codec, queries
-from robo.wire.codec import Malformed, TopicDecoder
+from robo.wire.codec import Decoder, Malformed
 from robo.wire.keys import EndpointToken
 from robo.wire.qos import DEFAULT_TIMEOUT
 from robo.wire.queries import Fault, QueryLoop
@@ -55,7 +55,7 @@ class ServiceServer(Generic[Q, A]):
     ) -> None:
         """`on_error` is told what the handler raised; the caller gets it as well."""
         self.key = token.topic
-        self._decoder = TopicDecoder(request)
+        self._decoder = Decoder(request)
         self._response = response
         self._encoding = codec.encoding_of(response)
         self._turn = turn
@@ -107,7 +107,7 @@ class ServiceClient(Generic[Q, A]):
         self._token = session.liveliness().declare_token(token.key())
         self._encoding = codec.encoding_of(request)
         self._request = request
-        self._decoder = TopicDecoder(response)
+        self._decoder = Decoder(response)
         self._timeout = timeout
         self._numbers = itertools.count(1)
         self._present = threading.Event()

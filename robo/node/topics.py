@@ -219,7 +219,7 @@ class TopicSubscription(Endpoint, Generic[M]):
         channel_type: Any = zenoh.handlers.FifoChannel if depth == KEEP_ALL else zenoh.handlers.RingChannel
         self._loop = SubscriptionLoop(
             session.declare_subscriber(token.topic, channel_type(slots(message_type, depth))),
-            codec.TopicDecoder(message_type),
+            codec.Decoder(message_type),
             depth,
             turn,
             callback,

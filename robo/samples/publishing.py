@@ -11,6 +11,7 @@ import zenoh
 
 from robo.errors import MessageError
 from robo.samples.records import Record, payload_of, sample_of
+from robo.text.unreadable import UNREADABLE
 from robo.wire import codec
 from robo.wire.keys import EndpointToken, source_id
 from robo.wire.qos import DEFAULT_DEPTH
@@ -101,7 +102,7 @@ def line_of(text: str, key: str | None, type_name: str | None) -> Line:
     """
     try:
         data = msgspec.json.decode(text)
-    except codec.UNREADABLE as error:
+    except UNREADABLE as error:
         raise MessageError(f"no JSON: {error}") from None
     if not isinstance(data, dict):
         raise MessageError("expected an object: a message, or what `robo topic echo --json` prints")

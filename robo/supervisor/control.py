@@ -14,6 +14,7 @@ import zenoh
 
 from robo.errors import RoboError, UsageError
 from robo.text.levels import level_of
+from robo.text.unreadable import UNREADABLE
 from robo.wire import codec
 from robo.wire.keys import control_key, event_key, log_key
 from robo.wire.queries import QueryLoop, reply, reply_error
@@ -94,7 +95,7 @@ def read_request(payload: bytes) -> Request:
         raise UsageError(f"the request has {len(payload):,} bytes; it may have {_LARGEST:,}")
     try:
         asked = msgspec.msgpack.decode(payload, type=Request) if payload else Request()
-    except codec.UNREADABLE as error:
+    except UNREADABLE as error:
         what, _, field = str(error).partition(" - at `$.")
         where = f"{field.rstrip('`')}: " if field else ""
         raise UsageError(f"the request cannot be read: {where}{what}") from None

@@ -20,7 +20,7 @@ from robo.machine.child import Child, describe_exit, spawned
 from robo.machine.forks import Template
 from robo.supervisor.restart import Restarts
 from robo.supervisor.topic_watch import Flow
-from robo.wire.codec import UNREADABLE
+from robo.text.unreadable import UNREADABLE
 from robo.wire.reports import Beat, Exit, Explanation, Input, ProcessStatus, State
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 import msgspec
 import zenoh
 
+from robo.text.unreadable import UNREADABLE
 from robo.wire import tcp
-from robo.wire.codec import UNREADABLE
 from robo.wire.reports import Site
 
 _PERIOD = 1.0

@@ -6,7 +6,7 @@ from typing import Literal, TypeVar
 import msgspec
 import zenoh
 
-from robo.wire.codec import UNREADABLE
+from robo.text.unreadable import UNREADABLE
 
 T = TypeVar("T")
 

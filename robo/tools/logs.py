@@ -15,7 +15,7 @@ import msgspec
 from robo.errors import NodeNotFound, RunError, UsageError
 from robo.machine.log_files import SUPERVISOR, RunInfo, log_base
 from robo.text.suggestions import suggest
-from robo.wire.codec import UNREADABLE
+from robo.text.unreadable import UNREADABLE
 from robo.wire.reports import LogRecord, ProcessName
 from robo.wire.run_id import supervisor_lives
 
@@ -49,7 +49,7 @@ def list_runs(robot: str | None = None, base: Path | None = None) -> list[Run]:
     for file in (base or log_base()).glob("*/*/run.json"):
         try:
             info = msgspec.json.decode(file.read_bytes(), type=RunInfo)
-        except (OSError, msgspec.DecodeError):
+        except (OSError, *UNREADABLE):
             continue  # cut short, or being removed
         run = Run(file.parent, info)
         if robot is None or info.robot == robot or any(one.is_within(robot) for one in run.processes):

@@ -10,7 +10,7 @@ from robo.errors import NodeUnreachable, ParameterError
 from robo.parameters import files as parameter_files
 from robo.text.paths import nested
 from robo.text.tree import Problem
-from robo.wire.codec import UNREADABLE
+from robo.text.unreadable import UNREADABLE
 from robo.wire.keys import NodeToken, parameters_key
 from robo.wire.queries import Fault, first_answer
 from robo.wire.reports import Result, Setting

@@ -8,7 +8,7 @@ import msgspec
 import zenoh
 
 from robo.text.brief import brief, shown
-from robo.wire.codec import UNREADABLE
+from robo.text.unreadable import UNREADABLE
 
 T = TypeVar("T")
 

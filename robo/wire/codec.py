@@ -13,12 +13,10 @@ import msgspec
 
 import robo_messages
 from robo.text.brief import brief
+from robo.text.unreadable import UNREADABLE
 from robo_messages import Message
 
 M = TypeVar("M", bound=Message)
-
-UNREADABLE = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
-"""What decoding by msgspec may raise, whatever the bytes are."""
 
 MSGPACK = "application/msgpack"
 JSON = "application/json"
@@ -63,11 +61,11 @@ class Malformed(Exception):
     """A payload that is no message of the expected type; the text is the reason."""
 
 
-class TopicDecoder(Generic[M]):
-    """Decodes the payloads of one topic.
+class Decoder(Generic[M]):
+    """Decodes payloads of one type: of a topic, or of one half of a service.
 
     `fast` reads MessagePack and costs no more than msgspec itself. What it refuses goes to
-    `explain`, which reads JSON or says what is wrong. JSON needs no flag to be told apart: a JSON
+    `decode_other`, which reads JSON or says what is wrong. JSON needs no flag to be told apart: a JSON
     object begins with `{`, which MessagePack reads as the number 123 and never as a map.
     """
 
@@ -84,9 +82,9 @@ class TopicDecoder(Generic[M]):
         try:
             return self.fast(payload)
         except UNREADABLE:
-            return self.explain(payload, encoding)
+            return self.decode_other(payload, encoding)
 
-    def explain(self, payload: bytes, encoding: str) -> M:
+    def decode_other(self, payload: bytes, encoding: str) -> M:
         """Decode what `fast` refused.
 
         Raises:

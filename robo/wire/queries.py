@@ -15,6 +15,7 @@ import zenoh
 
 from robo.text.brief import brief_lines
 from robo.text.suggestions import suggest
+from robo.text.unreadable import UNREADABLE
 from robo.wire import codec
 
 _logger = logging.getLogger("robo.wire.queries")
@@ -160,7 +161,7 @@ def read_fault(reply: zenoh.Reply) -> Fault | None:
         return None
     try:
         return msgspec.msgpack.decode(reply.err.payload.to_bytes(), type=Fault)
-    except codec.UNREADABLE:
+    except UNREADABLE:
         return None
 
 

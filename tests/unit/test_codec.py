@@ -7,18 +7,18 @@ from hypothesis import strategies as st
 
 import robo_messages
 from robo.wire import codec
-from robo.wire.codec import Malformed, TopicDecoder, jsonable
+from robo.wire.codec import Decoder, Malformed, jsonable
 from robo_messages import Bool, Twist, Vector3
 
 TWIST = Twist(Vector3(x=0.5), Vector3(z=-1.0))
 
 
 def decode(payload: bytes, encoding: str = "zenoh/bytes") -> Twist:
-    decoder = TopicDecoder(Twist)
+    decoder = Decoder(Twist)
     try:
         return decoder.fast(payload)
     except Exception:
-        return decoder.explain(payload, encoding)
+        return decoder.decode_other(payload, encoding)
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,9 @@ from robo.cli.reach import Reach
 from robo.errors import NodeUnreachable, UsageError
 from robo.parameters.hints import range_text
 from robo.samples.stream import Stream
+from robo.text.unreadable import UNREADABLE
 from robo.tools import nodes, parameters
 from robo.tools.parameters import Described
-from robo.wire.codec import UNREADABLE
 from robo.wire.keys import NodeToken
 from robo_messages import ParameterEvent
 

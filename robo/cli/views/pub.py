@@ -16,6 +16,7 @@ from robo.interfaces import catalogue
 from robo.interfaces.message_input import message_of
 from robo.samples.publishing import Line, Sender, flush, line_of
 from robo.text.terminal import own
+from robo.text.unreadable import UNREADABLE
 from robo.tools import topics
 from robo_messages import Message
 
@@ -212,7 +213,7 @@ def _as_json(text: str) -> object | None:
 
     try:
         found: object = msgspec.json.decode(text)
-    except (msgspec.DecodeError, RecursionError):
+    except UNREADABLE:
         return None
     return found
 

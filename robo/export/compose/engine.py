@@ -16,6 +16,7 @@ from urllib.parse import quote
 import msgspec
 
 from robo.errors import EngineError
+from robo.text.unreadable import UNREADABLE
 
 SOCKET = Path("/var/run/docker.sock")
 PROJECT = "com.docker.compose.project"
@@ -96,7 +97,7 @@ class Engine:
                     said = answer.read().decode(errors="replace").strip()
                     raise EngineError(f"the engine at {self._path} refuses {method} {url}: {answer.status} {said}")
                 yield answer
-            except (OSError, HTTPException, msgspec.DecodeError) as error:
+            except (OSError, HTTPException, *UNREADABLE) as error:
                 reason = error.strerror if isinstance(error, OSError) and error.strerror else error
                 advice = "--socket names another, in an exported Compose file DOCKER_SOCKET"
                 raise EngineError(f"the engine at {self._path} does not answer: {reason}; {advice}") from None
