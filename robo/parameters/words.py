@@ -1,8 +1,29 @@
-"""Parameters as words of a command line: `name:=value`."""
+"""Words of a command line: `name:=value`."""
+
+from collections.abc import Iterable
 
 from robo.errors import ParameterError
 from robo.parameters.hints import plain_type
 from robo.parameters.model import Parameters, types_of
+
+
+def sides_of(word: str) -> tuple[str, str] | None:
+    """Name and value of `name:=value`, the name perhaps empty; None for another word."""
+    name, assign, value = word.partition(":=")
+    return (name, value) if assign else None
+
+
+def sorted_out(words: Iterable[str]) -> tuple[list[str], dict[str, str]]:
+    """The words that are no `name:=value`, and the values of those that are, by name; of one name the last."""
+    others: list[str] = []
+    values: dict[str, str] = {}
+    for word in words:
+        sides = sides_of(word)
+        if sides is None:
+            others.append(word)
+        else:
+            values[sides[0]] = sides[1]
+    return others, values
 
 
 def parse_assignment(text: str, cls: type[Parameters] | None = None) -> tuple[str, object]:
@@ -11,8 +32,8 @@ def parse_assignment(text: str, cls: type[Parameters] | None = None) -> tuple[st
     Raises:
         ParameterError: there is no `:=`, or the value is cut short.
     """
-    name, assign, value = text.partition(":=")
-    if not assign or not name:
+    name, value = sides_of(text) or ("", "")
+    if not name:
         raise ParameterError(f"parameter {text!r}: write name:=value, for example log_rate:=2.0")
     if cls is not None and plain_type(types_of(cls).get(name)) is str:
         return name, value

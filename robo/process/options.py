@@ -13,7 +13,7 @@ from robo.node.contract import Contract, contract_of
 from robo.node.contract_text import contract_text
 from robo.node.node import Node
 from robo.parameters import files as parameter_files
-from robo.parameters.words import parse_assignment
+from robo.parameters.words import parse_assignment, sides_of
 from robo.process.spec import NodeSpec
 from robo.wire.network import MODES, Mode
 from robo.wire.reports import Setting
@@ -104,7 +104,7 @@ def _module_name(node_class: type[Node]) -> str:
 
 
 def _remapping(text: str) -> tuple[str, str]:
-    old, assign, new = text.partition(":=")
-    if not (assign and old and new):
+    old, new = sides_of(text) or ("", "")
+    if not (old and new):
         raise UsageError(f"remapping {text!r}: write from:=to, for example odom:=robot/odom")
     return old, new

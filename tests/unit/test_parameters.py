@@ -15,7 +15,7 @@ from robo.errors import ContractError, ParameterError, ParameterFileError
 from robo.node.loading import load_node_class
 from robo.parameters import files as parameter_files
 from robo.parameters.model import build, change, describe, flat
-from robo.parameters.words import parse_assignment, parse_value
+from robo.parameters.words import parse_assignment, parse_value, sides_of, sorted_out
 from robo.process import options as node_options
 from robo.text.tree import Problem
 from robo.text.yaml_tree import lines_of
@@ -27,6 +27,15 @@ class Tuning(robo.Parameters):
     count: Annotated[int, Meta(ge=1, le=5)] = 1
     gains: list[float] = msgspec.field(default_factory=lambda: [1.0, 2.0])
     enabled: bool = True
+
+
+def test_words_are_told_from_assignments() -> None:
+    assert sides_of("rate:=2.0") == ("rate", "2.0")
+    assert sides_of("name:=a:=b") == ("name", "a:=b")
+    assert sides_of(":=x") == ("", "x")
+    assert sides_of("a:b=c") is None
+    words = ["robot.yaml", "rate:=1", "arm", "rate:=2", "empty:="]
+    assert sorted_out(words) == (["robot.yaml", "arm"], {"rate": "2", "empty": ""})
 
 
 def test_values_go_over_defaults_and_an_int_is_a_float() -> None:

@@ -15,6 +15,7 @@ from robo.launch.find import names_manifest
 from robo.launch.graph import graph_of
 from robo.launch.schema import manifest_schema
 from robo.launch.substitution import Word
+from robo.parameters.words import sorted_out
 from robo.supervisor.early import search_path
 from robo.text.graph import FORMATS, draw
 from robo.text.tree import Position, Problem
@@ -30,10 +31,8 @@ def run_check(words: Sequence[str], *, robot_name: str | None, json: bool, graph
         UsageError: the words make no sense.
     """
     check_nothing_hides_robo()
-    names = [word for word in words if ":=" not in word]
-    given: dict[str, object] = {
-        name: Word(value) for name, assign, value in (word.partition(":=") for word in words) if assign
-    }
+    names, values = sorted_out(words)
+    given: dict[str, object] = {name: Word(value) for name, value in values.items()}
     files: list[Path] = []
     for word in names:
         if not names_manifest(word):

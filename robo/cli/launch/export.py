@@ -16,6 +16,7 @@ from robo.launch.find import names_manifest
 from robo.launch.plan import ProcessPlan
 from robo.launch.resolve import Resolution
 from robo.launch.substitution import Word
+from robo.parameters.words import sorted_out
 
 ROBOT_VARIABLE = "ROBOT_NAME"
 
@@ -33,10 +34,10 @@ def export_compose(words: Sequence[str], *, robot: str | None, output: Path | No
         ManifestError: the manifest has mistakes.
         UsageError: the words make no sense, or the file cannot be written.
     """
-    files = [word for word in words if ":=" not in word]
+    files, values = sorted_out(words)
     if len(files) > 1 or not all(map(names_manifest, files)):
         raise UsageError("name one manifest, and arguments as name:=value")
-    given = {name: Word(value) for name, assign, value in (word.partition(":=") for word in words) if assign}
+    given = {name: Word(value) for name, value in values.items()}
     file = manifest_file(files[0] if files else DEFAULT_MANIFEST)
     names = Placeholders()
     with substitution.environment(names.environment):

@@ -16,6 +16,7 @@ from robo.launch.plan import Plan
 from robo.launch.resolve import Resolution
 from robo.launch.substitution import Word
 from robo.launch.values import Assignment
+from robo.parameters.words import sides_of, sorted_out
 from robo.process import lean
 from robo.supervisor.early import HeadStart, search_path
 from robo.text import levels
@@ -133,18 +134,15 @@ def split_words(words: Sequence[str]) -> tuple[str, list[str], dict[str, object]
     """
     manifest: str | None = None
     groups: list[str] = []
-    given: dict[str, object] = {}
-    for word in words:
-        name, assign, value = word.partition(":=")
-        if assign:
-            given[name] = Word(value)
-        elif names_manifest(word):
+    others, values = sorted_out(words)
+    for word in others:
+        if names_manifest(word):
             if manifest is not None:
                 raise UsageError(f"two manifests: {manifest} and {word}; one run takes one (include joins several)")
             manifest = word
         else:
             groups.append(word)
-    return manifest or DEFAULT_MANIFEST, groups, given
+    return manifest or DEFAULT_MANIFEST, groups, {name: Word(value) for name, value in values.items()}
 
 
 def manifest_file(word: str) -> Path:
@@ -165,8 +163,8 @@ def assignment(text: str) -> Assignment:
     Raises:
         UsageError: it is none.
     """
-    left, assign, value = text.partition(":=")
-    if not (assign and left):
+    left, value = sides_of(text) or ("", "")
+    if not left:
         raise UsageError(f"-p {text}: write NODE.NAME:=VALUE, for example velocity_controller.linear_velocity:=0.3")
     return Assignment(left, Word(value))
 

@@ -12,6 +12,7 @@ from robo.cli.printing import clock_time, hint, note, print_json, print_line, pr
 from robo.cli.reach import Reach
 from robo.errors import NodeUnreachable, UsageError
 from robo.parameters.hints import range_text
+from robo.parameters.words import sorted_out
 from robo.samples.stream import Stream
 from robo.text.unreadable import UNREADABLE
 from robo.tools import nodes, parameters
@@ -53,11 +54,10 @@ def set_values(node: str, words: Sequence[str], reach: Reach) -> None:
         UsageError: the words are neither.
         ParameterError: the node refuses; nothing is set.
     """
-    if all(":=" in word for word in words):
-        texts = {name: value for name, _, value in (word.partition(":=") for word in words)}
-    elif len(words) == 2:
+    others, texts = sorted_out(words)
+    if others and len(words) == 2:
         texts = {words[0]: words[1]}
-    else:
+    elif others:
         raise UsageError("write NAME VALUE, or several NAME:=VALUE")
     with connect_to_robot(reach) as session:
         token = _find(session, node, reach)
