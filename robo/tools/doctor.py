@@ -34,6 +34,9 @@ T = TypeVar("T")
 
 Verdict = Literal["ok", "note", "fault"]
 
+_ENDED_WITHIN = 3.0
+"""How long the watchdog of a run may take to end what a killed supervisor has left behind, s."""
+
 KILL_TEST_LIMIT = 2.0
 """Within how many seconds after `kill -9` of its supervisor nothing of a run may live."""
 
@@ -222,8 +225,13 @@ def memory() -> Finding:
 
 
 def leftovers() -> Finding:
-    """Whether processes of earlier runs live on without their supervisor."""
-    found = orphans.leftovers()
+    """Whether processes of earlier runs live on without their supervisor.
+
+    What has just lost its supervisor is being ended, and gets the time for it.
+    """
+    end = time.monotonic() + _ENDED_WITHIN
+    while (found := orphans.leftovers()) and time.monotonic() < end:
+        time.sleep(0.1)
     if found:
         pids = ", ".join(map(str, found))
         return Finding("leftovers", "fault", f"processes of a run that is over: {pids}", "the next robo up ends them")
