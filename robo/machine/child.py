@@ -24,28 +24,25 @@ _HEART_BUFFER = 200_000
 
 
 class Spawned:
-    """The processes that this one has started and waits for: nobody else may collect them."""
+    """The processes that this one has started for a run and waits for: nobody else may collect them."""
 
-    def __init__(self) -> None:
+    def __init__(self, tell: Callable[[int, bool], None]) -> None:
+        """`tell` takes the id of each that has been started, and True; and of each that has ended, and False."""
         self._pids: set[int] = set()
-        self.tell: Callable[[int, bool], None] = lambda _pid, _running: None
-        """Is told of each that has been started, and of each that has ended."""
+        self._tell = tell
 
     def add(self, pid: int) -> None:
         """One has been started."""
         self._pids.add(pid)
-        self.tell(pid, True)
+        self._tell(pid, True)
 
     def discard(self, pid: int) -> None:
         """One has ended."""
         self._pids.discard(pid)
-        self.tell(pid, False)
+        self._tell(pid, False)
 
     def __contains__(self, pid: object) -> bool:
         return pid in self._pids
-
-
-spawned = Spawned()
 
 
 class Child:
@@ -55,12 +52,14 @@ class Child:
 
     def __init__(
         self,
+        spawned: Spawned,
         on_line: Callable[[str, str], None],
         on_beat: Callable[[bytes], None] | None = None,
         beat_period: float = 1.0,
     ) -> None:
         """
         Args:
+            spawned: the processes of the run, to which it belongs while it runs.
             on_line: takes the name of the stream, `stdout` or `stderr`, and a line.
             on_beat: takes the heartbeats of a node.
             beat_period: the time between two, s.
@@ -73,6 +72,7 @@ class Child:
             self._lines += 1
             on_line(stream, text)
 
+        self._spawned = spawned
         self._on_line = count
         self._on_beat = on_beat
         self._beat_period = beat_period
@@ -120,38 +120,28 @@ class Child:
         try:
             # Pipes of our own: asyncio's would not tell of the end of a process whose children keep them open.
             (out, their_out), (err, their_err) = _pipe(ours, theirs), _pipe(ours, theirs)
-            handed_down: tuple[int, ...] = ()
-            if self._on_beat is not None:
-                self._heart, heart = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
-                self._heart.setblocking(False)
-                # macOS grants 2 kB by default, less than what a node with some topics says.
-                self._heart.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _HEART_BUFFER)
-                heart.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _HEART_BUFFER)
-                ours.callback(self._close_heart)
-                theirs.enter_context(heart)
-                handed_down = (heart.fileno(),)
+            heart = self._make_heart(ours, theirs) if self._on_beat is not None else None
+            handed_down = () if heart is None else (heart,)
+            forked = None
             if fork is not None:
-                beats = {HEARTBEAT_VARIABLE: f"{HEART}:{self._beat_period:g}"} if handed_down else {}
-                self._process = await fork({**environment, **beats}, (their_out, their_err, *handed_down))
-            if self._process is None:
-                if handed_down:
-                    environment = {**environment, HEARTBEAT_VARIABLE: f"{handed_down[0]}:{self._beat_period:g}"}
-                self._process = await asyncio.create_subprocess_exec(
-                    *command,
-                    env=environment,
-                    cwd=cwd,
-                    stdin=asyncio.subprocess.DEVNULL,
-                    stdout=their_out,
-                    stderr=their_err,
-                    pass_fds=handed_down,
-                    process_group=0,
-                )
+                beats = self._beats(None if heart is None else HEART)
+                forked = await fork({**environment, **beats}, (their_out, their_err, *handed_down))
+            self._process = forked or await asyncio.create_subprocess_exec(
+                *command,
+                env={**environment, **self._beats(heart)},
+                cwd=cwd,
+                stdin=asyncio.subprocess.DEVNULL,
+                stdout=their_out,
+                stderr=their_err,
+                pass_fds=handed_down,
+                process_group=0,
+            )
         except BaseException:
             ours.close()
             raise
         finally:
             theirs.close()
-        spawned.add(self._process.pid)
+        self._spawned.add(self._process.pid)
         self._ours = ours
         budget = Budget(time.monotonic())
         self._pumps = [
@@ -161,11 +151,26 @@ class Child:
         if self._heart is not None:
             asyncio.get_running_loop().add_reader(self._heart, self._read_beats)
 
+    def _beats(self, descriptor: int | None) -> dict[str, str]:
+        """What tells a node where its heartbeats go, and how often; nothing where nobody listens."""
+        return {} if descriptor is None else {HEARTBEAT_VARIABLE: f"{descriptor}:{self._beat_period:g}"}
+
+    def _make_heart(self, ours: ExitStack, theirs: ExitStack) -> int:
+        """A socket for heartbeats; returns the descriptor that the process gets."""
+        self._heart, heart = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._heart.setblocking(False)
+        # macOS grants 2 kB by default, less than what a node with some topics says.
+        self._heart.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _HEART_BUFFER)
+        heart.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _HEART_BUFFER)
+        ours.callback(self._close_heart)
+        theirs.enter_context(heart)
+        return heart.fileno()
+
     async def wait(self) -> int:
         """Wait for the end of the process, show the rest of its output, and end what it left behind."""
         assert self._process is not None
         code = await self._process.wait()
-        spawned.discard(self._process.pid)
+        self._spawned.discard(self._process.pid)
         with suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         # A grandchild outside the group may hold the pipes open: what it has to say is not waited for.

@@ -16,7 +16,7 @@ import msgspec
 
 from robo.launch.manifest import Until
 from robo.launch.plan import ProcessPlan
-from robo.machine.child import Child, describe_exit, spawned
+from robo.machine.child import Child, Spawned, describe_exit
 from robo.machine.forks import Template
 from robo.supervisor.restart import Restarts
 from robo.supervisor.topic_watch import Flow
@@ -64,6 +64,7 @@ class Run(Protocol):
     """What a member needs of the run that it is part of."""
 
     changes: Changes
+    spawned: Spawned
     template: Template | None
 
     def environment(self, plan: ProcessPlan) -> dict[str, str]:
@@ -249,7 +250,7 @@ class Member:
         template = self._run.template if plan.plain else None
         beats = plan.service is not None or plan.ready.when == "node"
         period = min(BEAT_PERIOD, plan.watchdog / 4) if plan.watchdog else BEAT_PERIOD
-        self._child = Child(self._on_line, self._on_beat if beats else None, period)
+        self._child = Child(self._run.spawned, self._on_line, self._on_beat if beats else None, period)
         self._token_seen.clear()
         self._line_seen.clear()
         self._beat, self._late, self._input_seen, self._usage = None, None, {}, None
@@ -258,13 +259,9 @@ class Member:
         self.started_at = time.monotonic()
         self._become("starting", "")
         self.spawning = True
+        fork = template.module(plan.module) if template is not None else None
         try:
-            await self._child.start(
-                command,
-                self._run.environment(plan),
-                cwd=plan.cwd,
-                fork=template.module(plan.module) if template is not None else None,
-            )
+            await self._child.start(command, self._run.environment(plan), cwd=plan.cwd, fork=fork)
         except OSError as error:
             place = f" in {plan.cwd}" if plan.cwd else ""
             self._killed_because = f"cannot be started{place}: {error.strerror}: {error.filename or command[0]}"
@@ -382,11 +379,11 @@ class Member:
             )
         except OSError:
             return False
-        spawned.add(probe.pid)
+        self._run.spawned.add(probe.pid)
         try:
             return await probe.wait() == 0
         finally:
-            spawned.discard(probe.pid)
+            self._run.spawned.discard(probe.pid)
             if probe.returncode is None:
                 with suppress(ProcessLookupError):
                     os.killpg(probe.pid, signal.SIGKILL)

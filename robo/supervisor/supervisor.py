@@ -7,38 +7,33 @@ this module lets them know of each other, of the network and of commands.
 import asyncio
 import graphlib
 import os
-import shutil
 import signal
-import sys
-import tempfile
 import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Coroutine, Mapping, Sequence, Set
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
 
 import msgspec
 import zenoh
 
-from robo.environment import LOG_LEVEL_VARIABLE, NETWORK_VARIABLE, RUN_VARIABLE, WATCH_VARIABLE
+from robo.environment import LOG_LEVEL_VARIABLE, RUN_VARIABLE, WATCH_VARIABLE
 from robo.errors import NetworkError
 from robo.launch.plan import Plan, ProcessPlan, StopPlan, TopicPlan
-from robo.machine import child as process
-from robo.machine import last_resort, log_space, orphans
-from robo.machine.child import Child, describe_exit
+from robo.machine import last_resort, log_space
+from robo.machine.child import Child
+from robo.machine.custody import Custody
 from robo.machine.forks import Template
-from robo.machine.guard import Watchdog
 from robo.machine.log_files import SUPERVISOR, Filter, LogFiles, RunInfo, record
 from robo.machine.log_writer import LogWriter
 from robo.machine.memory_kills import MemoryKills
-from robo.process.router import LINGER
 from robo.supervisor.console import Console
 from robo.supervisor.control import Control
 from robo.supervisor.early import HeadStart, base_environment
 from robo.supervisor.member import Changes, Member
 from robo.supervisor.reload import FileWatch, files_of, same
+from robo.supervisor.router import Router
 from robo.supervisor.run_environment import RunEnvironment
 from robo.supervisor.sites import Sites
 from robo.supervisor.timing import Started, timing_text
@@ -96,7 +91,13 @@ class Supervisor:
     """One run of a plan."""
 
     def __init__(
-        self, plan: Plan, router: Network, console: Console, environment: Mapping[str, str], options: Options
+        self,
+        plan: Plan,
+        router: Network,
+        console: Console,
+        environment: Mapping[str, str],
+        options: Options,
+        custody: Custody,
     ) -> None:
         """
         Args:
@@ -105,23 +106,22 @@ class Supervisor:
             console: where output goes.
             environment: of every process.
             options: how this run differs from a plain one.
+            custody: the run's processes and its folder.
         """
         self._plan = plan
         self._console = console
         self._options = options
-        begun = options.begun or HeadStart(new_run_id(), None)
-        self._run_id = begun.run_id
-        self.template = Template(*begun.template) if begun.template is not None else None
-        self._folder = Path(tempfile.mkdtemp(prefix="robo-"))
-        self._socket = f"unixsock-stream/{self._folder}/router.sock"
-        self._router_network = msgspec.structs.replace(
-            router, name=self._plan.robot, listen=(self._socket, *router.listen)
-        )
-        self._base = {**environment, RUN_VARIABLE: self._run_id}
+        self._custody = custody
+        self._run_id = custody.run
+        self.spawned = custody.spawned
+        started = options.begun.template if options.begun is not None else None
+        self.template = Template(*started) if started is not None else None
+        self._socket = f"unixsock-stream/{custody.folder}/router.sock"
+        base = {**environment, RUN_VARIABLE: self._run_id}
         if options.reload is not None:
-            self._base[WATCH_VARIABLE] = "1"
+            base[WATCH_VARIABLE] = "1"
         self._environment = RunEnvironment(
-            self._base, self._folder, self._socket, self._shows_token, direct=_may_link(plan)
+            base, custody.folder, self._socket, self._shows_token, direct=_may_link(plan)
         )
         self._log_limit = log_space.limit()
         self._log_files = LogFiles(
@@ -150,13 +150,19 @@ class Supervisor:
         self._tended: list[asyncio.Task[None]] = []
         self._claim = claims.Claim(router, plan.robot, [p.full_name for p in plan.processes], self._run_id)
         sites = [endpoint for endpoint in router.connect if endpoint not in router.listen]
-        self._sites = Sites(plan.robot, sites, self._warn, self._say)
+        self._sites = Sites(plan.robot, sites, self.warn, self._say)
         self._claimed: dict[str, zenoh.LivelinessToken] = {}
         """By full name, what keeps others from running a node of that name."""
         self._settled = False
         """Whether others see these."""
         self._session: zenoh.Session | None = None
-        self._router = Child(lambda _, line: self._console.line(SUPERVISOR, f"router: {line}"))
+        self._router = Router(
+            Child(custody.spawned, lambda _, line: console.line(SUPERVISOR, f"router: {line}")),
+            msgspec.structs.replace(router, name=plan.robot, listen=(self._socket, *router.listen)),
+            base,
+            self.template,
+            self,
+        )
         self._topics: TopicWatch | None = None
         self._control: Control | None = None
         self._files = FileWatch()
@@ -176,29 +182,25 @@ class Supervisor:
         """
         self._begin = time.monotonic()
         self._phase("Python, manifest and node classes")
-        watchdog = Watchdog(self._run_id, self._folder)
-        orphans.adopt_orphans()
-        process.spawned.add(watchdog.pid)
-        process.spawned.tell = watchdog.note
         if self.template is not None:
-            process.spawned.add(self.template.process.pid)
+            self.spawned.add(self.template.process.pid)
             self.template.listen()
         loop = asyncio.get_running_loop()
         self._take_signals(loop)
         try:
-            if orphans.leftovers():
-                ended = await asyncio.to_thread(orphans.end_leftovers)
-                self._warn(f"ended {len(ended)} processes that an earlier run had left behind: {ended}")
+            ended = await self._custody.end_leftovers()
+            if ended:
+                self.warn(f"ended {len(ended)} processes that an earlier run had left behind: {ended}")
             refusal = await asyncio.to_thread(self._refusal)
             if refusal is not None:
                 for line in refusal.splitlines():
-                    self._warn(line)
+                    self.warn(line)
                 self._finish(1)
                 return 1
             self._log_writer.begin()  # a run that is refused leaves no files
             self._sites.note(self._claim.unreached)
-            await self._start_router()
-            self._tend(self._keep_router(), "the router")
+            await self._router.start()
+            self._tend(self._router.keep(), "the router")
             self._phase("router started")
             for name in self._members:
                 self._begin_life(name)
@@ -214,12 +216,12 @@ class Supervisor:
             self._finish(1)
         finally:
             last_resort.end_within(self._stop_limit() + _LAST_RESORT)
-            await self._end(watchdog)
+            await self._end()
         if self._options.notify is not None:
             self._options.notify("down")
         return self._result()
 
-    async def _end(self, watchdog: Watchdog) -> None:
+    async def _end(self) -> None:
         """Leave nothing behind. What goes wrong with one thing keeps no other from its end."""
 
         def stop_tending() -> None:
@@ -227,20 +229,20 @@ class Supervisor:
                 task.cancel()
 
         async def sweep() -> None:
-            for pid in await asyncio.to_thread(orphans.sweep, self._run_id, (watchdog.pid,), adopted=True):
-                self._warn(f"ended process {pid}, which a node had left behind")
+            for pid in await self._custody.sweep():
+                self.warn(f"ended process {pid}, which a node had left behind")
 
         steps: list[Callable[[], Coroutine[object, object, object] | None]] = [
             self._claim.close,
             self._stop_all,
             lambda: self._event("down", ""),
             stop_tending,
-            self._stop_router,
+            self._router.stop,
             lambda: self.template.close() if self.template is not None else None,
             lambda: asyncio.to_thread(close_session, self._session) if self._session is not None else None,
             sweep,
-            watchdog.dismiss,
-            lambda: shutil.rmtree(self._folder, ignore_errors=True),
+            self._custody.release,
+            self._custody.remove_folder,
             self._summarize,
             self._log_writer.close,
         ]
@@ -254,9 +256,9 @@ class Supervisor:
 
     def _warn_of(self, error: Exception) -> None:
         """Tell of a mistake of robo's own."""
-        self._warn(f"the supervisor has failed: {type(error).__name__}: {error}")
+        self.warn(f"the supervisor has failed: {type(error).__name__}: {error}")
         for line in "".join(traceback.format_exception(error)).splitlines():
-            self._warn(f"  {line}")
+            self.warn(f"  {line}")
 
     # -- start -----------------------------------------------------------------------------------
 
@@ -296,20 +298,6 @@ class Supervisor:
         replies = session.liveliness().get(self._token_key, timeout=claims.ANSWERS_WITHIN)
         return any(reply.ok is not None for reply in replies)
 
-    async def _start_router(self) -> None:
-        variables = {NETWORK_VARIABLE: msgspec.json.encode(self._router_network).decode()}
-        module = ["robo.process.router"]
-        fork = self.template.module(module) if self.template is not None else None
-        await self._router.start([sys.executable, "-m", *module], self._base | variables, fork=fork)
-
-    async def _keep_router(self) -> None:
-        """Start the router again when it dies; nodes and tools find it again by themselves."""
-        while True:
-            code = await self._router.wait()
-            self._warn(f"the router ended with {describe_exit(code)}; starting it again")
-            await asyncio.sleep(0.1)
-            await self._start_router()
-
     def _tend(self, work: Coroutine[object, object, None], name: str) -> None:
         """Do something for as long as the run lasts."""
         task: asyncio.Task[None] = asyncio.create_task(work, name=name)
@@ -323,7 +311,7 @@ class Supervisor:
 
     def _on_life_over(self, life: "asyncio.Task[None]") -> None:
         if not life.cancelled() and life.exception() is not None:
-            self._warn(f"{life.get_name()} is not looked after any more: {life.exception()!r}")
+            self.warn(f"{life.get_name()} is not looked after any more: {life.exception()!r}")
             self._finish(1)
 
     async def _join(self, loop: asyncio.AbstractEventLoop) -> bool:
@@ -337,7 +325,7 @@ class Supervisor:
                 open_session, Network(mode="client", connect=(self._socket,))
             )
         except NetworkError as error:
-            self._warn(f"the robot's router cannot be reached: {error}")
+            self.warn(f"the robot's router cannot be reached: {error}")
             self._finish(1)
             return False
 
@@ -394,7 +382,7 @@ class Supervisor:
         elif self._is_of(member, token):
             member.notice_token(token.pid)
         elif not self._yields(token):
-            self._warn(f"another {token.full_name} has come up (process {token.pid} on {token.host})")
+            self.warn(f"another {token.full_name} has come up (process {token.pid} on {token.host})")
 
     def _on_claim(self, token: ClaimToken) -> None:
         if token.full_name in self._members and token.run != self._run_id:
@@ -407,7 +395,7 @@ class Supervisor:
         """
         if self._settled or token.run > self._run_id:
             return False
-        self._warn(f"{claims.told([token])}; stop it with `robo down` or choose another --robot-name")
+        self.warn(f"{claims.told([token])}; stop it with `robo down` or choose another --robot-name")
         self._finish(1)
         return True
 
@@ -431,7 +419,7 @@ class Supervisor:
         self._unreadable += 1
         if self._unreadable == 1:
             what = shown(key, _LONGEST_SHOWN)
-            self._warn(f"ignoring a liveliness token that means nothing here, and others like it: {what}")
+            self.warn(f"ignoring a liveliness token that means nothing here, and others like it: {what}")
 
     # -- what members ask --------------------------------------------------------------------------
 
@@ -476,9 +464,9 @@ class Supervisor:
         self._event(state, reason, member)
         closing = self._stop.is_set()
         if state in ("failed", "restarting"):
-            self._warn(f"{member.label} {reason or state}")
+            self.warn(f"{member.label} {reason or state}")
         elif state == "degraded":
-            self._warn(f"{member.label} is degraded: {reason}")
+            self.warn(f"{member.label} is degraded: {reason}")
         elif state == "completed" or (state == "stopped" and not closing):
             self._say(f"{member.label} {reason}" if state == "completed" else f"{member.label} is stopped")
         elif state == "ready" and (self._announced or member.restarts.count) and member.shows_readiness:
@@ -490,7 +478,7 @@ class Supervisor:
             for other in self._members.values():
                 until = other.plan.needs.get(member.plan.full_name)
                 if until is not None and not other.exits and not other.running and not member.may_reach(until):
-                    self._warn(f"{other.label} is not started: it needs {member.label} {until}")
+                    self.warn(f"{other.label} is not started: it needs {member.label} {until}")
         if state == "restarting" and member.plan.restart.propagate:
             self._restart_dependents(member)
         if member.plan.required and (member.down or state == "completed"):
@@ -565,7 +553,7 @@ class Supervisor:
                 if why is not None:
                     self._on_hang(member, why)
             last = now
-            orphans.reap(process.spawned)
+            self._custody.reap()
             self._memory_kills.look(now)
             self._log_writer.look()
             if self._log_writer.wants_room():
@@ -586,7 +574,7 @@ class Supervisor:
             return
         self._announced = True
         seconds = time.monotonic() - self._begin
-        where = ", ".join(e for e in self._router_network.listen if not e.startswith("unixsock"))
+        where = ", ".join(e for e in self._router.network.listen if not e.startswith("unixsock"))
         count = len(self._members)
         nodes = "1 node" if count == 1 else f"{count} nodes"
         self._say(f"{self._plan.robot} is ready: {nodes} in {seconds:.2f} s, at {where}; Ctrl-C stops")
@@ -623,7 +611,7 @@ class Supervisor:
             plan = self._options.reload()
             if isinstance(plan, str):
                 for line in plan.splitlines():
-                    self._warn(line)
+                    self.warn(line)
             else:
                 self._take_over(plan)
         for name in touched.keys() - {""}:
@@ -802,13 +790,8 @@ class Supervisor:
     def _kill_all(self) -> None:
         for member in self._members.values():
             if member.running:
-                self._warn(f"{member.label} does not end; killing it")
+                self.warn(f"{member.label} does not end; killing it")
                 member.send(signal.SIGKILL)
-
-    async def _stop_router(self) -> None:
-        if self._router.running:
-            ended = asyncio.create_task(self._router.wait())
-            await self._router.stop(ended, patience=LINGER + 0.5)
 
     # -- what is said ----------------------------------------------------------------------------------
 
@@ -833,7 +816,8 @@ class Supervisor:
         self._console.say(text)
         self._log(LogRecord(time=time.time_ns(), node=SUPERVISOR, message=text, level="INFO"))
 
-    def _warn(self, text: str) -> None:
+    def warn(self, text: str) -> None:
+        """Tell what went wrong."""
         self._console.warn(text)
         self._log(LogRecord(time=time.time_ns(), node=SUPERVISOR, message=text, level="WARN"))
 
@@ -857,14 +841,14 @@ class Supervisor:
             if not member.exits:
                 continue
             last = member.exits[-1]
-            self._warn(f"{member.label} failed: {last.reason}")
+            self.warn(f"{member.label} failed: {last.reason}")
             lines = last.last_lines[-8:]
             if member.plan.log.output != "file":
                 on_screen = {one.message for one in list(self._recent)[-_ONE_SCREEN:] if one.node == member.label}
                 if all(line in on_screen or line[6:] in on_screen for line in lines):  # without its level
                     lines = lines[-1:]
             for line in lines:
-                self._warn(f"  {line}")
+                self.warn(f"  {line}")
 
     def _result(self) -> int:
         if self._exit_code is not None:
@@ -904,7 +888,8 @@ def run(plan: Plan, router: Network, options: Options | None = None) -> int:
 
 
 async def _run(plan: Plan, router: Network, console: Console, environment: Mapping[str, str], options: Options) -> int:
-    return await Supervisor(plan, router, console, environment, options).run()
+    custody = Custody.begin(options.begun.run_id if options.begun is not None else new_run_id())
+    return await Supervisor(plan, router, console, environment, options, custody).run()
 
 
 def _may_link(plan: Plan) -> bool:
