@@ -1,0 +1,96 @@
+"""The robot's router as the supervisor keeps it, without a process."""
+
+import asyncio
+from collections.abc import Mapping, Sequence
+
+import msgspec
+import pytest
+
+from robo.environment import NETWORK_VARIABLE
+from robo.machine.forks import Fork
+from robo.supervisor.router import Router
+from robo.wire.network import Network
+from tests.virtual_time import now, run
+
+NETWORK = Network(name="r1", listen=("unixsock-stream//tmp/x.sock", "tcp/127.0.0.1:7447"))
+
+
+class Ends:
+    """A process that ends after so long, with such a code, each time it is started."""
+
+    def __init__(self, *lives: tuple[float, int]) -> None:
+        self._lives = list(lives)
+        self.starts: list[float] = []
+        self.environment: Mapping[str, str] = {}
+        self.command: Sequence[str] = []
+        self.patience: float | None = None
+        self.running = False
+
+    async def start(self, command: Sequence[str], environment: Mapping[str, str], *, fork: Fork | None) -> None:
+        assert fork is None
+        self.command, self.environment = command, environment
+        self.starts.append(now())
+        self.running = True
+
+    async def wait(self) -> int:
+        seconds, code = self._lives.pop(0)
+        await asyncio.sleep(seconds)
+        self.running = False
+        return code
+
+    async def stop(self, ended: "asyncio.Task[int]", *, patience: float) -> None:
+        self.patience = patience
+        await ended
+
+
+class Journal:
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+
+    def warn(self, text: str) -> None:
+        self.warnings.append(text)
+
+
+def router(process: Ends, journal: Journal) -> Router:
+    return Router(process, NETWORK, {"PATH": "/bin"}, None, journal)
+
+
+def test_it_finds_its_network_in_its_environment() -> None:
+    process = Ends()
+    run(router(process, Journal()).start())
+    assert process.command[1:] == ["-m", "robo.process.router"]
+    assert process.environment["PATH"] == "/bin"
+    assert msgspec.json.decode(process.environment[NETWORK_VARIABLE], type=Network) == NETWORK
+
+
+def test_one_that_dies_is_started_again_and_that_is_told() -> None:
+    process, journal = Ends((5.0, 3), (0.0, -11), (1e9, 0)), Journal()
+
+    async def keep() -> None:
+        kept = router(process, journal)
+        await kept.start()
+        async with asyncio.timeout(60.0):
+            await kept.keep()
+
+    with pytest.raises(TimeoutError):
+        run(keep())
+    assert process.starts == pytest.approx([0.0, 5.1, 5.2]), "one that dies at once does not keep a core busy"
+    assert journal.warnings == [
+        "the router ended with exit code 3; starting it again",
+        "the router ended with killed by SIGSEGV; starting it again",
+    ]
+
+
+def test_it_is_given_the_time_to_pass_on_what_is_on_the_way() -> None:
+    process = Ends((0.6, 0))
+
+    async def stop() -> None:
+        kept = router(process, Journal())
+        await kept.stop()
+        assert process.patience is None, "one that does not run is not stopped"
+        await kept.start()
+        await kept.stop()
+
+    run(stop())
+    assert process.patience == 1.0
+    assert not process.running
