@@ -63,7 +63,7 @@ def _read(value: object, info: inspect.Type, where: str, mistakes: list[str]) ->
         return _read_struct(value, info, where, mistakes)
     if isinstance(info, (inspect.ListType, inspect.VarTupleType)):
         if not isinstance(value, (list, tuple)):
-            mistakes.append(f"{where}: expected a list of {_name(info.item_type)}, got {_shown(value)}")
+            mistakes.append(f"{where}: expected a list of {_name(info.item_type)}, got {_value_text(value)}")
             return value
         if info.min_length is not None and info.min_length == info.max_length and len(value) != info.min_length:
             mistakes.append(f"{where}: expected {info.min_length} numbers, got {len(value)}")
@@ -77,7 +77,7 @@ def _read(value: object, info: inspect.Type, where: str, mistakes: list[str]) ->
     ):
         return float(value)
     if not _fits(value, info):
-        mistakes.append(f"{where}: expected {_name(info)}, got {_shown(value)}")
+        mistakes.append(f"{where}: expected {_name(info)}, got {_value_text(value)}")
     return value
 
 
@@ -89,7 +89,7 @@ def _read_struct(value: object, info: inspect.StructType, where: str, mistakes: 
         return msgspec.to_builtins(Header.now())
     if not isinstance(value, Mapping):
         shape = ", ".join(f"{name}: {_name(field.type)}" for name, field in fields.items())
-        mistakes.append(f"{where}: expected {_name(info)} {{{shape}}}, got {_shown(value)}")
+        mistakes.append(f"{where}: expected {_name(info)} {{{shape}}}, got {_value_text(value)}")
         return value
     plain: dict[object, object] = {}
     for name, item in value.items():
@@ -112,7 +112,7 @@ def _read_bytes(value: object, where: str, mistakes: list[str]) -> object:
             return bytes(value)
     except (binascii.Error, ValueError, TypeError):
         pass
-    mistakes.append(f"{where}: expected bytes, as base64 or a list of numbers from 0 to 255, got {_shown(value)}")
+    mistakes.append(f"{where}: expected bytes, as base64 or a list of numbers from 0 to 255, got {_value_text(value)}")
     return value
 
 
@@ -160,7 +160,7 @@ def field_types(type_: type[Message]) -> dict[str, str]:
     return {field.encode_name: _name(field.type) for field in info.fields}
 
 
-def _shown(value: object) -> str:
+def _value_text(value: object) -> str:
     return f"{type(value).__name__} {shown(value, 40)}"
 
 

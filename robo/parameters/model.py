@@ -10,7 +10,8 @@ has a name with dots, `gains.p`. Pure: from values to a Struct or to one error t
 
 import math
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Mapping
+from functools import partial
 from typing import Annotated, Any, TypeVar
 
 import msgspec
@@ -30,6 +31,7 @@ from robo.parameters.hints import (
     type_name,
 )
 from robo.text.brief import brief, shown
+from robo.text.paths import unnested
 from robo.text.suggestions import suggest
 
 
@@ -96,7 +98,7 @@ def _changed(current: P, changes: Mapping[str, object], owner: str, *, read_only
     leaves = _leaves(type(current))
     mistakes: list[str] = []
     converted: dict[str, object] = {}
-    for name, value in _flattened(changes, leaves):
+    for name, value in unnested(changes, ".", partial(_is_struct, leaves)):
         if len(mistakes) == MOST_MISTAKES:
             mistakes.append(f"{owner}: these are {MOST_MISTAKES} mistakes; the rest is not looked at")
             break
@@ -138,16 +140,9 @@ def _from_json(value: object) -> object:
     return float(value) if isinstance(value, str) and value in ("inf", "-inf", "nan") else value
 
 
-def _flattened(
-    changes: Mapping[str, object], leaves: Mapping[str, Any], prefix: str = ""
-) -> Iterator[tuple[str, object]]:
-    """Values by the names of single parameters: a map for a nested Struct is taken apart."""
-    for key, value in changes.items():
-        name = f"{prefix}{key}"
-        if name not in leaves and isinstance(value, Mapping) and any(leaf.startswith(f"{name}.") for leaf in leaves):
-            yield from _flattened(value, leaves, f"{name}.")
-        else:
-            yield name, value
+def _is_struct(leaves: Collection[str], name: str, _values: Mapping[str, object]) -> bool:
+    """Whether a map stands for a nested Struct, by the names of all single parameters."""
+    return name not in leaves and any(leaf.startswith(f"{name}.") for leaf in leaves)
 
 
 def _assembled(current: Any, values: Mapping[str, object], prefix: str) -> Any:

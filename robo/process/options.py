@@ -15,6 +15,7 @@ from robo.node.node import Node
 from robo.parameters import files as parameter_files
 from robo.parameters.words import parse_assignment, sides_of
 from robo.process.spec import NodeSpec
+from robo.text.choices import choice_of
 from robo.wire.network import MODES, Mode
 from robo.wire.reports import Setting
 
@@ -70,13 +71,13 @@ def _mode() -> Mode:
     """How a node that nobody has launched joins the network: ROBO_MODE, or alone as a router of its own.
 
     Raises:
-        UsageError: ROBO_MODE is none.
+        UsageError: ROBO_MODE is not a mode.
     """
     given = os.environ.get(MODE_VARIABLE) or "router"
-    for mode in MODES:
-        if given == mode:
-            return mode
-    raise UsageError(f"ROBO_MODE={given}: use one of {', '.join(MODES)}")
+    mode = choice_of(given, MODES)
+    if mode is None:
+        raise UsageError(f"ROBO_MODE={given}: use one of {', '.join(MODES)}")
+    return mode
 
 
 def _parser(node_class: type[Node], contract: Contract) -> argparse.ArgumentParser:

@@ -8,6 +8,7 @@ import msgspec
 from robo.errors import UsageError
 from robo.launch.expression import Condition, ExpressionError
 from robo.text.brief import marked
+from robo.text.paths import unnested
 from robo.text.suggestions import suggest
 from robo.wire.codec import jsonable
 
@@ -104,13 +105,9 @@ class Filter:
         return UsageError(f"--filter: {error}\n  {excerpt}\n  {mark}")
 
 
-def flattened(message: object, prefix: str = "") -> Iterator[tuple[str, object]]:
+def flattened(message: object) -> Iterator[tuple[str, object]]:
     """The single values of a message by their paths; a list is one value."""
-    if isinstance(message, dict) and message:
-        for name, value in message.items():
-            yield from flattened(value, f"{prefix}.{name}" if prefix else str(name))
-    else:
-        yield prefix or "value", message
+    return unnested(message, ".") if isinstance(message, dict) and message else iter([("value", message)])
 
 
 def cell(value: object) -> str:

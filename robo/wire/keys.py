@@ -23,6 +23,7 @@ from typing import ClassVar, Literal, get_args
 import msgspec
 import zenoh
 
+from robo.text.choices import choice_of
 from robo.wire import names
 
 PREFIX = "@robo"
@@ -116,9 +117,8 @@ def parse_token(key: str) -> Token | None:
     if kind in ("node", "claim"):
         host, _, run = c.partition("/")
         found = (NodeToken if kind == "node" else ClaimToken)(namespace, node, a, number, host, run)
-    for end in ENDPOINT_KINDS:
-        if kind == end:
-            found = EndpointToken(namespace, node, end, a, number, c, id_)
+    elif (end := choice_of(kind, ENDPOINT_KINDS)) is not None:
+        found = EndpointToken(namespace, node, end, a, number, c, id_)
     return found if found is not None and found.key() == key else None
 
 

@@ -10,6 +10,7 @@ import zenoh
 
 from robo.environment import CONNECT_VARIABLE, LISTEN_VARIABLE, SHARED_MEMORY_VARIABLE
 from robo.errors import NetworkError
+from robo.text.paths import unnested
 
 Mode = Literal["peer", "client", "router"]
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -75,19 +76,13 @@ def zenoh_config(network: Network) -> zenoh.Config:
     return config
 
 
-_MODES = {"router", "peer", "client"}
-
-
-def settings_by_path(tree: Mapping[str, object], path: str = "") -> dict[str, object]:
+def settings_by_path(tree: Mapping[str, object]) -> dict[str, object]:
     """Settings by their paths. A map of modes is one setting: Zenoh takes it as a whole."""
-    found: dict[str, object] = {}
-    for key, value in tree.items():
-        place = f"{path}/{key}" if path else key
-        if isinstance(value, dict) and value and not value.keys() <= _MODES and place != "metadata":
-            found |= settings_by_path(value, place)
-        else:
-            found[place] = value
-    return found
+    return dict(unnested(tree, "/", _holds_settings))
+
+
+def _holds_settings(path: str, inner: Mapping[str, object]) -> bool:
+    return bool(inner) and not inner.keys() <= set(MODES) and path != "metadata"
 
 
 def settings_of(network: Network) -> dict[str, object]:

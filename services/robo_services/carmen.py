@@ -15,6 +15,7 @@ import msgspec
 
 from robo import RoboError
 from robo.errors import UnreadableFile
+from robo.text.brief import shown
 from robo.text.files import open_regular
 from robo_messages import (
     Header,
@@ -170,7 +171,7 @@ def _odom(line: int, fields: list[bytes]) -> Motion:
 def _flaser(line: int, fields: list[bytes]) -> Scan:
     count_text = fields[1] if len(fields) > 1 else b""
     if not count_text.isdigit() or int(count_text) < 1:
-        raise _Bad(f"FLASER begins with its number of ranges, not {_show(count_text)}")
+        raise _Bad(f"FLASER begins with its number of ranges, not {_text(count_text)}")
     count = int(count_text)
     if len(fields) != count + 11:
         raise _Bad(f"FLASER of {count} ranges takes {count + 10} values, this line has {len(fields) - 1}")
@@ -187,7 +188,7 @@ def _numbers(fields: list[bytes]) -> list[float]:
     if len(values) == len(fields) and all(map(math.isfinite, values)):
         return values
     bad = next(f for f in fields if not _is_finite(f))
-    raise _Bad(f"{_show(bad)} is no finite number")
+    raise _Bad(f"{_text(bad)} is no finite number")
 
 
 def _is_finite(field: bytes) -> bool:
@@ -203,11 +204,11 @@ def _time(field: bytes, logger: bytes) -> int:
     try:
         seconds = Decimal(field.decode("ascii"))
     except (UnicodeDecodeError, InvalidOperation):
-        raise _Bad(f"{_show(field)} is no time") from None
+        raise _Bad(f"{_text(field)} is no time") from None
     if not -_MOST_SECONDS <= seconds < _MOST_SECONDS:
-        raise _Bad(f"time {_show(field)} is out of range")
+        raise _Bad(f"time {_text(field)} is out of range")
     return int((seconds * _NANO).to_integral_value())
 
 
-def _show(field: bytes) -> str:
-    return repr(field[:20].decode("ascii", "replace"))
+def _text(field: bytes) -> str:
+    return shown(field.decode("ascii", "replace"), 22)
