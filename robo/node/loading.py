@@ -9,6 +9,9 @@ from robo.node.contract import check_constructor
 from robo.node.node import Node
 from robo.text.suggestions import MOST_LISTED, closest, suggest
 
+SHIPPED = "robo_services"
+"""The package of the nodes that ship."""
+
 
 def load_node_class(service: str) -> type[Node]:
     """Import the module of a service and find its node class.
@@ -74,10 +77,6 @@ def _options(module: str, classes: dict[str, type[Node]]) -> str:
 
 def _among(classes: dict[str, type[Node]]) -> str:
     return f"; it has {', '.join(classes)}" if classes else "; it has none"
-
-
-SHIPPED = "robo_services"
-"""The package of the nodes that ship."""
 
 
 def _similar(module_name: str) -> str:

@@ -84,11 +84,11 @@ class Memory:
             raise NotKept(f"{self.problem}; a restart of this node cannot know what was") from None
 
 
-def _write_bytes(file: str, data: bytes) -> None:
-    with open(file, "wb") as out:
-        out.write(data)
-
-
 def file_name(full_name: str) -> str:
     """What the file of a node is called."""
     return full_name.strip("/").replace("/", "%") + ".json"
+
+
+def _write_bytes(file: str, data: bytes) -> None:
+    with open(file, "wb") as out:
+        out.write(data)

@@ -127,6 +127,16 @@ def read(text: str, path: str | Path, problems: list[Problem]) -> ParameterFile:
     return ParameterFile(str(path), ordered, tuple(_contradictions(ordered)))
 
 
+def flat_entries(values: Map, prefix: str = "") -> Iterator[tuple[str, Entry]]:
+    """Single parameters by name; those of a map within have names with dots: `{gains: {p: 1}}` is `gains.p`."""
+    for entry in values:
+        name = f"{prefix}{entry.key}"
+        if isinstance(entry.value, Map) and entry.value.entries:
+            yield from flat_entries(entry.value, f"{name}.")
+        else:
+            yield name, entry
+
+
 def _text_of(path: str | Path) -> str:
     try:
         return read_text(path)
@@ -201,16 +211,6 @@ def _mistake(key: str, *, at_root: bool) -> str | None:
 def _holds_ros(entry: Entry) -> bool:
     """Whether ROS's key stands somewhere below, which makes this entry a namespace or a node."""
     return isinstance(entry.value, Map) and any(child.key == ROS_KEY or _holds_ros(child) for child in entry.value)
-
-
-def flat_entries(values: Map, prefix: str = "") -> Iterator[tuple[str, Entry]]:
-    """Single parameters by name; those of a map within have names with dots: `{gains: {p: 1}}` is `gains.p`."""
-    for entry in values:
-        name = f"{prefix}{entry.key}"
-        if isinstance(entry.value, Map) and entry.value.entries:
-            yield from flat_entries(entry.value, f"{name}.")
-        else:
-            yield name, entry
 
 
 def _entry(pattern: str, tree: Map, position: Position, problems: list[Problem]) -> ParameterEntry:

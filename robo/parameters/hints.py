@@ -77,10 +77,6 @@ def extras_of(hint: Any) -> tuple[Any, ...]:
     return getattr(hint, "__metadata__", ())
 
 
-def _metas(hint: Any) -> list[msgspec.Meta]:
-    return [extra for extra in extras_of(hint) if isinstance(extra, msgspec.Meta)]
-
-
 def plain_type(hint: Any) -> Any:
     """The type without what is annotated."""
     return typing.get_args(hint)[0] if hasattr(hint, "__metadata__") else hint
@@ -128,3 +124,7 @@ def is_on_step(value: float, step: float, hint: Any) -> bool:
     begin = next((meta.ge for meta in _metas(hint) if meta.ge is not None), 0.0)
     steps = (value - begin) / step
     return math.isfinite(steps) and abs(steps - round(steps)) <= 1e-6 * max(1.0, abs(steps))
+
+
+def _metas(hint: Any) -> list[msgspec.Meta]:
+    return [extra for extra in extras_of(hint) if isinstance(extra, msgspec.Meta)]

@@ -94,6 +94,15 @@ def describe(cls: type[Parameters]) -> list[ParameterInfo]:
     return [info_of(name, hint, msgspec.to_builtins(_get(defaults, name))) for name, hint in _leaves(cls).items()]
 
 
+def types_of(cls: type[Any]) -> dict[str, Any]:
+    """The types of all fields, with what they are annotated."""
+    return {
+        name: hint
+        for name, hint in typing.get_type_hints(cls, include_extras=True).items()
+        if name in cls.__struct_fields__
+    }
+
+
 def _changed(current: P, changes: Mapping[str, object], owner: str, *, read_only: bool) -> P:
     leaves = _leaves(type(current))
     mistakes: list[str] = []
@@ -170,15 +179,6 @@ def _refuse_missing_defaults(cls: type[Any]) -> None:
     for field in msgspec.structs.fields(cls):
         if field.required:
             raise ContractError(f"{cls.__qualname__}.{field.name} has no default; give it one")
-
-
-def types_of(cls: type[Any]) -> dict[str, Any]:
-    """The types of all fields, with what they are annotated."""
-    return {
-        name: hint
-        for name, hint in typing.get_type_hints(cls, include_extras=True).items()
-        if name in cls.__struct_fields__
-    }
 
 
 _leaves_of: dict[type[Any], dict[str, Any]] = {}

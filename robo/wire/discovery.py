@@ -48,10 +48,6 @@ def user() -> str:
         return str(os.geteuid())
 
 
-def _as_chunk(text: str) -> str:
-    return "".join(c if c.isalnum() or c in "._-" else "_" for c in text) or "_"
-
-
 def wait_for_nodes(session: zenoh.Session, full_names: Iterable[str], timeout: float) -> set[str]:
     """Wait until this session sees each of these nodes ready, and return those it does not see.
 
@@ -82,3 +78,7 @@ def wait_for_nodes(session: zenoh.Session, full_names: Iterable[str], timeout: f
         missing = wanted - seen
     subscriber.undeclare()
     return set(missing)
+
+
+def _as_chunk(text: str) -> str:
+    return "".join(c if c.isalnum() or c in "._-" else "_" for c in text) or "_"

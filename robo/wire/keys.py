@@ -142,14 +142,6 @@ def status_key(namespace: str, node: str) -> str:
     return names.join(PREFIX, namespace, "status", node)
 
 
-def _mangle(chunk: str) -> str:
-    return chunk.replace("/", "%") or "%"
-
-
-def _unmangle(chunk: str) -> str:
-    return "" if chunk == "%" else chunk.replace("%", "/")
-
-
 def control_key(robot: str, verb: str) -> str:
     """Where a supervisor answers to `ps`, `why`, `events`, `logs`, `stop`, `start`, `restart` and `down`."""
     return names.join(PREFIX, robot, "supervisor", verb)
@@ -206,3 +198,11 @@ SYSTEM_TOPICS = {"log": "system/Log", "parameter_events": "system/ParameterEvent
 def parameters_key(namespace: str, node: str, verb: str) -> str:
     """The key of a verb; `*` for all of them, or for all nodes of a namespace."""
     return names.join(namespace, node, "parameters", verb)
+
+
+def _mangle(chunk: str) -> str:
+    return chunk.replace("/", "%") or "%"
+
+
+def _unmangle(chunk: str) -> str:
+    return "" if chunk == "%" else chunk.replace("%", "/")

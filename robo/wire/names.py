@@ -10,8 +10,10 @@ from collections.abc import Mapping
 
 from robo.errors import InvalidName
 
-_CHUNK = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 RULE = "letters, digits and _, not starting with a digit"
+
+_CHUNK = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+_WILD = ("*", "**")
 
 
 def is_word(name: str) -> bool:
@@ -117,7 +119,15 @@ def shown_key(key: str) -> str:
     return key.replace("$*", "*")
 
 
-_WILD = ("*", "**")
+def split(full_name: str) -> tuple[str, str]:
+    """The namespace and the name of a node: `/r1/arm/driver` to `r1/arm` and `driver`."""
+    namespace, _, name = full_name.strip("/").rpartition("/")
+    return namespace, name
+
+
+def within(namespace: str, full_name: str) -> str:
+    """A full name as it is called within a namespace: without it, where it is in there."""
+    return full_name.strip("/").removeprefix(f"{namespace.strip('/')}/")
 
 
 def _fault_of_key_chunk(chunk: str) -> str:
@@ -156,14 +166,3 @@ def _instead(body: str) -> str:
     plain = unicodedata.normalize("NFKD", body).encode("ascii", "ignore").decode()
     chunks = [re.sub(r"^(?=[0-9])|[^A-Za-z0-9_]+", "_", chunk) for chunk in plain.split("/")]
     return f"; did you mean {'/'.join(chunks)}?" if all(map(is_word, chunks)) else ""
-
-
-def split(full_name: str) -> tuple[str, str]:
-    """The namespace and the name of a node: `/r1/arm/driver` to `r1/arm` and `driver`."""
-    namespace, _, name = full_name.strip("/").rpartition("/")
-    return namespace, name
-
-
-def within(namespace: str, full_name: str) -> str:
-    """A full name as it is called within a namespace: without it, where it is in there."""
-    return full_name.strip("/").removeprefix(f"{namespace.strip('/')}/")
