@@ -38,11 +38,11 @@ class Time(Message, order=True):
         return cls.from_nanoseconds(round(seconds * NANOSECONDS))
 
     def to_nanoseconds(self) -> int:
-        """Ns since the epoch."""
+        """The time since the epoch, ns."""
         return self.sec * NANOSECONDS + self.nanosec
 
     def to_seconds(self) -> float:
-        """S since the epoch; a float keeps about 0.2 µs of today's times."""
+        """The time since the epoch, s; a float keeps about 0.2 µs of today's times."""
         return self.sec + self.nanosec / NANOSECONDS
 
 
@@ -61,7 +61,7 @@ class Duration(Message, order=True):
         return cls(*divmod(round(seconds * NANOSECONDS), NANOSECONDS))
 
     def to_seconds(self) -> float:
-        """In s."""
+        """The span, s."""
         return self.sec + self.nanosec / NANOSECONDS
 
 

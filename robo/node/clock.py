@@ -11,7 +11,7 @@ CLOCK_MONOTONIC, while Linux's stands still."""
 
 
 def monotonic_ns() -> int:
-    """Ns since an arbitrary start; nothing sets it, and it counts the time in which a machine sleeps."""
+    """Time since an arbitrary start, ns; nothing sets it, and it counts the time in which a machine sleeps."""
     return time.clock_gettime_ns(_CLOCK)
 
 
@@ -25,7 +25,7 @@ class Clock:
         return Time.from_nanoseconds(time.time_ns())
 
     def monotonic(self) -> float:
-        """S since an arbitrary start; only differences mean anything."""
+        """Time since an arbitrary start, s; only differences mean anything."""
         return time.clock_gettime(_CLOCK)
 
     @property
@@ -49,7 +49,7 @@ class Clock:
 class SimClock(Clock):
     """The time that a simulator or a player says, from 0 until it first says one.
 
-    It moves when `advance` is called; who waits, waits for that.
+    It moves when `advance` is called, and whoever waits then looks at it.
     """
 
     def __init__(self) -> None:

@@ -70,7 +70,7 @@ class TimerDeclaration(msgspec.Struct, frozen=True):
     """One `@timer`."""
 
     rate: float | str
-    """Hz, or the name of the parameter that says it."""
+    """The rate, Hz, or the name of the parameter that says it."""
     method: str
 
 

@@ -19,7 +19,7 @@ LARGE = 4096
 """Bytes from which on a message is checked at most once in PERIOD."""
 
 PERIOD = 1.0
-"""In s."""
+"""How long a large message goes unchecked after another one, s."""
 
 
 class MessageCheck(Generic[M]):

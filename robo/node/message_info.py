@@ -35,7 +35,7 @@ LEASE = 0.5
 """A sole source that has been silent for this long, s, has left; another may take its place."""
 
 _LONGEST_SENDER = 200
-"""Of who sent a message so many characters are told."""
+"""How much of a sender's name is told, characters."""
 
 _MOST_SOURCES = 256
 """So many publishers are remembered; a stranger that makes up ids fills no memory."""
@@ -46,7 +46,7 @@ class MessageInfo(msgspec.Struct, frozen=True):
 
     age: float
     """How long ago its content was said, s; infinite where that cannot be known: no stamp, or one of a
-    clock that nobody knows yet. Someone who passes on what he was told hands its age on."""
+    clock that nobody knows yet. Whoever passes on what others have said hands its age on."""
     source: str = ""
     """The full name of the node that published it, "" for a plain Zenoh client."""
     source_id: str = ""
@@ -140,7 +140,7 @@ class SoleSource:
             info: of the message.
             wanted: full name of the node whose messages count, PLAIN, or "" for the first that comes.
             now: monotonic, s.
-            tell: is told of a sender who is refused, and of how many messages so far. One who merely
+            tell: is told of a sender who is refused, and of how many messages so far. Whoever merely
                 takes over from a source that has died is not told of.
         """
         may = not info.source if wanted == PLAIN else bool(info.source) and wanted in ("", info.source)

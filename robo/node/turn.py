@@ -35,7 +35,7 @@ class Turn:
         def release() -> None:
             while not waiting:
                 unlock()
-                # Who came between the look and the unlocking waits to be handed the turn.
+                # Whoever came between the look and the unlocking waits to be handed the turn.
                 if not waiting or not try_lock(False):
                     return
             waiting.popleft().release()
@@ -47,16 +47,16 @@ class Turn:
         self.wait: Callable[[], None] = wait
         """Take the turn after all who have waited longer."""
         self.waiting = waiting
-        """Who waits, in order; empty is false."""
+        """Those who wait, in order; empty is false."""
         self.busy = 0.0
-        """How long callbacks have run, s; who holds the turn adds to it when he gives it away."""
+        """How long callbacks have run, s; whoever holds the turn adds to it when giving it away."""
         self.running = ""
-        """The callback that runs, as who holds the turn says; empty while none does."""
+        """The callback that runs, as whoever holds the turn says; empty while none does."""
         self.since = 0.0
         """When it began, by `time.monotonic`."""
         self.on_death = on_death
         self.release: Callable[[], None] = release
-        """Pass the turn on to who has waited longest, if anybody waits."""
+        """Pass the turn on to whoever has waited longest, if anybody waits."""
 
     def guarded(self, work: Callable[[], None]) -> Callable[[], None]:
         """What a thread runs that runs callbacks: should it die, that is told to the node."""

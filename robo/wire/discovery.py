@@ -14,7 +14,7 @@ def tokens(session: zenoh.Session, timeout: float) -> list[NodeToken | EndpointT
     """Every node and every end of a topic or service that this session can see.
 
     Args:
-        session: who asks.
+        session: whose network to ask on.
         timeout: how long to wait for routers that do not answer, s.
     """
     replies = session.liveliness().get(ALL_TOKENS, timeout=timeout)
@@ -26,7 +26,7 @@ def publishers_of(session: zenoh.Session, topic: str, timeout: float) -> list[En
     """The publishers of a topic that nodes have announced.
 
     Args:
-        session: who asks.
+        session: whose network to ask on.
         topic: the key expression.
         timeout: how long to wait for routers that do not answer, s.
     """

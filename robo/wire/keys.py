@@ -10,12 +10,12 @@ that it can be read whatever the namespace's length; `/` within a chunk is writt
     @robo/<namespace>/srv/<node>/<type>/0/<service key>
     @robo/<namespace>/cli/<node>/<type>/0/<service key>
 
-`@` keeps tokens out of `**`. A node declares its node token last: who sees that token knows
+`@` keeps tokens out of `**`. A node declares its node token last: whoever sees that token knows
 everything else about the node, so it says "ready" as well. `<run>` is the id of the run that the node
 is part of, by which a supervisor knows its own; a node that is run alone has none. `<id>` is Zenoh's id of
 the publisher, which its messages carry: by it a receiver knows whose they are.
 
-Anybody may declare any key: what does not spell a token to the letter is none.
+Anybody may declare any key: what does not spell a token to the letter is not one.
 """
 
 from typing import ClassVar, Literal, get_args

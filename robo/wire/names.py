@@ -90,7 +90,7 @@ def absolute(name: str, namespace: str) -> str:
 
 
 def key_of(name: str) -> str:
-    """The key expression that somebody means who types a topic's full name, with or without its outer slashes.
+    """The key expression of a topic's full name as people type it, with or without its outer slashes.
 
     `*` stands for one part and `**` for any number of parts. Beside letters `*` stands for any others within a
     part: `r*/odom`, which Zenoh writes `r$*/odom`.

@@ -145,7 +145,7 @@ def _own_settings(network: Network) -> dict[str, object]:
         settings["transport/shared_memory/enabled"] = False
     if router:
         settings |= {"listen/retry": _RETRY, "listen/timeout_ms": -1, "listen/exit_on_failure": False}
-        # Tools ask routers who is connected, and what those declare who are no nodes of robo's.
+        # Tools ask routers who is connected, and what is declared by those that are no nodes of robo's.
         settings |= {"adminspace/enabled": True, "metadata": {"name": network.name}}
         settings[_RULES] = _NEVER_WAIT
     if on_this_machine(network):
