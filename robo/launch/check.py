@@ -5,12 +5,11 @@ remapping of a name that the node does not have, a promise about a topic that no
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Literal
 
 import msgspec
 
 import robo_messages
-from robo.launch.contracts import Endpoint
+from robo.launch.contracts import EndpointInfo
 from robo.launch.faults import in_order
 from robo.launch.plan import ProcessPlan, TopicPlan
 from robo.launch.resolve import Resolution
@@ -18,13 +17,17 @@ from robo.text.brief import shown
 from robo.text.suggestions import closest, hint, suggest
 from robo.text.tree import Position, Problem
 from robo.wire import names
+from robo.wire.keys import EndpointKind
+
+_VERBS = {"pub": "publishes", "sub": "subscribes"}
 
 
-class End(msgspec.Struct, frozen=True):
+class TopicEnd(msgspec.Struct, frozen=True):
     """One end of a topic: a node that publishes or subscribes it."""
 
     node: str
-    kind: Literal["publishes", "subscribes"]
+    kind: EndpointKind
+    """`pub` or `sub`."""
     key: str
     type: str
     topic: str
@@ -32,7 +35,7 @@ class End(msgspec.Struct, frozen=True):
 
     def __str__(self) -> str:
         renamed = "" if self.key.endswith(self.topic.strip("/")) else f" (its {self.topic})"
-        return f"{self.node} {self.kind} {self.type}{renamed}"
+        return f"{self.node} {_VERBS[self.kind]} {self.type}{renamed}"
 
 
 class Findings(msgspec.Struct, frozen=True):
@@ -43,12 +46,12 @@ class Findings(msgspec.Struct, frozen=True):
     """Worth knowing, and often as intended."""
 
 
-def ends_of(resolution: Resolution) -> list[End]:
+def ends_of(resolution: Resolution) -> list[TopicEnd]:
     """Every end of every topic, in the order of the plan."""
-    ends: list[End] = []
+    ends: list[TopicEnd] = []
     for process in resolution.plan.processes:
-        ends += (_end(process, "publishes", e) for e in _declared(resolution, process, "publishes"))
-        ends += (_end(process, "subscribes", e) for e in _declared(resolution, process, "subscribes"))
+        ends += (_end(process, "pub", e) for e in _declared(resolution, process, "pub"))
+        ends += (_end(process, "sub", e) for e in _declared(resolution, process, "sub"))
     return ends
 
 
@@ -57,7 +60,7 @@ def check(resolution: Resolution) -> Findings:
     faults = [*resolution.problems, *resolution.loose]
     notes: list[Problem] = [*resolution.warnings]
     ends = ends_of(resolution)
-    by_key: dict[str, list[End]] = {}
+    by_key: dict[str, list[TopicEnd]] = {}
     for end in ends:
         by_key.setdefault(end.key, []).append(end)
     silent = _that_may_publish(resolution)
@@ -106,22 +109,20 @@ def _split(full_name: str) -> tuple[str, str]:
     return namespace, node
 
 
-def _declared(
-    resolution: Resolution, process: ProcessPlan, kind: Literal["publishes", "subscribes"]
-) -> Iterable[Endpoint]:
-    written = process.publishes if kind == "publishes" else process.subscribes
-    yield from (Endpoint(topic, type_) for topic, type_ in written.items())
+def _declared(resolution: Resolution, process: ProcessPlan, kind: EndpointKind) -> Iterable[EndpointInfo]:
+    written = process.publishes if kind == "pub" else process.subscribes
+    yield from (EndpointInfo(topic, type_) for topic, type_ in written.items())
     contract = resolution.contracts.get(process.full_name)
     if contract is not None:
-        yield from contract.publishers if kind == "publishes" else contract.subscriptions
+        yield from contract.publishers if kind == "pub" else contract.subscriptions
 
 
-def _end(process: ProcessPlan, kind: Literal["publishes", "subscribes"], endpoint: Endpoint) -> End:
+def _end(process: ProcessPlan, kind: EndpointKind, endpoint: EndpointInfo) -> TopicEnd:
     key = names.resolve(endpoint.topic, namespace=process.namespace, node=process.name, remappings=process.remap)
-    return End(process.full_name, kind, key, endpoint.type, endpoint.topic)
+    return TopicEnd(process.full_name, kind, key, endpoint.type, endpoint.topic)
 
 
-def _type_clashes(key: str, ends: Sequence[End], resolution: Resolution) -> Iterable[Problem]:
+def _type_clashes(key: str, ends: Sequence[TopicEnd], resolution: Resolution) -> Iterable[Problem]:
     first = ends[0]
     for other in ends[1:]:
         if other.type != first.type:
@@ -132,15 +133,15 @@ def _type_clashes(key: str, ends: Sequence[End], resolution: Resolution) -> Iter
 
 def _unfed(
     key: str,
-    ends: Sequence[End],
-    all_ends: Sequence[End],
+    ends: Sequence[TopicEnd],
+    all_ends: Sequence[TopicEnd],
     promised: Mapping[str, TopicPlan],
     resolution: Resolution,
 ) -> Iterable[Problem]:
-    if any(end.kind == "publishes" for end in ends) or (key in promised and promised[key].external):
+    if any(end.kind == "pub" for end in ends) or (key in promised and promised[key].external):
         return
     for end in ends:
-        candidates = [o for o in all_ends if o.kind == "publishes" and o.type == end.type]
+        candidates = [o for o in all_ends if o.kind == "pub" and o.type == end.type]
         close = closest(key, [other.key for other in candidates], cutoff=0.0)
         if close is not None:
             other = next(other for other in candidates if other.key == close)
@@ -156,9 +157,9 @@ def _may_be_fed(problem: Problem, silent: Sequence[str]) -> Problem:
 
 
 def _unread(
-    key: str, ends: Sequence[End], promised: Mapping[str, TopicPlan], resolution: Resolution
+    key: str, ends: Sequence[TopicEnd], promised: Mapping[str, TopicPlan], resolution: Resolution
 ) -> Iterable[Problem]:
-    if any(end.kind == "subscribes" for end in ends) or key in promised:
+    if any(end.kind == "sub" for end in ends) or key in promised:
         return
     for end in ends:
         yield Problem(resolution.positions[end.node], f"nobody reads {key}, which {end}")
@@ -179,7 +180,7 @@ def _unknown_remaps(resolution: Resolution) -> Iterable[Problem]:
     unused: dict[tuple[Position, str], list[ProcessPlan]] = {}
     topics: dict[str, list[str]] = {}
     for process in resolution.plan.processes:
-        declared = [*_declared(resolution, process, "publishes"), *_declared(resolution, process, "subscribes")]
+        declared = [*_declared(resolution, process, "pub"), *_declared(resolution, process, "sub")]
         own = topics[process.full_name] = [endpoint.topic for endpoint in declared]
         keys = {names.resolve(topic, namespace=process.namespace, node=process.name) for topic in own}
         silent = not own and process.full_name not in resolution.contracts
@@ -200,20 +201,18 @@ def _unknown_remaps(resolution: Resolution) -> Iterable[Problem]:
         yield Problem(position, f"remap {old} to {first.remap[old]}: {owner} topic {shown(old)}; {instead}")
 
 
-def _promise(topic: TopicPlan, by_key: Mapping[str, Sequence[End]], *, may_be_served: bool) -> Iterable[Problem]:
-    file, line, column = topic.source.rsplit(":", 2)
-    position = Position(file, int(line), int(column))
+def _promise(topic: TopicPlan, by_key: Mapping[str, Sequence[TopicEnd]], *, may_be_served: bool) -> Iterable[Problem]:
     ends = by_key.get(topic.key, ())
-    if not topic.external and not may_be_served and not any(end.kind == "publishes" for end in ends):
+    if not topic.external and not may_be_served and not any(end.kind == "pub" for end in ends):
         meant = hint(topic.key, by_key, "; if it comes from outside, say external: true")
-        yield Problem(position, f"nobody publishes {topic.key}, which is promised here{meant}")
+        yield Problem(topic.source, f"nobody publishes {topic.key}, which is promised here{meant}")
     if topic.type is None:
         return
     for end in ends:
         if end.type != topic.type:
-            yield Problem(position, f"{topic.key} is promised as {topic.type}, but {end}")
+            yield Problem(topic.source, f"{topic.key} is promised as {topic.type}, but {end}")
     known = robo_messages.type_names()
     if topic.type not in known and not any(end.type == topic.type for end in ends):
         close = closest(topic.type, known, cutoff=0.75)
         if close is not None:
-            yield Problem(position, f"{topic.key}: there is no type {shown(topic.type)}; did you mean {close}?")
+            yield Problem(topic.source, f"{topic.key}: there is no type {shown(topic.type)}; did you mean {close}?")

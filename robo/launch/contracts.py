@@ -23,7 +23,7 @@ class Question(msgspec.Struct, frozen=True):
     values: dict[str, object]
 
 
-class Endpoint(msgspec.Struct, frozen=True):
+class EndpointInfo(msgspec.Struct, frozen=True):
     """A topic or a service that a node class declares."""
 
     topic: str
@@ -36,10 +36,10 @@ class NodeContract(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     class_name: str
     """`module:Class`."""
-    publishers: tuple[Endpoint, ...]
-    subscriptions: tuple[Endpoint, ...]
-    services: tuple[Endpoint, ...]
-    clients: tuple[Endpoint, ...]
+    publishers: tuple[EndpointInfo, ...]
+    subscriptions: tuple[EndpointInfo, ...]
+    services: tuple[EndpointInfo, ...]
+    clients: tuple[EndpointInfo, ...]
     parameters: dict[str, str]
     """Types by name."""
 
@@ -143,10 +143,10 @@ def _answer(asked: Question, loaded: dict[str, Any]) -> Answer:
         contract=NodeContract(
             name=contract.name,
             class_name=f"{node_class.__module__}:{node_class.__qualname__}",
-            publishers=tuple(Endpoint(p.topic, _type_name(p.message_type)) for p in contract.publishers),
-            subscriptions=tuple(Endpoint(s.topic, _type_name(s.message_type)) for s in contract.subscriptions),
-            services=tuple(Endpoint(s.service, _service_name(s)) for s in contract.services),
-            clients=tuple(Endpoint(c.service, _service_name(c)) for c in contract.clients),
+            publishers=tuple(EndpointInfo(p.topic, _type_name(p.message_type)) for p in contract.publishers),
+            subscriptions=tuple(EndpointInfo(s.topic, _type_name(s.message_type)) for s in contract.subscriptions),
+            services=tuple(EndpointInfo(s.service, _service_name(s)) for s in contract.services),
+            clients=tuple(EndpointInfo(c.service, _service_name(c)) for c in contract.clients),
             parameters=types,
         ),
         mistakes=mistakes,

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from robo.launch.check import End
+from robo.launch.check import TopicEnd
 from robo.launch.plan import ProcessPlan
 from robo.launch.resolve import Resolution
 from robo.text import graph
@@ -10,12 +10,10 @@ from robo.text.graph import Edge, Graph
 from robo.wire import names
 from robo.wire.keys import SYSTEM_TOPICS
 
-_KINDS = {"publishes": "pub", "subscribes": "sub"}
 
-
-def graph_of(resolution: Resolution, ends: Sequence[End]) -> Graph:
+def graph_of(resolution: Resolution, ends: Sequence[TopicEnd]) -> Graph:
     """The graph of a plan, from its processes and what their node classes declare."""
-    edges = [Edge(end.node, _KINDS[end.kind], end.key, end.type) for end in ends]
+    edges = [Edge(end.node, end.kind, end.key, end.type) for end in ends]
     nodes = []
     for process in resolution.plan.processes:
         contract = resolution.contracts.get(process.full_name)
@@ -31,8 +29,7 @@ def _system_edges(process: ProcessPlan) -> Iterable[Edge]:
     """What the runtime gives every node."""
     for topic, type_name in SYSTEM_TOPICS.items():
         yield Edge(process.full_name, "pub", names.join(process.namespace, topic), type_name)
-    sim_time = process.parameters.get("use_sim_time")
-    if sim_time is not None and sim_time.value is True:
+    if process.parameters.get("use_sim_time") is True:
         yield Edge(process.full_name, "sub", _key(process, "/clock"), "system/Clock")
 
 

@@ -35,7 +35,7 @@ def files(found: Resolution) -> list[Problem]:
         for text in (
             *process.command(),
             *process.env.values(),
-            *(said.value for said in process.parameters.values() if isinstance(said.value, str)),
+            *(value for value in process.parameters.values() if isinstance(value, str)),
         )
     ]
     missing = {

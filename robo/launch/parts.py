@@ -284,7 +284,7 @@ class Parts:
             max_rate=high,
             max_age=age,
             external=scope.truth(topic.external, default=False),
-            source=str(topic.position),
+            source=topic.position,
         )
 
     # -- values ------------------------------------------------------------------------------------

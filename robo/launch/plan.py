@@ -10,17 +10,9 @@ from typing import Literal
 import msgspec
 
 from robo.launch.manifest import Until
+from robo.text.tree import Position
 from robo.wire import names
-
-
-class ParameterValue(msgspec.Struct, frozen=True):
-    """A parameter's value and where it was said."""
-
-    value: object
-    source: str
-    """`file:line:column`, or `command line`."""
-    over: "tuple[ParameterValue, ...]" = ()
-    """What else is said of it and does not count, from the weakest on."""
+from robo.wire.reports import Setting
 
 
 class RestartPlan(msgspec.Struct, frozen=True, kw_only=True):
@@ -96,7 +88,8 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
     args: tuple[str, ...]
     """The words after it."""
     cwd: str | None
-    parameters: dict[str, ParameterValue]
+    settings: dict[str, tuple[Setting, ...]]
+    """By parameter, all that is said of it, from the weakest to what holds."""
     parameter_files: tuple[str, ...] = ()
     """The files that say something of its parameters, in order."""
     remap: dict[str, str]
@@ -118,15 +111,20 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
     publishes: dict[str, str]
     """For a command: by topic, the message type."""
     subscribes: dict[str, str]
-    sources: dict[str, dict[str, str]]
+    sources: dict[str, dict[str, Position]]
     """Where each entry of `remap` and `env` was said."""
-    source: str
-    """Where the process was said, `file:line:column`."""
+    source: Position
+    """Where the process was said."""
 
     @property
     def full_name(self) -> str:
         """For example `/r1/position_tracker`."""
         return "/" + names.join(self.namespace, self.name)
+
+    @property
+    def parameters(self) -> dict[str, object]:
+        """The values that hold, by name."""
+        return {name: settings[-1].value for name, settings in self.settings.items()}
 
     @property
     def module(self) -> tuple[str, ...]:
@@ -150,14 +148,14 @@ class TopicPlan(msgspec.Struct, frozen=True, kw_only=True):
     """What is promised of a topic."""
 
     key: str
-    type: str | None
-    min_rate: float | None
+    type: str | None = None
+    min_rate: float | None = None
     """1/s."""
-    max_rate: float | None
-    max_age: float | None
+    max_rate: float | None = None
+    max_age: float | None = None
     """s."""
-    external: bool
-    source: str
+    external: bool = False
+    source: Position
 
 
 class Plan(msgspec.Struct, frozen=True, kw_only=True):
@@ -171,3 +169,5 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     arguments: dict[str, object]
     processes: tuple[ProcessPlan, ...]
     topics: tuple[TopicPlan, ...]
+    files: tuple[str, ...] = ()
+    """The files that it was made of: manifests and parameter files."""

@@ -4,7 +4,7 @@ Nothing is started and no network is touched. All mistakes are collected; a part
 left out, or taken as if it were fine, so that the rest is checked too.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +21,8 @@ from robo.launch.manifest import Group, Include, Log, Loop, Manifest, Node, Rest
 from robo.launch.parts import Layer, Origin, Parts
 from robo.launch.plan import Plan, ProcessPlan, TopicPlan
 from robo.launch.reader import read
-from robo.launch.substitution import BROKEN, Scope, Shared
-from robo.launch.values import Assignment, Checked, Files, Said, Setting
+from robo.launch.substitution import BROKEN, Environment, Scope, Shared, of_process
+from robo.launch.values import Assignment, Checked, Files, Mention, Said
 from robo.parameters.files import ParameterEntry
 from robo.text.brief import shown
 from robo.text.files import read_text
@@ -32,8 +32,6 @@ from robo.wire import names
 
 MOST_STEPS = 20_000
 """Groups, includes and nodes that a launch may unfold to, counted with their repetitions."""
-
-Examine = Callable[[Sequence[contracts.Question]], list[Answer]]
 
 
 class Resolution(msgspec.Struct, frozen=True, kw_only=True):
@@ -97,14 +95,16 @@ def resolve(
     parameters: Sequence[Assignment] = (),
     host: str | None = None,
     stand_ins: bool = False,
+    environment: Environment = of_process,
 ) -> Resolution:
     """Like `load`, with the mistakes beside a plan of what could be understood.
 
     Args:
         file, arguments, robot, groups, parameters, host: as for `load`.
         stand_ins: an argument that has to be given and is not gets a value of its type.
+        environment: what variables of the environment are.
     """
-    walk = _Walk()
+    walk = _Walk(environment)
     given = dict(arguments) | ({} if robot is None else {args.ROBOT_NAME: robot})
     manifest = walk.read(file, None)
     found: dict[str, object] = {args.ROBOT_NAME: given.get(args.ROBOT_NAME, args.DEFAULT_ROBOT)}
@@ -159,16 +159,16 @@ class _Draft(msgspec.Struct, frozen=True):
     position: Position
     service_at: Position
     remap_at: dict[str, Origin]
-    settings: dict[str, Setting]
+    mentions: dict[str, list[Mention]]
     needs: tuple[needs.Asked, ...]
 
 
 class _Walk:
-    def __init__(self) -> None:
+    def __init__(self, environment: Environment) -> None:
         self.problems: list[Problem] = []
         self.paths: list[args.PathArgument] = []
         self._manifests: dict[Path, Manifest | None] = {}
-        self._shared = Shared()
+        self._shared = Shared(environment)
         self._files = Files(self.problems)
         self._drafts: list[_Draft] = []
         self._topics: list[TopicPlan] = []
@@ -324,7 +324,7 @@ class _Walk:
 
     def _leave_out_group(self, group: Group, scope: Scope, context: _Context) -> None:
         for include in group.includes:
-            quiet = Scope(scope.file, scope.values, [], Shared())
+            quiet = Scope(scope.file, scope.values, [], Shared(self._shared.environment))
             name = quiet.path(include.file)
             if name:
                 try:
@@ -405,7 +405,7 @@ class _Walk:
             prefix=parts.words("prefix"),
             args=parts.words("args"),
             cwd=parts.cwd(),
-            parameters={},
+            settings={},
             remap={old: new for old, (new, _) in remap.items()},
             env={variable: value for variable, (value, _) in env.items()},
             needs={},
@@ -420,17 +420,17 @@ class _Walk:
             publishes=parts.endpoints("publishes"),
             subscribes=parts.endpoints("subscribes"),
             sources={
-                "remap": {old: str(origin.position) for old, (_, origin) in remap.items()},
-                "env": {variable: str(position) for variable, (_, position) in env.items()},
+                "remap": {old: origin.position for old, (_, origin) in remap.items()},
+                "env": {variable: position for variable, (_, position) in env.items()},
             },
-            source=str(node.position),
+            source=node.position,
         )
-        settings, read = values.gather(said, namespace, name, self._files)
+        mentions, read = values.gather(said, namespace, name, self._files)
         plan = msgspec.structs.replace(plan, parameter_files=read)
         needed = parts.last(lambda layer: layer.node.needs)
         asked = [needs.Asked(need.node, need.until, needed[1]) for need in needed[0]] if needed else []
         remap_at = {old: origin for old, (_, origin) in remap.items()}
-        self._drafts.append(_Draft(plan, node.key, node.position, service_at, remap_at, settings, tuple(asked)))
+        self._drafts.append(_Draft(plan, node.key, node.position, service_at, remap_at, mentions, tuple(asked)))
         if len(self._drafts) > MOST_PROCESSES:
             raise _TooMuch(node.position, f"more than {MOST_PROCESSES:,} processes")
 
@@ -471,15 +471,15 @@ class _Walk:
         for draft in drafts:
             by_key.setdefault((draft.plan.namespace, draft.key), []).append(draft.plan.full_name)
         resolved = needs.resolve(waiting, by_key, self._left_out, self.problems)
-        values.assign(parameters, [(d.plan.name, d.plan.full_name, d.settings) for d in drafts], self.problems)
+        values.assign(parameters, [(d.plan.name, d.plan.full_name, d.mentions) for d in drafts], self.problems)
         answers = self._ask(drafts)
         loose: list[Problem] = []
         pairs = list(zip(drafts, answers, strict=True))
-        checked = [Checked(draft.plan.full_name, draft.settings, answer) for draft, answer in pairs]
+        checked = [Checked(draft.plan.full_name, draft.mentions, answer) for draft, answer in pairs]
         found_values = values.check(checked, self.problems, loose)
         processes = [
-            msgspec.structs.replace(draft.plan, parameters=parameters_, needs=resolved[draft.plan.full_name])
-            for draft, parameters_ in zip(drafts, found_values, strict=True)
+            msgspec.structs.replace(draft.plan, settings=settings, needs=resolved[draft.plan.full_name])
+            for draft, settings in zip(drafts, found_values, strict=True)
         ]
         return Resolution(
             plan=Plan(
@@ -490,6 +490,7 @@ class _Walk:
                 host=host or "",
                 processes=_chosen(processes, groups, host),
                 topics=tuple(self._topics),
+                files=tuple(dict.fromkeys([str(file), *map(str, self._manifests), *self._files.paths()])),
             ),
             problems=in_order(self.problems),
             loose=in_order(loose),
@@ -538,7 +539,7 @@ class _Walk:
         """What the node classes say; None for a command."""
         services = [draft for draft in drafts if draft.plan.service is not None]
         questions = [
-            contracts.Question(str(draft.plan.service), values.as_question(draft.settings)) for draft in services
+            contracts.Question(str(draft.plan.service), values.as_question(draft.mentions)) for draft in services
         ]
         answers = dict(zip([d.plan.full_name for d in services], contracts.examine_apart(questions), strict=True))
         for draft in services:

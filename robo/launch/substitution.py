@@ -14,9 +14,7 @@ within longer text the value becomes text.
 
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from robo.launch.expression import ExpressionError, as_text, evaluate
@@ -37,19 +35,13 @@ MAX_FILLED = 20_000_000
 _PATTERN = re.compile(r"\$\$\{|\$\{([^}]*)\}|\$\{")
 
 
-_environment: ContextVar[Callable[[str, str | None], str | None]] = ContextVar(
-    "environment", default=lambda variable, default: os.environ.get(variable, default)
-)
+Environment = Callable[[str, str | None], str | None]
+"""What `${env:NAME}` is: given a variable and the default, if there is one; None where there is none."""
 
 
-@contextmanager
-def environment(look_up: Callable[[str, str | None], str | None]) -> Iterator[None]:
-    """Have another environment than this process's: `look_up` is given a variable and the default, if there is one."""
-    before = _environment.set(look_up)
-    try:
-        yield
-    finally:
-        _environment.reset(before)
+def of_process(variable: str, default: str | None) -> str | None:
+    """This process's own environment."""
+    return os.environ.get(variable, default)
 
 
 class Word(str):
@@ -77,7 +69,8 @@ class _BrokenOperand(Exception):
 class Shared:
     """What all scopes of one launch have in common."""
 
-    def __init__(self) -> None:
+    def __init__(self, environment: Environment = of_process) -> None:
+        self.environment = environment
         self.anonymous: dict[str, str] = {}
         """By prefix, the name that `${anon:prefix}` gave."""
         self.room = MAX_FILLED
@@ -135,7 +128,7 @@ class Scope:
     def _function(self, kind: str, rest: str) -> object:
         if kind == "env":
             variable, default_given, default = rest.partition(":-")
-            value = _environment.get()(variable, default if default_given else None)
+            value = self._shared.environment(variable, default if default_given else None)
             if value is not None:
                 return Word(value)
             raise KeyError(f"environment variable {variable} is not set; set it, or write ${{env:{variable}:-default}}")

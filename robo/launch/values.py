@@ -12,13 +12,13 @@ from robo.launch.arguments import COMMAND_LINE
 from robo.launch.contracts import Answer, typed
 from robo.launch.find import nearby
 from robo.launch.manifest import ParameterSource
-from robo.launch.plan import ParameterValue
 from robo.launch.substitution import BROKEN, Scope, Word
 from robo.parameters import files as parameter_files
 from robo.parameters.files import ParameterEntry, ParameterFile, flat_entries
 from robo.text.brief import shown
 from robo.text.suggestions import hint, suggest
 from robo.text.tree import Position, Problem, Scalar
+from robo.wire.reports import Setting
 
 
 class Said(msgspec.Struct, frozen=True):
@@ -30,20 +30,13 @@ class Said(msgspec.Struct, frozen=True):
     """Whether it is said of a group: its nodes take what they have."""
 
 
-class Setting(msgspec.Struct, frozen=True):
+class Mention(msgspec.Struct, frozen=True):
     """One value, where its name and where it stands, and whether it is said of several nodes."""
 
     value: object
     name_at: Position
     value_at: Position
     shared: bool
-    over: "Setting | None" = None
-    """What was said before, and does not count."""
-
-    @property
-    def source(self) -> str:
-        """Where it is said, for people."""
-        return str(self.name_at)
 
 
 class Assignment(msgspec.Struct, frozen=True):
@@ -80,6 +73,10 @@ class Files:
                 self._matched.add((path, entry.position))
                 yield entry, not entry.names_one_node
 
+    def paths(self) -> list[str]:
+        """Those that are there."""
+        return [path for path, file in self._files.items() if file is not None]
+
     def warnings(self) -> list[Problem]:
         """Where files contradict themselves."""
         return [warning for file in self._files.values() if file is not None for warning in file.warnings]
@@ -94,14 +91,16 @@ class Files:
         ]
 
 
-def gather(said: Sequence[Said], namespace: str, node: str, files: Files) -> tuple[dict[str, Setting], tuple[str, ...]]:
+def gather(
+    said: Sequence[Said], namespace: str, node: str, files: Files
+) -> tuple[dict[str, list[Mention]], tuple[str, ...]]:
     """Every parameter that is said of a node: files in order, then the manifest's values over them.
 
     Returns:
-        The settings by name, and the files that say something of the node.
+        By name all that is said of it, the weakest first, and the files that say something of the node.
     """
     read: dict[str, None] = {}
-    found: dict[str, Setting] = {}
+    found: dict[str, list[Mention]] = {}
     holding = [one for one in said if one.scope.holds(one.source.condition)]
     for one in holding:
         if one.source.file is None:
@@ -113,13 +112,15 @@ def gather(said: Sequence[Said], namespace: str, node: str, files: Files) -> tup
         for entry, shared in files.entries_for(path, one.source.file.position, namespace, node):
             read[path] = None
             for key, value in entry.values.items():
-                found[key] = Setting(value, entry.positions[key], entry.places[key], shared, found.get(key))
+                mention = Mention(value, entry.positions[key], entry.places[key], shared)
+                found.setdefault(key, []).append(mention)
     for one in holding:
         for key, said_value in flat_entries(one.source.values) if one.source.values is not None else ():
             tree = said_value.value
             value = one.scope.raw(tree) if isinstance(tree, Scalar) else one.scope.plain(tree)
             if value is not BROKEN:
-                found[key] = Setting(value, said_value.position, tree.position, one.shared, found.get(key))
+                mention = Mention(value, said_value.position, tree.position, one.shared)
+                found.setdefault(key, []).append(mention)
     return found, tuple(map(str, read))
 
 
@@ -127,13 +128,15 @@ class Checked(msgspec.Struct, frozen=True):
     """What is to be known of a node to check its parameters."""
 
     full_name: str
-    settings: Mapping[str, Setting]
+    mentions: Mapping[str, Sequence[Mention]]
     answer: Answer | None
     """None for a command, which takes whatever it is given."""
 
 
-def check(nodes: Sequence[Checked], problems: list[Problem], loose: list[Problem]) -> list[dict[str, ParameterValue]]:
-    """The parameters of each node.
+def check(
+    nodes: Sequence[Checked], problems: list[Problem], loose: list[Problem]
+) -> list[dict[str, tuple[Setting, ...]]]:
+    """The settings of each node's parameters.
 
     What is said of a group, or by a pattern, is for those nodes that have such a parameter.
 
@@ -146,35 +149,28 @@ def check(nodes: Sequence[Checked], problems: list[Problem], loose: list[Problem
     declared: set[str] = set()
     for node in nodes:
         own = _declared(node)
-        declared.update(node.settings if own is None else own)
-    plain: list[dict[str, ParameterValue]] = []
+        declared.update(node.mentions if own is None else own)
+    settled: list[dict[str, tuple[Setting, ...]]] = []
     for node in nodes:
         own = _declared(node)
-        values: dict[str, ParameterValue] = {}
-        for name, setting in node.settings.items():
+        settings: dict[str, tuple[Setting, ...]] = {}
+        for name, mentions in node.mentions.items():
+            last = mentions[-1]
             if own is not None and name not in own:
-                if not setting.shared:
-                    problems.append(_unknown(node, name, setting, own))
+                if not last.shared:
+                    problems.append(_unknown(node, name, last, own))
                 elif name not in declared:
                     # What is said for this start alone is meant for somebody.
-                    mistakes = problems if setting.name_at is COMMAND_LINE else loose
-                    mistakes.append(_unknown_to_all(name, setting, declared))
+                    mistakes = problems if last.name_at is COMMAND_LINE else loose
+                    mistakes.append(_unknown_to_all(name, last, declared))
                 continue
-            values[name] = _value(setting, (own or {}).get(name))
+            kind = (own or {}).get(name)
+            settings[name] = tuple(Setting(typed(one.value, kind), str(one.name_at)) for one in mentions)
             mistake = node.answer.mistakes.get(name) if node.answer is not None else None
             if mistake is not None:
-                problems.append(Problem(setting.value_at, mistake))
-        plain.append(values)
-    return plain
-
-
-def _value(setting: Setting, parameter_type: str | None) -> ParameterValue:
-    weaker: list[ParameterValue] = []
-    other = setting.over
-    while other is not None:
-        weaker.append(ParameterValue(typed(other.value, parameter_type), other.source))
-        other = other.over
-    return ParameterValue(typed(setting.value, parameter_type), setting.source, tuple(reversed(weaker)))
+                problems.append(Problem(last.value_at, mistake))
+        settled.append(settings)
+    return settled
 
 
 def _declared(node: Checked) -> Mapping[str, str] | None:
@@ -183,34 +179,35 @@ def _declared(node: Checked) -> Mapping[str, str] | None:
     return None if contract is None else contract.parameters
 
 
-def _unknown(node: Checked, name: str, setting: Setting, own: Mapping[str, str]) -> Problem:
-    return Problem(setting.name_at, f"{node.full_name} has no parameter {shown(name)}; {suggest(name, own, 'it has')}")
+def _unknown(node: Checked, name: str, mention: Mention, own: Mapping[str, str]) -> Problem:
+    return Problem(mention.name_at, f"{node.full_name} has no parameter {shown(name)}; {suggest(name, own, 'it has')}")
 
 
-def _unknown_to_all(name: str, setting: Setting, declared: Collection[str]) -> Problem:
-    return Problem(setting.name_at, f"no node has a parameter {shown(name)}{hint(name, declared)}")
+def _unknown_to_all(name: str, mention: Mention, declared: Collection[str]) -> Problem:
+    return Problem(mention.name_at, f"no node has a parameter {shown(name)}{hint(name, declared)}")
 
 
 def assign(
     assignments: Sequence[Assignment],
-    nodes: Sequence[tuple[str, str, dict[str, Setting]]],
+    nodes: Sequence[tuple[str, str, dict[str, list[Mention]]]],
     problems: list[Problem],
 ) -> None:
-    """Put the values of the command line over those of each node, given by name, full name and settings."""
+    """Put the values of the command line over those of each node, given by name, full name and what is said of it."""
     for assignment in assignments:
         named = [
-            (settings, name)
-            for node, full_name, settings in nodes
+            (mentions, name)
+            for node, full_name, mentions in nodes
             if (name := assignment.name_for(node, full_name)) is not None
         ]
-        for settings, name in named or [(settings, assignment.left) for _, _, settings in nodes]:
-            settings[name] = Setting(assignment.value, COMMAND_LINE, COMMAND_LINE, not named, settings.get(name))
+        for mentions, name in named or [(mentions, assignment.left) for _, _, mentions in nodes]:
+            mention = Mention(assignment.value, COMMAND_LINE, COMMAND_LINE, not named)
+            mentions.setdefault(name, []).append(mention)
         if not named and "." in assignment.left:
             node = assignment.left.partition(".")[0]
             if meant := hint(node, [name for name, _, _ in nodes]):
                 problems.append(Problem(COMMAND_LINE, f"-p {assignment.left}: there is no node {node}{meant}"))
 
 
-def as_question(settings: Mapping[str, Setting]) -> dict[str, object]:
+def as_question(mentions: Mapping[str, Sequence[Mention]]) -> dict[str, object]:
     """The values for a node class to look at."""
-    return {name: setting.value for name, setting in settings.items()}
+    return {name: of_one[-1].value for name, of_one in mentions.items()}

@@ -33,27 +33,23 @@ def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
     launched = _launched()
     name = options.name or launched.name
     namespace = options.robot_name if options.robot_name is not None else launched.namespace
-    values: dict[str, object] = dict(launched.parameters)
-    sources = {parameter: list(said) for parameter, said in launched.sources.items()}
+    settings = {parameter: list(found) for parameter, found in launched.settings.items()}
     for path in options.params_file:
         file = parameter_files.load(path)
         for warning in file.warnings:
             print(f"WARN {warning}", file=sys.stderr)
         for entry in file.entries:
             if entry.matches(namespace or "", name or contract.name):
-                values |= entry.values
                 for parameter, value in entry.values.items():
-                    sources.setdefault(parameter, []).append(Setting(value, str(entry.positions[parameter])))
-    given = [parse_assignment(text, node_class.Parameters) for text in options.param]
-    for parameter, value in given:
-        sources.setdefault(parameter, []).append(Setting(value, "command line"))
+                    settings.setdefault(parameter, []).append(Setting(value, str(entry.positions[parameter])))
+    for parameter, value in (parse_assignment(text, node_class.Parameters) for text in options.param):
+        settings.setdefault(parameter, []).append(Setting(value, "command line"))
     return msgspec.structs.replace(
         launched,
         service=f"{node_class.__module__}:{node_class.__qualname__}",
         name=name,
         namespace=namespace,
-        parameters=values | dict(given),
-        sources=sources,
+        settings=settings,
         remappings=launched.remappings | dict(map(_remapping, options.remap)),
         connect=tuple(options.connect) or launched.connect,
         listen=tuple(options.listen) or launched.listen,

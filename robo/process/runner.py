@@ -81,7 +81,7 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
         namespace=spec.namespace,
         parameters=spec.parameters,
         remappings=spec.remappings,
-        sources=spec.sources,
+        sources=spec.settings,
     )
 
     node.memory = Memory.of(node.full_name, spec.memory)

@@ -1,7 +1,6 @@
 """Which files a run depends on, and which of them have changed."""
 
 import os
-import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
@@ -10,8 +9,7 @@ from importlib.machinery import PathFinder
 import msgspec
 
 from robo.launch.plan import Plan, ProcessPlan
-
-_POSITION = re.compile(r"^(.+?):\d+(?::\d+)?$")
+from robo.text.tree import Position
 
 
 class FileWatch:
@@ -38,9 +36,8 @@ class FileWatch:
 def files_of(plan: Plan | ProcessPlan) -> list[str]:
     """The files that a plan was made of; for a process, its module, and what it is given in parameters or as words."""
     if isinstance(plan, Plan):
-        sources = [plan.manifest, *(s for p in plan.processes for s in _sources(p))]
-        return sorted({match[1] if (match := _POSITION.match(s)) else s for s in sources})
-    given = [value.value for value in plan.parameters.values()] + list(plan.command() if plan.service is None else ())
+        return sorted(plan.files)
+    given = [*plan.parameters.values(), *(plan.command() if plan.service is None else ())]
     folder = plan.cwd or os.getcwd()
     paths = {os.path.join(folder, text) for text in given if isinstance(text, str) and text}
     if plan.service is not None:
@@ -66,15 +63,7 @@ def same(one: ProcessPlan, other: ProcessPlan) -> bool:
 
 
 def _essence(plan: ProcessPlan) -> object:
-    bare = msgspec.structs.replace(plan, source="", sources={}, parameters={})
-    return bare, {name: said.value for name, said in plan.parameters.items()}
-
-
-def _sources(process: ProcessPlan) -> Iterable[str]:
-    yield process.source
-    for value in process.parameters.values():
-        yield value.source
-        yield from (other.source for other in value.over)
+    return msgspec.structs.replace(plan, source=Position("", 0, 0), sources={}, settings={}), plan.parameters
 
 
 def _time_of(path: str) -> int | None:

@@ -4,8 +4,6 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-import msgspec
-
 from robo.environment import (
     CONNECT_VARIABLE,
     LOG_LEVEL_VARIABLE,
@@ -16,8 +14,6 @@ from robo.environment import (
 from robo.launch.plan import ProcessPlan
 from robo.node.memory import file_name
 from robo.process.spec import NodeSpec
-from robo.wire.codec import jsonable
-from robo.wire.reports import Setting
 
 
 class RunEnvironment:
@@ -55,11 +51,7 @@ class RunEnvironment:
             service=plan.service or "",
             name=plan.name,
             namespace=plan.namespace,
-            parameters={name: said.value for name, said in plan.parameters.items()},
-            sources={
-                name: [Setting(one.value, one.source) for one in (*said.over, said)]
-                for name, said in plan.parameters.items()
-            },
+            settings=plan.settings,
             remappings=plan.remap,
             memory=self._memory_of(plan.full_name),
             needs=tuple(name for name, until in plan.needs.items() if until == "ready" and self._shows_token(name)),
@@ -69,7 +61,7 @@ class RunEnvironment:
             listen=(f"unixsock-stream/{self._folder}/{self._starts}.sock",) if self._direct else (),
         )
         variables = {
-            SPEC_VARIABLE: msgspec.json.encode(jsonable(msgspec.to_builtins(spec))).decode(),
+            SPEC_VARIABLE: spec.as_json(),
             SUPERVISED_VARIABLE: "1",
         }
         if plan.service is None:

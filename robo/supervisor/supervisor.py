@@ -368,9 +368,7 @@ class Supervisor:
         }
         for member in self._members.values():
             for key in member.plan.ready.topics:
-                plain = TopicPlan(
-                    key=key, type=None, min_rate=None, max_rate=None, max_age=None, external=False, source=""
-                )
+                plain = TopicPlan(key=key, source=member.plan.source)
                 found.setdefault(key, plain)
         return list(found.values())
 

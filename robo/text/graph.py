@@ -5,6 +5,7 @@ that one can be held against the other.
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from typing import Literal
 
 import msgspec
 
@@ -55,43 +56,70 @@ class Graph(msgspec.Struct, frozen=True):
     services: list[Service]
 
 
+EndpointKind = Literal["pub", "sub", "srv", "cli"]
+"""As `wire.keys` has it."""
+
+
 class Edge(msgspec.Struct, frozen=True):
     """One end of a topic or a service."""
 
     node: str
-    kind: str
-    """`pub`, `sub`, `srv` or `cli`."""
+    kind: EndpointKind
     key: str
     type: str
     """Empty where it is not known."""
 
 
+class _Ends:
+    """All ends of a key of one sort, a topic or a service."""
+
+    def __init__(self) -> None:
+        self._types: set[str] = set()
+        self._nodes: dict[EndpointKind, set[str]] = {}
+
+    def add(self, edge: Edge) -> None:
+        self._types |= {edge.type} if edge.type else set()
+        self._nodes.setdefault(edge.kind, set()).add(edge.node)
+
+    def nodes(self, kind: EndpointKind) -> list[str]:
+        return sorted(self._nodes.get(kind, ()))
+
+    def types(self) -> list[str]:
+        return sorted(self._types)
+
+    def clash(self) -> list[str]:
+        return [f"type clash: {', '.join(self.types())}"] if len(self._types) > 1 else []
+
+
 def build(nodes: Iterable[Node], edges: Iterable[Edge]) -> Graph:
     """The graph of nodes and the ends that they have."""
-    ends = list(edges)
+    topics: dict[str, _Ends] = {}
+    services: dict[str, _Ends] = {}
+    for edge in edges:
+        of_topic = edge.kind in ("pub", "sub")
+        (topics if of_topic else services).setdefault(edge.key, _Ends()).add(edge)
+    return Graph(
+        sorted(set(nodes)),
+        [_topic(key, ends) for key, ends in sorted(topics.items())],
+        [_service(key, ends) for key, ends in sorted(services.items())],
+    )
 
-    def who(kind: str, key: str) -> list[str]:
-        return sorted({edge.node for edge in ends if edge.key == key and edge.kind == kind})
 
-    def types(kinds: tuple[str, str], key: str) -> list[str]:
-        return sorted({edge.type for edge in ends if edge.key == key and edge.kind in kinds and edge.type})
+def _topic(key: str, ends: _Ends) -> Topic:
+    types, publishers, subscribers = ends.types(), ends.nodes("pub"), ends.nodes("sub")
+    problems = ends.clash()
+    if not types or not SYSTEM_TYPES.issuperset(types):
+        problems += ["nobody publishes it"] if not publishers else []
+        problems += ["nobody subscribes it"] if not subscribers else []
+    return Topic(key, types, publishers, subscribers, problems)
 
-    topics = []
-    for key in sorted({edge.key for edge in ends if edge.kind in ("pub", "sub")}):
-        names, publishers, subscribers = types(("pub", "sub"), key), who("pub", key), who("sub", key)
-        problems = [f"type clash: {', '.join(names)}"] if len(names) > 1 else []
-        if not SYSTEM_TYPES.issuperset(names) or not names:
-            problems += ["nobody publishes it"] if not publishers else []
-            problems += ["nobody subscribes it"] if not subscribers else []
-        topics.append(Topic(key, names, publishers, subscribers, problems))
-    services = []
-    for key in sorted({edge.key for edge in ends if edge.kind in ("srv", "cli")}):
-        names, servers, clients = types(("srv", "cli"), key), who("srv", key), who("cli", key)
-        problems = [f"type clash: {', '.join(names)}"] if len(names) > 1 else []
-        problems += ["nobody serves it"] if not servers else []
-        problems += [f"served by {len(servers)} nodes"] if len(servers) > 1 else []
-        services.append(Service(key, names, servers, clients, problems))
-    return Graph(sorted(set(nodes)), topics, services)
+
+def _service(key: str, ends: _Ends) -> Service:
+    servers = ends.nodes("srv")
+    problems = ends.clash()
+    problems += ["nobody serves it"] if not servers else []
+    problems += [f"served by {len(servers)} nodes"] if len(servers) > 1 else []
+    return Service(key, ends.types(), servers, ends.nodes("cli"), problems)
 
 
 def without_system(graph: Graph) -> Graph:

@@ -34,7 +34,7 @@ def by_name(plan: Plan) -> dict[str, ProcessPlan]:
 
 
 def values(process: ProcessPlan) -> dict[str, object]:
-    return {name: said.value for name, said in process.parameters.items()}
+    return process.parameters
 
 
 # -- the shipped manifests ---------------------------------------------------------------------------
@@ -52,9 +52,9 @@ def test_robot_yaml() -> None:
     controller = found.processes[-1]
     assert controller.remap == {"cmd_vel": "cmd_vel_raw"}
     assert controller.needs == {"/r1/safety_monitor": "ready"}
-    assert controller.parameters["publish_rate"].value == 10.0
-    assert controller.parameters["publish_rate"].source == f"{ROOT}/config/params.yaml:6:5"
-    assert found.processes[0].parameters["world"].value == f"{ROOT}/config/room.yaml"
+    assert controller.parameters["publish_rate"] == 10.0
+    assert controller.settings["publish_rate"][-1].source == f"{ROOT}/config/params.yaml:6:5"
+    assert found.processes[0].parameters["world"] == f"{ROOT}/config/room.yaml"
 
 
 def test_robot_yaml_without_the_simulated_base() -> None:
@@ -64,15 +64,15 @@ def test_robot_yaml_without_the_simulated_base() -> None:
 def test_simulation_yaml_is_the_robot_with_other_values() -> None:
     robot, simulation = shipped("robot.yaml"), shipped("simulation.yaml")
     assert [p.full_name for p in simulation.processes] == [p.full_name for p in robot.processes]
-    assert simulation.processes[0].parameters["world"].value == f"{ROOT}/config/hall.yaml"
-    assert simulation.processes[-1].parameters["linear_velocity"].value == 0.4
+    assert simulation.processes[0].parameters["world"] == f"{ROOT}/config/hall.yaml"
+    assert simulation.processes[-1].parameters["linear_velocity"] == 0.4
     viewer = by_name(shipped("simulation.yaml", viewer="rates"))["/r1/rates"]
     assert viewer.command() == ("robo", "topic", "hz", "r1/*")
 
 
 def test_real_robot_yaml_drives_slower_and_needs_its_safety_monitor() -> None:
     found = by_name(shipped("real_robot.yaml", base_service="robo_services.diff_drive_sim"))
-    assert found["/r1/velocity_controller"].parameters["linear_velocity"].value == 0.2
+    assert found["/r1/velocity_controller"].parameters["linear_velocity"] == 0.2
     assert found["/r1/safety_monitor"].required
     assert found["/r1/base"].restart.policy == "on-failure"
     topics = {topic.key: topic for topic in shipped("real_robot.yaml").topics}
@@ -81,7 +81,7 @@ def test_real_robot_yaml_drives_slower_and_needs_its_safety_monitor() -> None:
     blind = shipped("real_robot.yaml", base_service="robo_services.diff_drive_sim", laser=Word("false"))
     (scan,) = (topic for topic in blind.topics if topic.key.endswith("/scan"))
     assert (scan.external, scan.min_rate, scan.max_age) == (True, None, None)
-    assert by_name(blind)["/r1/safety_monitor"].parameters["laser"].value is False
+    assert by_name(blind)["/r1/safety_monitor"].parameters["laser"] is False
 
 
 def test_an_argument_without_a_default_has_to_be_given() -> None:
@@ -90,12 +90,12 @@ def test_an_argument_without_a_default_has_to_be_given() -> None:
 
 
 def test_replay_yaml_has_a_log_and_takes_a_path_from_the_current_folder(tmp_path: Path) -> None:
-    own = shipped("replay.yaml").processes[-1].parameters["log"].value
+    own = shipped("replay.yaml").processes[-1].parameters["log"]
     assert isinstance(own, str)
     assert Path(own).is_file()
     player = shipped("replay.yaml", log=Word("logs/run.log"), rate=Word("0")).processes[-1]
-    assert player.parameters["log"].value == str(tmp_path / "logs" / "run.log")
-    assert player.parameters["rate"].value == 0.0
+    assert player.parameters["log"] == str(tmp_path / "logs" / "run.log")
+    assert player.parameters["rate"] == 0.0
     assert player.required
 
 
@@ -146,20 +146,22 @@ groups:
     found = by_name(load(text, parameters={"velocity_controller.max_linear_acceleration": "0.7", "log_rate": "4"}))
     assert list(found) == ["/r1/position_tracker", "/r1/slow_monitor", "/r1/inner/velocity_controller"]
     controller = found["/r1/inner/velocity_controller"]
-    assert {name: (said.value, said.source) for name, said in controller.parameters.items()} == {
+    assert {name: (said[-1].value, said[-1].source) for name, said in controller.settings.items()} == {
         "publish_rate": (13.0, "fleet.yaml:3:33"),  # the most specific entry of the file
         "angular_velocity": (0.12, "later.yaml:1:23"),  # the later file
         "linear_velocity": (0.3, "robot.yaml:15:80"),  # a value of the node over its group's over all files
         "max_linear_acceleration": (0.7, "command line"),
     }
     assert controller.remap == {"cmd_vel": "raw", "odom": "base/odom"}
-    assert controller.sources["remap"] == {"cmd_vel": "robot.yaml:16:21", "odom": "robot.yaml:6:35"}
+    assert {name: str(place) for name, place in controller.sources["remap"].items()} == {
+        "cmd_vel": "robot.yaml:16:21", "odom": "robot.yaml:6:35",
+    }  # fmt: skip
     assert controller.env == {"SPEED": "fast", "MODE": "test"}
     assert values(found["/r1/position_tracker"]) == {"log_rate": 4.0, "max_distance": 5}
     assert values(found["/r1/slow_monitor"]) == {"min_distance": 0.4}
     fast = by_name(load(text, fast="true"))
     assert "/r1/safety_monitor" in fast
-    assert fast["/r1/inner/velocity_controller"].parameters["linear_velocity"].value == 0.9
+    assert fast["/r1/inner/velocity_controller"].parameters["linear_velocity"] == 0.9
     assert fast["/r1/inner/velocity_controller"].env == {"SPEED": "fast"}
 
 

@@ -22,6 +22,7 @@ from robo.supervisor.restart import Restarts
 from robo.supervisor.timing import Started, critical_path
 from robo.supervisor.topic_watch import Flow
 from robo.text.terminal import escaped_json
+from robo.text.tree import Position
 from robo.tools import logs
 from robo.wire.reports import LogRecord, ProcessName
 
@@ -296,9 +297,8 @@ def test_since() -> None:
 
 
 def _flow(min_rate: float | None = None, max_age: float | None = None) -> Flow:
-    promise = TopicPlan(
-        key="r1/scan", type=None, min_rate=min_rate, max_rate=None, max_age=max_age, external=False, source=""
-    )
+    place = Position("m.yaml", 1, 1)
+    promise = TopicPlan(key="r1/scan", min_rate=min_rate, max_age=max_age, source=place)
     return Flow(promise, 0.0)
 
 

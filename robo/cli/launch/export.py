@@ -10,7 +10,7 @@ from robo.errors import UsageError
 from robo.export.compose import dockerfile
 from robo.export.compose import file as compose
 from robo.export.placeholders import Placeholders
-from robo.launch import resolve, substitution
+from robo.launch import resolve
 from robo.launch.faults import ManifestFaults
 from robo.launch.find import names_manifest
 from robo.launch.plan import ProcessPlan
@@ -40,11 +40,10 @@ def export_compose(words: Sequence[str], *, robot: str | None, output: Path | No
     given = {name: Word(value) for name, value in values.items()}
     file = manifest_file(files[0] if files else DEFAULT_MANIFEST)
     names = Placeholders()
-    with substitution.environment(names.environment):
-        if robot is None:
-            robot = names.word(ROBOT_VARIABLE, _resolved(file, given, None).plan.robot)
-        base = _resolved(file, given, robot)
-        more = _profiles(file, given, robot, base)
+    if robot is None:
+        robot = names.word(ROBOT_VARIABLE, _resolved(file, given, None, names).plan.robot)
+    base = _resolved(file, given, robot, names)
+    more = _profiles(file, given, robot, base, names)
     folder = output.parent if output is not None else Path.cwd()
     made_by = " ".join(["robo export compose", *words, *(["--keeper"] if keeper else [])])
     recipe = compose.context(folder) / "Dockerfile"
@@ -72,21 +71,23 @@ def export_dockerfile() -> None:
     sys.stdout.write(dockerfile.TEXT)
 
 
-def _resolved(file: Path, given: Mapping[str, object], robot: str | None) -> Resolution:
-    found = resolve.resolve(file, given, robot=robot)
+def _resolved(file: Path, given: Mapping[str, object], robot: str | None, names: Placeholders) -> Resolution:
+    found = resolve.resolve(file, given, robot=robot, environment=names.environment)
     if found.problems:
         raise ManifestFaults(found.problems)
     return found
 
 
-def _profiles(file: Path, given: Mapping[str, object], robot: str, base: Resolution) -> dict[str, list[ProcessPlan]]:
+def _profiles(
+    file: Path, given: Mapping[str, object], robot: str, base: Resolution, names: Placeholders
+) -> dict[str, list[ProcessPlan]]:
     """What each argument that is false by default adds when it is true, where it changes nothing else."""
     always = {process.full_name: process for process in base.plan.processes}
     found: dict[str, list[ProcessPlan]] = {}
     for name, value in base.plan.arguments.items():
         if value is not False or name in given:
             continue
-        switched = resolve.resolve(file, {**given, name: True}, robot=robot)
+        switched = resolve.resolve(file, {**given, name: True}, robot=robot, environment=names.environment)
         processes = {process.full_name: process for process in switched.plan.processes}
         added = [process for full_name, process in processes.items() if full_name not in always]
         if added and not switched.problems and all(processes.get(name) == process for name, process in always.items()):

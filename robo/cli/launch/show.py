@@ -29,8 +29,21 @@ def arguments_text(file: Path, name: str, description: str, args: Sequence[Argum
 def plan_data(plan: Plan) -> object:
     """The plan for programs, with the words that start each process."""
     data: dict[str, Any] = msgspec.to_builtins(plan)
+    del data["files"]
     for process, described in zip(plan.processes, data["processes"], strict=True):
         described["command"] = process.command()
+        described["parameters"] = {
+            name: {"value": last.value, "source": last.source, "over": weaker}
+            for name, (*weaker, last) in process.settings.items()
+        }
+        del described["settings"]
+        described["source"] = str(process.source)
+        described["sources"] = {
+            what: {name: str(position) for name, position in positions.items()}
+            for what, positions in process.sources.items()
+        }
+    for topic, promised in zip(plan.topics, data["topics"], strict=True):
+        promised["source"] = str(topic.source)
     return jsonable(data)
 
 
@@ -66,9 +79,9 @@ def _process_lines(process: ProcessPlan) -> list[str]:
         lines += [
             f"  {kind:8} {left}{joined}{right}  # {process.sources[kind][left]}" for left, right in entries.items()
         ]
-    width = max(map(len, process.parameters), default=0)
+    width = max(map(len, process.settings), default=0)
     lines += [
-        f"  param    {name:{width}} = {said.value!r}  # {said.source}" for name, said in process.parameters.items()
+        f"  param    {name:{width}} = {last.value!r}  # {last.source}" for name, (*_, last) in process.settings.items()
     ]
     if conditions := ready_text(process.ready):
         lines.append(f"  ready    {conditions}")

@@ -32,7 +32,6 @@ from robo.launch.plan import Plan, ProcessPlan
 from robo.parameters import files as parameter_files
 from robo.parameters.words import parse_value
 from robo.process.spec import NodeSpec
-from robo.wire.codec import jsonable
 
 PORT = 7447
 FILES = "/etc/robo"
@@ -242,9 +241,9 @@ class _Export:
         for path in process.parameter_files:
             command += ["--params-file", self._file(Path(path), files)]
             from_files |= parameter_files.load(path).values_for(process.namespace, process.name)
-        for name, said in process.parameters.items():
-            value = self._brought_in(said.value, files, volumes)
-            if name not in from_files or from_files[name] != said.value or value != said.value:
+        for name, given in process.parameters.items():
+            value = self._brought_in(given, files, volumes)
+            if name not in from_files or from_files[name] != given or value != given:
                 command += ["-p", f"{name}:={_as_word(value)}"]
         for old, new in process.remap.items():
             command += ["-r", f"{old}:={new}"]
@@ -263,14 +262,13 @@ class _Export:
             spec = NodeSpec(
                 name=process.name,
                 namespace=process.namespace,
-                parameters={name: said.value for name, said in process.parameters.items()},
+                settings=process.settings,
                 remappings=process.remap,
                 mode="client",
                 connect=(router,),
             )
             environment[NAMESPACE_VARIABLE] = self._names.shown(process.namespace)
-            plain = msgspec.json.encode(jsonable(msgspec.to_builtins(spec))).decode()
-            environment[SPEC_VARIABLE] = self._names.shown(plain)
+            environment[SPEC_VARIABLE] = self._names.shown(spec.as_json())
         return environment | {name: self._names.shown(value) for name, value in process.env.items()}
 
     def _needs(self, process: ProcessPlan) -> dict[str, dict[str, Any]]:
