@@ -30,21 +30,27 @@ def plan_data(plan: Plan) -> object:
     """The plan for programs, with the words that start each process."""
     data: dict[str, Any] = msgspec.to_builtins(plan)
     del data["files"]
-    for process, described in zip(plan.processes, data["processes"], strict=True):
-        described["command"] = process.command()
-        described["parameters"] = {
-            name: {"value": last.value, "source": last.source, "over": weaker}
-            for name, (*weaker, last) in process.settings.items()
-        }
-        del described["settings"]
-        described["source"] = str(process.source)
-        described["sources"] = {
-            what: {name: str(position) for name, position in positions.items()}
-            for what, positions in process.sources.items()
-        }
+    data["processes"] = list(map(_process_data, plan.processes))
     for topic, promised in zip(plan.topics, data["topics"], strict=True):
         promised["source"] = str(topic.source)
     return jsonable(data)
+
+
+def _process_data(process: ProcessPlan) -> dict[str, Any]:
+    printed = {
+        "settings": {
+            name: {"value": last.value, "source": last.source, "over": weaker}
+            for name, (*weaker, last) in process.settings.items()
+        },
+        "sources": {
+            what: {name: str(position) for name, position in positions.items()}
+            for what, positions in process.sources.items()
+        },
+        "source": str(process.source),
+    }
+    data: dict[str, Any] = msgspec.to_builtins(msgspec.structs.asdict(process) | printed)
+    renamed = {"parameters" if key == "settings" else key: value for key, value in data.items()}
+    return renamed | {"command": process.command()}
 
 
 def plan_text(plan: Plan) -> str:
