@@ -27,7 +27,7 @@ from robo.tools import nodes, runs
 from robo.tools import strangers as unannounced
 from robo.wire import tcp
 from robo.wire.claims import port_taken
-from robo.wire.network import RENDEZVOUS, Network
+from robo.wire.network import PORT, RENDEZVOUS, Network
 from robo.wire.session import close_session, open_session
 
 T = TypeVar("T")
@@ -314,7 +314,7 @@ def _marked(folder: str) -> list[psutil.Process]:
 def _tcp_of(connect: Sequence[str]) -> tuple[str, int]:
     endpoint = next(iter(connect), None) or os.environ.get(CONNECT_VARIABLE, "").split(",")[0] or RENDEZVOUS
     host, _, number = endpoint.rpartition("/")[2].rpartition(":")
-    return (host, int(number)) if number.isdecimal() else ("127.0.0.1", 7447)
+    return (host, int(number)) if number.isdecimal() else ("127.0.0.1", PORT)
 
 
 def _reaches_router(connect: Sequence[str]) -> bool:

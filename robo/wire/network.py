@@ -15,7 +15,10 @@ from robo.text.paths import unnested
 Mode = Literal["peer", "client", "router"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 
-RENDEZVOUS = "tcp/127.0.0.1:7447"
+PORT = 7447
+"""Of routers, unless they are told another one: Zenoh's own."""
+
+RENDEZVOUS = f"tcp/127.0.0.1:{PORT}"
 """Where robots on one machine meet: the first router listens there, the others link to it."""
 
 _SOURCE = re.compile(r" at \S+\.rs:\d+\.?")

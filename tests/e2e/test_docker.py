@@ -16,7 +16,7 @@ import pytest
 import yaml
 import zenoh
 
-from robo.export.compose.file import PACKAGES
+from robo.export.compose.baggage import PACKAGES
 from robo.export.compose.keeper import DELAY
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session

@@ -11,7 +11,7 @@ import yaml
 
 from robo.cli.launch.export import export_compose, export_dockerfile
 from robo.errors import UsageError
-from robo.export.compose.file import MEMORY
+from robo.export.compose.services import MEMORY
 from robo.launch import resolve
 from robo.node.loading import load_node_class
 from robo.process import options as node_options
@@ -101,13 +101,17 @@ groups:
   all:
     namespace: ${robot_name}
     nodes:
-      base: {run: "./driver --port $PORT", env: {PORT: "${env:PORT:-/dev/ttyUSB0}"}, ready: {probe: [test, -e, /tmp/x]}}
+      base:
+        run: ./driver --port $PORT
+        env: {PORT: "${env:PORT:-/dev/ttyUSB0}"}
+        ready: {probe: [test, -e, /tmp/x]}
+        restart: {propagate: true}
       lamp: {run: [python, lamp.py], params: {pin: 3}, stop: TERM}
       web: {run: serve, ready: {port: 8080}}
       position_tracker:
         service: robo_services.position_tracker
         needs: {base: ready, lamp: ready}
-        restart: {policy: always, propagate: true}
+        restart: always
         params: {log_rate: 0.5}
         log: {level: debug}
         cpus: [0, 1]
@@ -136,7 +140,7 @@ groups:
     assert tracker["depends_on"] == {
         "router": {"condition": "service_healthy"},
         "base": {"condition": "service_healthy", "restart": True},
-        "lamp": {"condition": "service_started", "restart": True},
+        "lamp": {"condition": "service_started"},
     }
     assert tracker["command"][-2:] == ["-p", "log_rate:=0.5"]
     assert (tracker["restart"], tracker["cpuset"], tracker["stop_grace_period"]) == ("always", "0,1", "5s")

@@ -1,7 +1,7 @@
 """`robo export`: a manifest in the forms of other systems."""
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from robo.cli.launch.up import DEFAULT_MANIFEST, manifest_file
@@ -9,16 +9,10 @@ from robo.cli.printing import note
 from robo.errors import UsageError
 from robo.export.compose import dockerfile
 from robo.export.compose import file as compose
-from robo.export.placeholders import Placeholders
-from robo.launch import resolve
-from robo.launch.faults import ManifestFaults
+from robo.export.profiles import profiles_of
 from robo.launch.find import names_manifest
-from robo.launch.plan import ProcessPlan
-from robo.launch.resolve import Resolution
 from robo.launch.substitution import Word
 from robo.parameters.words import sorted_out
-
-ROBOT_VARIABLE = "ROBOT_NAME"
 
 
 def export_compose(words: Sequence[str], *, robot: str | None, output: Path | None, keeper: bool = False) -> None:
@@ -38,19 +32,18 @@ def export_compose(words: Sequence[str], *, robot: str | None, output: Path | No
     if len(files) > 1 or not all(map(names_manifest, files)):
         raise UsageError("name one manifest, and arguments as name:=value")
     given = {name: Word(value) for name, value in values.items()}
-    file = manifest_file(files[0] if files else DEFAULT_MANIFEST)
-    names = Placeholders()
-    if robot is None:
-        robot = names.word(ROBOT_VARIABLE, _resolved(file, given, None, names).plan.robot)
-    base = _resolved(file, given, robot, names)
-    more = _profiles(file, given, robot, base, names)
+    profiles = profiles_of(manifest_file(files[0] if files else DEFAULT_MANIFEST), given, robot)
     folder = output.parent if output is not None else Path.cwd()
-    made_by = " ".join(["robo export compose", *words, *(["--keeper"] if keeper else [])])
     recipe = compose.context(folder) / "Dockerfile"
     build = recipe.is_file()
     image = dockerfile.image_for(recipe) if build else dockerfile.IMAGE
     text = compose.export(
-        base.plan, more, names, folder=folder, made_by=made_by, image=image, build=build, keeper=keeper
+        profiles,
+        folder=folder,
+        made_by=" ".join(["robo export compose", *words, *(["--keeper"] if keeper else [])]),
+        image=image,
+        build=build,
+        keeper=keeper,
     )
     if not build:
         note(
@@ -69,27 +62,3 @@ def export_compose(words: Sequence[str], *, robot: str | None, output: Path | No
 def export_dockerfile() -> None:
     """Print a Dockerfile for the package of the current folder."""
     sys.stdout.write(dockerfile.TEXT)
-
-
-def _resolved(file: Path, given: Mapping[str, object], robot: str | None, names: Placeholders) -> Resolution:
-    found = resolve.resolve(file, given, robot=robot, environment=names.environment)
-    if found.problems:
-        raise ManifestFaults(found.problems)
-    return found
-
-
-def _profiles(
-    file: Path, given: Mapping[str, object], robot: str, base: Resolution, names: Placeholders
-) -> dict[str, list[ProcessPlan]]:
-    """What each argument that is false by default adds when it is true, where it changes nothing else."""
-    always = {process.full_name: process for process in base.plan.processes}
-    found: dict[str, list[ProcessPlan]] = {}
-    for name, value in base.plan.arguments.items():
-        if value is not False or name in given:
-            continue
-        switched = resolve.resolve(file, {**given, name: True}, robot=robot, environment=names.environment)
-        processes = {process.full_name: process for process in switched.plan.processes}
-        added = [process for full_name, process in processes.items() if full_name not in always]
-        if added and not switched.problems and all(processes.get(name) == process for name, process in always.items()):
-            found[name] = added
-    return found

@@ -1,0 +1,16 @@
+"""Names for the parts of a Compose file."""
+
+import re
+from itertools import chain, count
+
+
+def slug(text: str) -> str:
+    """A text as a name: what may not stand in one is `_`."""
+    return re.sub(r"[^A-Za-z0-9_]", "_", text)
+
+
+def take(name: str, taken: set[str]) -> str:
+    """A name, or the first of name_2, name_3 … that is not taken; it is then."""
+    free = next(one for one in chain([name], (f"{name}_{number}" for number in count(2))) if one not in taken)
+    taken.add(free)
+    return free
