@@ -86,7 +86,7 @@ class ParameterServer:
         try:
             answer = self._do(key.rpartition("/")[2], _read(payload))
         except (Malformed, ParameterError) as error:
-            queries.reply_error(query, type(error).__name__, str(error))
+            queries.reply_error(query, queries.Fault.of(error))
             return
         self._reply(query, key, answer, in_json=in_json)
 

@@ -77,7 +77,7 @@ class ServiceServer(Generic[Q, A]):
         try:
             request = self._decoder.decode(payload, str(query.encoding))
         except Malformed as reason:
-            queries.reply_error(query, "Malformed", str(reason))
+            queries.reply_error(query, Fault.of(reason))
             return
         try:
             with taking(self._turn, name_of(self._handler), self._loop.spare):
@@ -86,7 +86,7 @@ class ServiceServer(Generic[Q, A]):
                 raise TypeError(f"the handler returned {type(answer).__name__}, not {self._response.__name__}")
             queries.reply(query, key, answer, self._encoding)
         except BaseException as error:
-            queries.reply_error(query, type(error).__name__, str(error))
+            queries.reply_error(query, Fault.of(error))
             self._on_error(error)
         self.served += 1
 

@@ -12,16 +12,13 @@ from typing import Any
 import msgspec
 import zenoh
 
-from robo.errors import RoboError, UsageError
+from robo.errors import RoboError, RunError, UsageError
 from robo.text.levels import level_of
 from robo.text.unreadable import UNREADABLE
 from robo.wire import codec
 from robo.wire.keys import control_key, event_key, log_key
-from robo.wire.queries import QueryLoop, reply, reply_error
-from robo.wire.reports import Event, LogRecord, Request
-
-_LONGEST = 60.0
-"""How long a command may take, s."""
+from robo.wire.queries import Fault, QueryLoop, reply, reply_error
+from robo.wire.reports import COMMAND_LIMIT, Event, LogRecord, LogsRequest
 
 _LARGEST = 100_000
 """A longer request is refused, bytes."""
@@ -29,18 +26,25 @@ _LARGEST = 100_000
 READING = ("ps", "why", "events", "logs", "sites")
 """The verbs that only tell."""
 
-Verb = Callable[[Request], Coroutine[Any, Any, object]]
+Verb = Callable[[LogsRequest], Coroutine[Any, Any, object]]
+"""One that is not `logs` looks at the names alone."""
 
 
 class Control:
     """Answers for one run, from its asyncio loop."""
 
     def __init__(
-        self, session: zenoh.Session, robot: str, verbs: Mapping[str, Verb], loop: asyncio.AbstractEventLoop
+        self,
+        session: zenoh.Session,
+        robot: str,
+        verbs: Mapping[str, Verb],
+        loop: asyncio.AbstractEventLoop,
+        limit: float = COMMAND_LIMIT,
     ) -> None:
-        """`verbs` are called in the loop; a LookupError tells that a name is not known."""
+        """`verbs` are called in the loop; a RoboError of theirs is the answer. One gets `limit` seconds."""
         self._verbs = verbs
         self._loop = loop
+        self._limit = limit
         self._events = session.declare_publisher(event_key(robot), encoding=f"{codec.MSGPACK};supervisor/Event")
         self._output = session.declare_publisher(log_key(robot), encoding=f"{codec.MSGPACK};supervisor/LogRecord")
         self._followed = False
@@ -72,21 +76,30 @@ class Control:
         work = self._verbs[key.rpartition("/")[2]]
         payload = query.payload.to_bytes() if query.payload is not None else b""
         try:
-            answer = asyncio.run_coroutine_threadsafe(work(read_request(payload)), self._loop).result(_LONGEST)
-        except RoboError as error:
-            reply_error(query, type(error).__name__, str(error))
-            return
-        except LookupError as error:
-            reply_error(query, "NodeNotFound", str(error.args[0]))
-            return
-        except (RuntimeError, TimeoutError) as error:
-            reply_error(query, "RoboError", str(error) or f"not done within {_LONGEST:g} s")
+            answer = self._wait_for(work(read_request(payload)))
+        except (RoboError, RuntimeError) as error:  # the latter where the loop has just ended
+            reply_error(query, Fault.of(error))
             return
         reply(query, key, answer)
 
+    def _wait_for(self, work: Coroutine[Any, Any, object]) -> object:
+        """What came of something that is done in the loop.
 
-def read_request(payload: bytes) -> Request:
-    """What a query asks for; an empty one for all.
+        Raises:
+            RunError: it was not done in time; then it is given up.
+        """
+        done = asyncio.run_coroutine_threadsafe(work, self._loop)
+        try:
+            return done.result(self._limit)
+        except TimeoutError:
+            if done.done():  # its own error
+                raise
+            done.cancel()
+            raise RunError(f"not done within {self._limit:g} s") from None
+
+
+def read_request(payload: bytes) -> LogsRequest:
+    """What a query asks for; an empty one for all. Whatever the verb, what `logs` may be asked is no mistake.
 
     Raises:
         UsageError: it is no request; names the field.
@@ -94,7 +107,7 @@ def read_request(payload: bytes) -> Request:
     if len(payload) > _LARGEST:
         raise UsageError(f"the request has {len(payload):,} bytes; it may have {_LARGEST:,}")
     try:
-        asked = msgspec.msgpack.decode(payload, type=Request) if payload else Request()
+        asked = msgspec.msgpack.decode(payload, type=LogsRequest) if payload else LogsRequest()
     except UNREADABLE as error:
         what, _, field = str(error).partition(" - at `$.")
         where = f"{field.rstrip('`')}: " if field else ""

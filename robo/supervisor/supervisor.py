@@ -11,7 +11,7 @@ import signal
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Coroutine, Mapping, Sequence, Set
+from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence, Set
 from contextlib import suppress
 from functools import partial
 
@@ -19,7 +19,7 @@ import msgspec
 import zenoh
 
 from robo.environment import LOG_LEVEL_VARIABLE, RUN_VARIABLE, WATCH_VARIABLE
-from robo.errors import NetworkError
+from robo.errors import NetworkError, NodeNotFound, RunError
 from robo.launch.plan import Plan, ProcessPlan, StopPlan, TopicPlan
 from robo.machine import last_resort, log_space
 from robo.machine.child import Child
@@ -43,7 +43,18 @@ from robo.text.suggestions import suggest
 from robo.wire import claims, discovery, keys, names
 from robo.wire.keys import ClaimToken, NodeToken, SupervisorToken, parse_supervisor_token, supervisors_key
 from robo.wire.network import Network
-from robo.wire.reports import Event, Explanation, LogRecord, Outcome, ProcessName, ProcessStatus, Request, Site, State
+from robo.wire.reports import (
+    Event,
+    Explanation,
+    LogRecord,
+    LogsRequest,
+    Outcome,
+    ProcessName,
+    ProcessStatus,
+    Request,
+    Site,
+    State,
+)
 from robo.wire.run_id import new_run_id
 from robo.wire.session import close_session, open_session
 
@@ -659,7 +670,7 @@ class Supervisor:
         chosen = {m.plan.full_name for m in self._chosen(request)} if request.names else None
         return [event for event in self._events if chosen is None or event.node in chosen]
 
-    async def _past_output(self, request: Request) -> list[LogRecord]:
+    async def _past_output(self, request: LogsRequest) -> list[LogRecord]:
         labels = {member.label for name in request.names for member in self._meant(name).values()}
         labels |= {SUPERVISOR} & {*request.names}
         wanted = Filter(since=request.since, least=request.level)
@@ -671,17 +682,17 @@ class Supervisor:
 
     async def _stop_some(self, request: Request) -> Outcome:
         chosen = self._chosen(request)
-        await asyncio.gather(*(member.stop() for member in chosen))
+        await self._all(member.stop() for member in chosen)
         return self._done(chosen, request)
 
     async def _start_some(self, request: Request) -> Outcome:
         chosen = [member for member in self._chosen(request) if not member.running]
-        await asyncio.gather(*(member.restart("as asked") for member in chosen))
+        await self._all(member.restart("as asked") for member in chosen)
         return self._done(chosen, request)
 
     async def _restart_some(self, request: Request) -> Outcome:
         chosen = self._chosen(request)
-        await asyncio.gather(*(member.restart("as asked") for member in chosen))
+        await self._all(member.restart("as asked") for member in chosen)
         return self._done(chosen, request)
 
     def _done(self, members: Sequence[Member], request: Request) -> Outcome:
@@ -689,7 +700,7 @@ class Supervisor:
 
     async def _down(self, request: Request) -> Outcome:
         if request.names:
-            raise RuntimeError("down ends the whole run and takes no names; stop ends nodes and groups")
+            raise RunError("down ends the whole run and takes no names; stop ends nodes and groups")
         self._say("stopping, as robo down asks")
         asyncio.get_running_loop().call_later(0.05, self._finish, 0)  # the answer leaves before the network does
         return Outcome([*self._members])
@@ -704,7 +715,7 @@ class Supervisor:
             if not means and not self._plan.host:  # another host's supervisor may know it
                 known = [m.label for m in self._members.values()] + [m.plan.group for m in self._members.values()]
                 instead = suggest(name, known, "it has")
-                raise LookupError(f"robot {self._plan.robot} has no node or group {name!r}; {instead}")
+                raise NodeNotFound(f"robot {self._plan.robot} has no node or group {name!r}; {instead}")
             found |= means
         return list(found.values())
 
@@ -860,10 +871,15 @@ class Supervisor:
         # What another host runs is waited for by this supervisor, not by the node itself.
         return name in self._members and self._members[name].plan.ready.when == "node"
 
-    def _do(self, work: Coroutine[object, object, None]) -> None:
+    async def _all(self, works: Iterable[Coroutine[object, object, None]]) -> None:
+        """Do all of it. Whoever waits may give up; what has begun goes on, for a stop may be half done."""
+        await asyncio.gather(*(asyncio.shield(self._do(work)) for work in works))
+
+    def _do(self, work: Coroutine[object, object, None]) -> "asyncio.Task[None]":
         chore: asyncio.Task[None] = asyncio.create_task(work)
         self._chores.add(chore)
         chore.add_done_callback(self._chores.discard)
+        return chore
 
 
 def run(plan: Plan, router: Network, options: Options | None = None) -> int:

@@ -14,17 +14,26 @@ from robo.wire import names
 from robo.wire.discovery import hostname, user
 from robo.wire.keys import SupervisorToken, control_key, event_key, log_key, parse_supervisor_token, supervisors_key
 from robo.wire.queries import Fault, read_fault
-from robo.wire.reports import Event, Explanation, LogRecord, Outcome, ProcessName, ProcessStatus, Request, Site
+from robo.wire.reports import (
+    COMMAND_LIMIT,
+    Event,
+    Explanation,
+    LogRecord,
+    LogsRequest,
+    Outcome,
+    ProcessName,
+    ProcessStatus,
+    Request,
+    Site,
+)
 
 T = TypeVar("T")
-
-_ERRORS = {"NodeNotFound": NodeNotFound, "UsageError": UsageError}
 
 TIMEOUT = 2.0
 """How long to wait for a supervisor's figures, s."""
 
-COMMAND_TIMEOUT = 60.0
-"""How long to wait for a command to be carried out, s."""
+COMMAND_TIMEOUT = COMMAND_LIMIT + 5.0
+"""How long to wait for a command to be carried out, s: until the answer that it took too long has come as well."""
 
 
 def processes(session: zenoh.Session, robot: str | None = None, timeout: float = TIMEOUT) -> list[ProcessStatus]:
@@ -167,7 +176,7 @@ def _not_found(session: zenoh.Session, robot: str, words: Sequence[str]) -> Node
     return NodeNotFound(f"robot {robot} has no node or group {', '.join(words)}; {suggest(words[0], there)}")
 
 
-def output(session: zenoh.Session, robot: str, asked: Request) -> list[LogRecord]:
+def output(session: zenoh.Session, robot: str, asked: LogsRequest) -> list[LogRecord]:
     """What the processes of a robot have printed, on all its hosts, as far as their supervisors keep it.
 
     Raises:
@@ -279,7 +288,7 @@ def _ask(session: zenoh.Session, robot: str, verb: str, asked: Request, kind: ty
         elif (fault := read_fault(reply)) is not None:
             faults.append(fault)
     for fault in faults:
-        raise _ERRORS.get(fault.error, RunError)(fault.message)
+        raise fault.raised()
     if not answers:
         processes(session, robot)  # tells which robots there are
         raise RunError(f"the supervisor of {robot} did not answer within {timeout:g} s")

@@ -13,6 +13,8 @@ from contextlib import suppress
 import msgspec
 import zenoh
 
+from robo import errors
+from robo.errors import RoboError, RunError
 from robo.text.brief import brief_lines
 from robo.text.suggestions import suggest
 from robo.text.unreadable import UNREADABLE
@@ -114,17 +116,19 @@ class QueryLoop:
                     self._answer(query, key)
                 except Exception as error:  # whatever a request brings about, the next one is answered
                     _logger.exception("a query on %s failed", self._name)
-                    reply_error(query, type(error).__name__, str(error))
+                    reply_error(query, Fault.of(error))
             if not keys:
-                reply_error(query, *self._refusal(asked))
+                reply_error(query, self._refusal(asked))
 
-    def _refusal(self, asked: str) -> tuple[str, str]:
+    def _refusal(self, asked: str) -> "Fault":
         """What is said to a query that reaches the queryable and none of its keys."""
         if "*" in asked:
             named = ", ".join(self._acts)
-            return "TooWide", f"a query with wildcards runs nothing; ask for exactly the key that is meant: {named}"
+            return Fault(
+                "TooWide", f"a query with wildcards runs nothing; ask for exactly the key that is meant: {named}"
+            )
         there = [key.rpartition("/")[2] for key in (*self._tells, *self._acts)]
-        return "UsageError", f"nothing is answered on {asked}; {suggest(asked.rpartition('/')[2], there)}"
+        return Fault("UsageError", f"nothing is answered on {asked}; {suggest(asked.rpartition('/')[2], there)}")
 
     def stop(self, timeout: float) -> bool:
         """Take no more queries. Returns whether the handlers came back within `timeout` seconds."""
@@ -143,6 +147,21 @@ class Fault(msgspec.Struct, frozen=True):
     error: str
     """What kind: the name of the exception's class."""
     message: str
+
+    @classmethod
+    def of(cls, error: BaseException) -> "Fault":
+        """What is told of an exception."""
+        return cls(type(error).__name__, str(error))
+
+    def raised(self) -> RoboError:
+        """The error again: of its own class where that is one of robo's, else a RunError."""
+        return _ERRORS.get(self.error, RunError)(self.message)
+
+
+_ERRORS: dict[str, type[RoboError]] = {
+    name: kind for name, kind in vars(errors).items() if isinstance(kind, type) and issubclass(kind, RoboError)
+}
+del _ERRORS[RoboError.__name__]  # it says no more than a RunError, which the tools' callers wait for
 
 
 def first_answer(replies: Iterable[zenoh.Reply]) -> zenoh.Sample | Fault | None:
@@ -170,8 +189,8 @@ def reply(query: zenoh.Query, key: str, value: object, encoding: str = codec.MSG
     query.reply(key, msgspec.msgpack.encode(value), encoding=encoding)
 
 
-def reply_error(query: zenoh.Query, kind: str, message: str) -> None:
+def reply_error(query: zenoh.Query, fault: Fault) -> None:
     """Answer a query with an error."""
     # What a message quotes may be long, and may hold half a surrogate pair, which cannot be sent.
-    text = brief_lines(message).encode("utf-8", "replace").decode()
-    query.reply_err(msgspec.msgpack.encode(Fault(kind, text)), encoding=codec.MSGPACK)
+    text = brief_lines(fault.message).encode("utf-8", "replace").decode()
+    query.reply_err(msgspec.msgpack.encode(Fault(fault.error, text)), encoding=codec.MSGPACK)

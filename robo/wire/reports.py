@@ -137,17 +137,26 @@ class Site(msgspec.Struct, frozen=True):
     """Why it is not reached; empty where that is not known yet."""
 
 
+COMMAND_LIMIT = 60.0
+"""How long a supervisor takes to carry out a command, s; what is not done by then gets an error for an answer."""
+
+
 class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a control verb is to be done to. A field that is not known is refused: `{"name": "x"}` would mean all."""
 
     names: Annotated[list[str], Meta(max_length=1000)] = []
     """Nodes or groups; all where there is none."""
+
+
+class LogsRequest(Request, frozen=True, forbid_unknown_fields=True):
+    """Which lines of output are asked for."""
+
     since: int = 0
-    """For `logs`: no older lines, ns since the epoch."""
+    """No older lines, ns since the epoch."""
     level: Annotated[str, Meta(max_length=100)] | None = None
-    """For `logs`: this level and above."""
+    """This level and above."""
     lines: Annotated[int, Meta(ge=0)] | None = None
-    """For `logs`: only so many, the newest."""
+    """Only so many, the newest."""
 
 
 class Outcome(msgspec.Struct, frozen=True):

@@ -26,7 +26,7 @@ from robo import Node, Parameters
 from robo.wire.codec import pack_attachment
 from robo.wire.keys import EndpointToken, NodeToken, SupervisorToken, control_key, event_key, log_key, status_key
 from robo.wire.network import Network
-from robo.wire.queries import reply_error
+from robo.wire.queries import Fault, reply_error
 from robo.wire.reports import Event, Exit, Explanation, Input, LogRecord, ProcessStatus
 from robo.wire.session import close_session, open_session
 from tests.conftest import free_port
@@ -92,7 +92,7 @@ def _started(node: Node, session: zenoh.Session) -> Iterator[None]:
 
 
 def _refuse(query: zenoh.Query) -> None:
-    reply_error(query, "RoboError", HOSTILE)
+    reply_error(query, Fault("RoboError", HOSTILE))
 
 
 def _supervise(query: zenoh.Query) -> None:

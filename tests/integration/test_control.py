@@ -11,17 +11,18 @@ import pytest
 import zenoh
 
 from robo.supervisor.control import Control
+from robo.tools import runs
 from robo.wire.keys import control_key
 from robo.wire.queries import Fault, read_fault
-from robo.wire.reports import Request
+from robo.wire.reports import COMMAND_LIMIT, LogsRequest
 
 
 @pytest.fixture
-def control(session: zenoh.Session) -> Iterator[list[Request]]:
+def control(session: zenoh.Session) -> Iterator[list[LogsRequest]]:
     """A control of robot r1; what its only verb was asked for."""
-    asked: list[Request] = []
+    asked: list[LogsRequest] = []
 
-    async def logs(what: Request) -> list[str]:
+    async def logs(what: LogsRequest) -> list[str]:
         asked.append(what)
         return []
 
@@ -60,7 +61,7 @@ def ask(session: zenoh.Session, payload: bytes) -> Fault | None:
     ],
 )  # fmt: skip
 def test_nonsense_gets_an_error_that_names_the_field(
-    control: list[Request], other: zenoh.Session, caplog: pytest.LogCaptureFixture, request_: object, named: str
+    control: list[LogsRequest], other: zenoh.Session, caplog: pytest.LogCaptureFixture, request_: object, named: str
 ) -> None:
     fault = ask(other, msgspec.msgpack.encode(request_))
     assert fault is not None
@@ -71,10 +72,10 @@ def test_nonsense_gets_an_error_that_names_the_field(
 
 
 def test_no_bytes_at_all_bring_about_a_traceback(
-    control: list[Request], other: zenoh.Session, caplog: pytest.LogCaptureFixture
+    control: list[LogsRequest], other: zenoh.Session, caplog: pytest.LogCaptureFixture
 ) -> None:
     chance = random.Random(14)
-    good = msgspec.msgpack.encode(Request(["a"], 5, "warn", 3))
+    good = msgspec.msgpack.encode(LogsRequest(["a"], 5, "warn", 3))
     refused = 0
     for _ in range(500):
         payload = bytearray(good)
@@ -87,4 +88,29 @@ def test_no_bytes_at_all_bring_about_a_traceback(
     assert ask(other, b"\x91" * 50_000) is not None
     assert [record for record in caplog.records if record.levelno >= logging.WARNING] == []
     assert ask(other, good) is None
-    assert control[-1] == Request(["a"], 5, "warn", 3)
+    assert control[-1] == LogsRequest(["a"], 5, "warn", 3)
+
+
+def test_what_takes_too_long_is_given_up_and_told(session: zenoh.Session, other: zenoh.Session) -> None:
+    given_up = threading.Event()
+
+    async def stop(_: LogsRequest) -> None:
+        try:
+            await asyncio.sleep(3600)
+        except asyncio.CancelledError:
+            given_up.set()
+            raise
+
+    loop = asyncio.new_event_loop()
+    runner = threading.Thread(target=loop.run_forever)
+    runner.start()
+    try:
+        Control(session, "r1", {"stop": stop}, loop, limit=0.05)
+        (reply,) = other.get(control_key("r1", "stop"), timeout=10.0)
+        assert read_fault(reply) == Fault("RunError", "not done within 0.05 s")
+        assert given_up.wait(10.0), "nobody waits for it any more"
+    finally:
+        loop.call_soon_threadsafe(loop.stop)
+        runner.join()
+        loop.close()
+    assert runs.COMMAND_TIMEOUT > COMMAND_LIMIT, "the answer that it took too long is heard"

@@ -5,7 +5,8 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robo.wire.queries import reached
+from robo.errors import NodeNotFound, NotKept, ParameterError, RoboError, RunError, UsageError
+from robo.wire.queries import Fault, reached
 
 SET = "r1/base/parameters/set"
 GET = "r1/base/parameters/get"
@@ -45,3 +46,25 @@ def test_nothing_acts_but_on_its_own_key(asked: str) -> None:
     except zenoh.ZError:
         return  # no query has such a key
     assert (reached(asked, acts=[key], tells=[]) == [key]) == (asked == key)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        NodeNotFound("no node x"),
+        UsageError("two manifests"),
+        RunError("not done"),
+        ParameterError("a\nb"),
+        NotKept("full"),
+    ],
+)
+def test_an_error_of_robos_is_the_same_at_the_other_end(error: RoboError) -> None:
+    raised = Fault.of(error).raised()
+    assert type(raised) is type(error)
+    assert str(raised) == str(error)
+
+
+@pytest.mark.parametrize("kind", ["RoboError", "ZeroDivisionError", "TooWide", "", "Exception", "__doc__"])
+def test_an_error_of_any_other_kind_is_one_of_the_run(kind: str) -> None:
+    raised = Fault(kind, "it failed").raised()
+    assert (type(raised), str(raised)) == (RunError, "it failed")

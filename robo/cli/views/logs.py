@@ -17,7 +17,7 @@ from robo.errors import RoboError
 from robo.machine.log_files import Filter, log_base
 from robo.supervisor.console import Console
 from robo.tools import logs, runs
-from robo.wire.reports import LogRecord, Request
+from robo.wire.reports import LogRecord, LogsRequest
 from robo.wire.run_id import supervisor_lives
 
 _ASK_TIMEOUT = 0.5
@@ -89,7 +89,7 @@ def _print_from_files(wanted: Wanted, chosen: logs.Run, part: str) -> None:
     with session:
         note(f"{chosen.info.robot}: {problem}; the newest of them come from its supervisor, which keeps 5,000")
         stream = runs.OutputStream(session, chosen.info.robot)
-        asked = Request(sorted(labels), wanted.begin(), wanted.level)
+        asked = LogsRequest(sorted(labels), wanted.begin(), wanted.level)
         printer.show_past(_and_after(filter(wants, logs.read(chosen, labels)), session, chosen.info.robot, asked))
         if wanted.follow:
             printer.show_coming(one for one in stream.coming() if (not labels or one.node in labels) and wants(one))
@@ -114,7 +114,9 @@ def _where_files_lack(chosen: logs.Run) -> tuple[str, zenoh.Session | None]:
     return "", None
 
 
-def _and_after(written: Iterable[LogRecord], session: zenoh.Session, robot: str, asked: Request) -> Iterator[LogRecord]:
+def _and_after(
+    written: Iterable[LogRecord], session: zenoh.Session, robot: str, asked: LogsRequest
+) -> Iterator[LogRecord]:
     """The records of files, and those that a supervisor keeps from after them."""
     last = 0
     for record in written:
@@ -129,7 +131,7 @@ def _print_from_network(wanted: Wanted, reach: Reach) -> None:
         robot, part = runs.target_of(session, reach.robot, wanted.nodes)
         labels = logs.labels_meant(wanted.nodes, [status.name for status in runs.processes(session, robot)], part)
         stream = runs.OutputStream(session, robot)
-        asked = Request(sorted(labels), wanted.begin(), wanted.level, wanted.lines)
+        asked = LogsRequest(sorted(labels), wanted.begin(), wanted.level, wanted.lines)
         found = runs.output(session, robot, asked)
         printer = _Printer(wanted, sorted(labels) or sorted({record.node for record in found}))
         printer.show_past(found)
