@@ -17,7 +17,8 @@ from pathlib import Path
 import psutil
 
 from benchmarks.__main__ import machine
-from robo.tools import admin, nodes, runs
+from robo.tools import nodes, runs
+from robo.wire import admin
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 

@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 import msgspec
 import zenoh
 
-from robo.text.unreadable import UNREADABLE
-from robo.wire import tcp
+from robo.wire import admin, tcp
+from robo.wire.admin import RouterSession
 from robo.wire.reports import Site
 
 _PERIOD = 1.0
@@ -18,23 +18,6 @@ _PERIOD = 1.0
 _PATIENCE = 3.0
 """How long a link may take where somebody answers, s."""
 _ANSWERS_WITHIN = 1.0
-
-
-class Link(msgspec.Struct):
-    """A link of a router, as it tells of it."""
-
-    dst: str = ""
-
-
-class Linked(msgspec.Struct):
-    """Somebody to whom a router is linked."""
-
-    whatami: str = ""
-    links: list[Link] = []
-
-
-class _Router(msgspec.Struct):
-    sessions: list[Linked] = []
 
 
 class Sites:
@@ -61,12 +44,12 @@ class Sites:
             session: a client of the robot's router.
         """
         while self.all:
-            linked = await asyncio.to_thread(_linked, session)
+            linked = await asyncio.to_thread(admin.linked_to, session, _ANSWERS_WITHIN)
             for endpoint in self.all if linked is not None else ():
                 await self._look_at(endpoint, linked or [])
             await asyncio.sleep(_PERIOD)
 
-    async def _look_at(self, endpoint: str, linked: Sequence[Linked]) -> None:
+    async def _look_at(self, endpoint: str, linked: Sequence[RouterSession]) -> None:
         before = self.all[endpoint]
         if await asyncio.to_thread(is_among, endpoint, linked):
             self._change(endpoint, reached=True, reason="")
@@ -92,7 +75,7 @@ class Sites:
             self._warn(f"{endpoint} is not reached: {reason}; {goes_on}")
 
 
-def is_among(endpoint: str, linked: Sequence[Linked]) -> bool:
+def is_among(endpoint: str, linked: Sequence[RouterSession]) -> bool:
     """Whether an endpoint is the far end of one of some links: the same address, or a router of the same host.
 
     The latter where the site has dialled this robot too: then there is one link, and either end may have made it.
@@ -112,16 +95,3 @@ def is_among(endpoint: str, linked: Sequence[Linked]) -> bool:
                 if other_port == port or same_host:
                     return True
     return False
-
-
-def _linked(session: zenoh.Session) -> list[Linked] | None:
-    """To whom the robot's router is linked; None where it does not say."""
-    for zid in session.info.routers_zid():
-        for reply in session.get(f"@/{zid}/router", timeout=_ANSWERS_WITHIN):
-            if reply.ok is None:
-                continue
-            try:
-                return msgspec.json.decode(reply.ok.payload.to_bytes(), type=_Router).sessions
-            except UNREADABLE:
-                continue
-    return None

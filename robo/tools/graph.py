@@ -4,7 +4,7 @@ import zenoh
 
 from robo.text import graph
 from robo.text.graph import Edge, Graph
-from robo.tools import admin
+from robo.wire import admin
 from robo.wire.discovery import tokens
 from robo.wire.keys import NodeToken
 

@@ -9,9 +9,9 @@ import zenoh
 from robo.errors import NodeUnreachable
 from robo.text.graph import SYSTEM_TYPES
 from robo.text.suggestions import closest
-from robo.tools import admin, nodes, runs
-from robo.tools.admin import Link, Router
-from robo.wire import discovery
+from robo.tools import nodes, runs
+from robo.wire import admin, discovery
+from robo.wire.admin import Link, Router
 from robo.wire.discovery import hostname
 from robo.wire.keys import EndpointToken, NodeToken
 from robo.wire.reports import NodeStatus

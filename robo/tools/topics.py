@@ -8,7 +8,8 @@ import zenoh
 from robo.errors import MessageError, TopicNotFound, TopicTaken
 from robo.text.suggestions import suggest
 from robo.text.terminal import visible
-from robo.tools import admin, runs, strangers
+from robo.tools import runs, strangers
+from robo.wire import admin
 from robo.wire.discovery import tokens
 from robo.wire.keys import EndpointToken
 from robo.wire.reports import ProcessStatus

@@ -2,7 +2,8 @@
 
 import pytest
 
-from robo.supervisor.sites import Link, Linked, is_among
+from robo.supervisor.sites import is_among
+from robo.wire.admin import Link, RouterSession
 
 
 @pytest.mark.parametrize(
@@ -20,4 +21,4 @@ from robo.supervisor.sites import Link, Linked, is_among
     ],
 )
 def test_a_site_is_known_by_its_link(endpoint: str, whatami: str, dst: str, reached: bool) -> None:
-    assert is_among(endpoint, [Linked(whatami, [Link(dst)])]) is reached
+    assert is_among(endpoint, [RouterSession("a1", whatami, [Link(dst=dst)])]) is reached

@@ -70,11 +70,20 @@ def routers(session: zenoh.Session, timeout: float) -> list[Router]:
         if reply.ok is None:
             continue
         told = _read(reply.ok, _Router)
-        sessions = [RouterSession(one.peer, one.whatami, one.links) for one in told.sessions]
         name = told.metadata.get("name") if isinstance(told.metadata, dict) else None
         version = told.version.partition("-")[0].removeprefix("v")
-        found.append(Router(told.zid, str(name or ""), version, told.locators, sessions))
+        found.append(Router(told.zid, str(name or ""), version, told.locators, _sessions(told)))
     return sorted(found, key=lambda router: (router.name, router.zid))
+
+
+def linked_to(session: zenoh.Session, timeout: float) -> list[RouterSession] | None:
+    """Who is connected to the router of which a session is a client; None where it does not say."""
+    for zid in session.info.routers_zid():
+        for reply in session.get(f"@/{zid}/router", timeout=timeout):
+            told = _decoded(reply.ok, _Router) if reply.ok is not None else None
+            if told is not None:
+                return _sessions(told)
+    return None
 
 
 class _Declared(msgspec.Struct):
@@ -100,7 +109,15 @@ class _Router(msgspec.Struct):
 
 def _read(sample: zenoh.Sample, kind: type[T]) -> T:
     """What a router says; nothing at all where it is something else that answers."""
+    return _decoded(sample, kind) or kind()
+
+
+def _decoded(sample: zenoh.Sample, kind: type[T]) -> T | None:
     try:
         return msgspec.json.decode(sample.payload.to_bytes(), type=kind)
     except UNREADABLE:
-        return kind()
+        return None
+
+
+def _sessions(told: _Router) -> list[RouterSession]:
+    return [RouterSession(one.peer, one.whatami, one.links) for one in told.sessions]
