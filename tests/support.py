@@ -21,6 +21,11 @@ PATIENCE = 40.0
 """How long an event may take on a machine that is busy with other things, s. Only what fails waits that long."""
 
 
+def lines_of_its_own(output: str) -> list[str]:
+    """What a run says, but for the remains of others that it has cleared away: other tests kill supervisors."""
+    return [line for line in output.splitlines() if "had left behind" not in line]
+
+
 def eventually(condition: Callable[[], bool], what: str, timeout: float = PATIENCE) -> None:
     """Wait until something is true that no event tells of."""
     end = time.monotonic() + timeout

@@ -7,7 +7,7 @@ import pytest
 from robo.wire.keys import NodeToken
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
-from tests.support import Command, eventually, robo, run_robo
+from tests.support import Command, eventually, lines_of_its_own, robo, run_robo
 
 pytestmark = pytest.mark.timeout(120)
 
@@ -31,7 +31,7 @@ def test_a_second_run_of_a_name_is_refused_before_anything_starts(
             assert second.wait(60) == 1
             assert "already (process " in second.output
             assert "stop it with `robo down` or choose another --robot-name" in second.output
-            assert second.output.count("\n") == 0  # nothing of it has even begun
+            assert len(lines_of_its_own(second.output)) == 1  # nothing of it has even begun
         logged = run_robo("logs", "--robot-name", "r1").stdout
         assert "is ready: 4 nodes" in logged  # the run that lives is the one whose logs are shown
         assert first.process.poll() is None
@@ -47,7 +47,7 @@ def test_of_two_that_start_at_once_one_comes_up(endpoint: str, tmp_path: Path) -
             loser, winner = _first_to_end(one, other)
             assert loser.wait() == 1
             assert "already (process " in loser.output
-            assert loser.output.count("\n") == 0
+            assert len(lines_of_its_own(loser.output)) == 1
             winner.wait_for("is ready")
             assert "already" not in winner.output
 
