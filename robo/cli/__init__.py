@@ -32,9 +32,9 @@ def _run() -> None:
         sys.exit(check_health(sys.argv[2:]))
     gc.set_threshold(_COLLECT_AFTER)
     from robo.cli.app import app
-    from robo.cli.verb import keep_only
+    from robo.cli.tree import keep_only
 
-    keep_only(sys.argv[1] if len(sys.argv) > 1 else "")
+    keep_only(app, sys.argv[1] if len(sys.argv) > 1 else "")
     try:
         app(prog_name="robo")
     except SystemExit as end:

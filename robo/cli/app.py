@@ -1,7 +1,6 @@
-"""The command, with all its verbs; those of groups are read when one is called."""
+"""The command, with all its verbs in the order in which help lists them."""
 
-from robo.cli.verb import app
-from robo.cli.verbs import launch as launching
-from robo.cli.verbs import running, system
+from robo.cli.tree import root
+from robo.cli.verbs import manifests, networks, processes, start_stop, system
 
-__all__ = ["app", "launching", "running", "system"]
+app = root((start_stop.verbs, processes.verbs, system.verbs, manifests.verbs, networks.verbs))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import zenoh
 
 TIMEOUT = 0.3
-"""How long somebody who pressed the tabulator waits, s."""
+"""How long whoever pressed Tab waits, s."""
 
 
 def topics(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -105,7 +105,7 @@ def _live(ctx: typer.Context, incomplete: str, find: "Callable[[zenoh.Session], 
 
     given: dict[str, Any] = ctx.params
     with suppress(RoboError):
-        reach = Reach.of(given.get("connect") or (), given.get("robot_name"), TIMEOUT)
+        reach = Reach.of(given.get("connect"), given.get("robot_name"), TIMEOUT)
         with connect_to_robot(reach) as session:
             # A name with control characters, which a shell would print, is a stranger's.
             return sorted(name for name in find(session) if name.startswith(incomplete) and name == visible(name))

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import msgspec
 import zenoh
 
+from robo.cli.endpoints import check_endpoints
 from robo.cli.reach import Reach
 from robo.errors import NetworkError, NodeNotFound
 from robo.text.suggestions import suggest
@@ -20,10 +21,12 @@ def connect_to_robot(reach: Reach) -> zenoh.Session:
     """A session as a client of the robot's router.
 
     Raises:
+        UsageError: a word is not a valid endpoint.
         NetworkError: no robot runs there; tells what was tried and what would start one.
     """
+    check_endpoints(reach.connect)
     network = Network.from_environment("client", reach.connect)
-    zenoh_config(network)  # an endpoint that is none is told first
+    zenoh_config(network)  # what the environment says is told as soon
     begin = time.monotonic()
     wrong = unreached(network.connect, reach)
     if wrong is None:

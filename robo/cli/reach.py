@@ -28,13 +28,16 @@ class Reach(NamedTuple):
     """How long to wait for the network and for an answer, s, if somebody said so."""
 
     @classmethod
-    def of(cls, connect: Sequence[str], robot: str | None, timeout: float | None) -> "Reach":
+    def of(
+        cls, connect: Sequence[str] | None = None, robot_name: str | None = None, timeout: float | None = None
+    ) -> "Reach":
         """What the options say.
 
         Raises:
             InvalidName: the robot's name is empty or breaks the rules.
         """
-        return cls(tuple(connect), names.robot_name(robot) if robot is not None else None, timeout)
+        robot = names.robot_name(robot_name) if robot_name is not None else None
+        return cls(tuple(connect or ()), robot, timeout)
 
     @property
     def timeout(self) -> float:

@@ -12,7 +12,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from robo.cli.launch.up import split_words
+from robo.cli.launch.words import split_words
 from robo.errors import ManifestError, UsageError
 from robo.launch import contracts, language, resolve
 from robo.launch.check import check

@@ -7,7 +7,7 @@ from pathlib import Path
 import robo_messages
 from robo.cli.json_text import document
 from robo.cli.launch.modules import check_nothing_hides_robo
-from robo.cli.launch.up import manifest_file
+from robo.cli.launch.words import manifest_file
 from robo.errors import UsageError
 from robo.launch import faults, missing, resolve
 from robo.launch.check import Findings, check, ends_of

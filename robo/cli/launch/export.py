@@ -4,7 +4,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from robo.cli.launch.up import DEFAULT_MANIFEST, manifest_file
+from robo.cli.launch.words import DEFAULT_MANIFEST, manifest_file
 from robo.cli.printing import note
 from robo.errors import UsageError
 from robo.export.compose import dockerfile

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import msgspec
 
+from robo.cli.endpoints import check_endpoints
 from robo.errors import UnreadableFile, UsageError
 from robo.text.files import read_text
 from robo.wire.network import Network, zenoh_config
@@ -14,9 +15,10 @@ def router_network(listen: Sequence[str], connect: Sequence[str], file: Path | N
     """How a router joins the network, with what a file says in Zenoh's own terms.
 
     Raises:
-        UsageError: the file cannot be read or is no map.
-        NetworkError: Zenoh does not accept an endpoint or a setting.
+        UsageError: a word is not a valid endpoint, or the file cannot be read or is no map.
+        NetworkError: Zenoh does not accept a setting, or an endpoint of the environment.
     """
+    check_endpoints(connect, listen)
     network = Network.from_environment("router", connect, listen)
     network = msgspec.structs.replace(network, name=name, more=_read(file) if file is not None else {})
     zenoh_config(network)  # mistakes are told before anything starts

@@ -1,51 +1,34 @@
 """`robo up`: from words to a plan to a run."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 from robo.cli.json_text import document
 from robo.cli.launch import show
 from robo.cli.launch.background import notify_starter, start_in_background
-from robo.errors import ManifestError, RoboError, UnreadableFile, UsageError
+from robo.cli.launch.request import Request
+from robo.cli.launch.words import assignment, manifest_file, split_words
+from robo.cli.options import words_of
+from robo.errors import RoboError, UnreadableFile, UsageError
 from robo.launch import arguments, faults, missing, reader, resolve
 from robo.launch.check import unmatched
 from robo.launch.faults import ManifestFaults
-from robo.launch.find import find_manifest, names_manifest
 from robo.launch.plan import Plan
 from robo.launch.resolve import Resolution
-from robo.launch.substitution import Word
-from robo.launch.values import Assignment
-from robo.parameters.words import sides_of, sorted_out
 from robo.process import lean
 from robo.supervisor.early import HeadStart, search_path
 from robo.text import levels
 from robo.text.files import read_text
 from robo.text.tree import Problem
 
-DEFAULT_MANIFEST = "robot.yaml"
 
-
-def run_up(
-    words: Sequence[str],
-    *,
-    robot_name: str | None,
-    parameters: Sequence[str],
-    dry_run: bool,
-    show_args: bool,
-    json: bool,
-    connect: Sequence[str],
-    listen: Sequence[str],
-    log_level: str | None,
-    timing: bool,
-    watch: bool,
-    host: str | None,
-    config: Path | None,
-    detach: bool,
-    wait: bool,
-    begun: HeadStart | None,
-) -> int:
+def run_up(request: Request, begun: HeadStart | None) -> int:
     """Do what `robo up` was asked to.
+
+    Args:
+        request: its words and options.
+        begun: what of the run has begun already.
 
     Returns:
         The exit code.
@@ -53,61 +36,92 @@ def run_up(
     Raises:
         RoboError: the words, the manifest or the network are wrong.
     """
-    name, groups, given = split_words(words)
-    if json and not (dry_run or show_args):
-        raise UsageError("--json goes with --dry-run or --show-args")
-    if wait and not detach:
-        raise UsageError("--wait goes with -d: in the foreground `robo up` tells when all is ready")
-    if log_level is not None:
-        levels.level_of(log_level)
+    name, groups, given = split_words(request.words or ())
+    _check_options(request)
     file = manifest_file(name)
-    if show_args:
-        description, args = _arguments_of(file)
-        if json:
-            print(document(args))
-        else:
-            print(show.arguments_text(file, name, description, args))
-        return 0
-    if not dry_run:
+    if request.show_args:
+        return _show_arguments(file, name, request)
+    if not request.dry_run:
         # Before node classes are looked at in a forked process, which then has Zenoh already.
         lean.import_asyncio()
         from robo.cli.launch.network import router_network
         from robo.supervisor import supervisor
 
-        network = router_network(listen, connect, config)
-
-    assignments = [assignment(text) for text in parameters]
+        network = router_network(request.listen or (), request.connect or (), request.config)
+    parameters = [assignment(text) for text in request.param or ()]
 
     def read() -> Resolution:
-        return resolve.resolve(file, given, robot=robot_name, groups=groups, parameters=assignments, host=host)
+        robot, host = request.robot_name, request.host
+        return resolve.resolve(file, given, robot=robot, groups=groups, parameters=parameters, host=host)
 
     found = read()
     problems = found.problems
-    if not dry_run:
+    if not request.dry_run:
         problems = (*problems, *missing.programs(found, search_path()), *missing.files(found))
     if problems:
-        if json:
-            print(document({"faults": faults.as_data(problems)}))
-            return faults.exit_code(problems)
-        raise ManifestFaults(problems)
+        return _refuse(problems, request)
     warnings = [*found.loose, *found.warnings, *(problem for problem, _ in unmatched(found))]
     if warnings:
         print(faults.as_notes(warnings, "warning"), file=sys.stderr)
-    if dry_run:
-        if json:
-            print(document(show.plan_data(found.plan)))
-        else:
-            print(show.plan_text(found.plan))
+    if request.dry_run:
+        print(document(show.plan_data(found.plan)) if request.json else show.plan_text(found.plan))
         return 0
     if not found.plan.processes:
         raise UsageError(f"{found.plan.manifest} starts nothing with these arguments")
-    if detach:
-        options = [f"--robot-name={found.plan.robot}"] + ["--timing"] * timing + ["--watch"] * watch
-        options += [f"--param={text}" for text in parameters] + [f"--log-level={log_level}"] * (log_level is not None)
-        options += [f"--host={host}"] * (host is not None)
-        options += [f"--network-config={config}"] * (config is not None)
-        options += [f"--connect={e}" for e in connect] + [f"--listen={e}" for e in listen]
-        return start_in_background([*words, *options], found.plan.robot, wait=wait)
+    if request.detach:
+        return _start_in_background(request, found.plan.robot)
+    options = supervisor.Options(
+        log_level=request.log_level,
+        timing=request.timing,
+        reload=_reading_again(read) if request.watch else None,
+        notify=notify_starter(),
+        begun=begun,
+    )
+    return supervisor.run(found.plan, network, options)
+
+
+def _check_options(request: Request) -> None:
+    """Refuse what does not go together.
+
+    Raises:
+        UsageError: two options contradict each other, or there is no such level.
+    """
+    if request.json and not (request.dry_run or request.show_args):
+        raise UsageError("--json goes with --dry-run or --show-args")
+    if request.wait and not request.detach:
+        raise UsageError("--wait goes with -d: in the foreground `robo up` tells when all is ready")
+    if request.log_level is not None:
+        levels.level_of(request.log_level)
+
+
+def _show_arguments(file: Path, name: str, request: Request) -> int:
+    problems: list[Problem] = []
+    try:
+        manifest = reader.read(read_text(file), file, problems)
+    except UnreadableFile as error:
+        raise UsageError(f"manifest {file} cannot be read: {error}") from None
+    if manifest is None:
+        raise ManifestFaults(problems)
+    found = arguments.describe(manifest)
+    print(document(found) if request.json else show.arguments_text(file, name, manifest.description, found))
+    return 0
+
+
+def _refuse(problems: tuple[Problem, ...], request: Request) -> int:
+    if not request.json:
+        raise ManifestFaults(problems)
+    print(document({"faults": faults.as_data(problems)}))
+    return faults.exit_code(problems)
+
+
+def _start_in_background(request: Request, robot: str) -> int:
+    """Have another process do the same: here is known already that the manifest is fine, and which robot it is."""
+    same = request._replace(robot_name=robot, detach=False, wait=False)
+    return start_in_background([*(request.words or ()), *words_of(same)], robot, wait=request.wait)
+
+
+def _reading_again(read: Callable[[], Resolution]) -> Callable[[], Plan | str]:
+    """Reads the manifest once more: its plan, or its mistakes."""
 
     def read_again() -> Plan | str:
         try:
@@ -116,65 +130,4 @@ def run_up(
             return str(error)
         return faults.as_text(again.problems) if again.problems else again.plan
 
-    run_options = supervisor.Options(
-        log_level=log_level,
-        timing=timing,
-        reload=read_again if watch else None,
-        notify=notify_starter(),
-        begun=begun,
-    )
-    return supervisor.run(found.plan, network, run_options)
-
-
-def split_words(words: Sequence[str]) -> tuple[str, list[str], dict[str, object]]:
-    """Manifest, groups and arguments: `replay.yaml player log:=run.log`.
-
-    Raises:
-        UsageError: there are two manifests.
-    """
-    manifest: str | None = None
-    groups: list[str] = []
-    others, values = sorted_out(words)
-    for word in others:
-        if names_manifest(word):
-            if manifest is not None:
-                raise UsageError(f"two manifests: {manifest} and {word}; one run takes one (include joins several)")
-            manifest = word
-        else:
-            groups.append(word)
-    return manifest or DEFAULT_MANIFEST, groups, {name: Word(value) for name, value in values.items()}
-
-
-def manifest_file(word: str) -> Path:
-    """The file of a manifest that a command line names.
-
-    Raises:
-        UsageError: there is none.
-    """
-    try:
-        return find_manifest(word)
-    except ManifestError as error:
-        raise UsageError(str(error)) from None
-
-
-def assignment(text: str) -> Assignment:
-    """`-p` of the command line.
-
-    Raises:
-        UsageError: it is none.
-    """
-    left, value = sides_of(text) or ("", "")
-    if not left:
-        raise UsageError(f"-p {text}: write NODE.NAME:=VALUE, for example velocity_controller.linear_velocity:=0.3")
-    return Assignment(left, Word(value))
-
-
-def _arguments_of(file: Path) -> tuple[str, list[arguments.ArgumentInfo]]:
-    problems: list[Problem] = []
-    try:
-        manifest = reader.read(read_text(file), file, problems)
-    except UnreadableFile as error:
-        raise UsageError(f"manifest {file} cannot be read: {error}") from None
-    if manifest is None:
-        raise ManifestFaults(problems)
-    return manifest.description, arguments.describe(manifest)
+    return read_again

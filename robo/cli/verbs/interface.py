@@ -4,10 +4,12 @@ from typing import Annotated
 
 import typer
 
-from robo.cli.verb import Json, JsonLines, TypeName, verb
+from robo.cli.options import Json, JsonLines, TypeName
+from robo.cli.tree import group
+from robo.cli.verb import verb
 from robo.errors import UsageError
 
-verbs = typer.Typer(rich_markup_mode=None)
+verbs = group()
 
 
 @verb(verbs, "list", "robo interface list", "robo interface list --json | jq -r .name")

@@ -4,10 +4,12 @@ from typing import Annotated
 
 import typer
 
+from robo.cli.options import Json, JsonLines, NodeName
 from robo.cli.reach import Reach
-from robo.cli.verb import Json, JsonLines, NodeName, verb
+from robo.cli.tree import group
+from robo.cli.verb import verb
 
-verbs = typer.Typer(rich_markup_mode=None)
+verbs = group()
 
 
 @verb(verbs, "list", "robo node list", "robo node list --json --robot-name r1")

@@ -6,10 +6,12 @@ from typing import Annotated
 import typer
 
 from robo.cli import completion
+from robo.cli.options import Json, JsonLines, NodeName, OptionalNode
 from robo.cli.reach import Reach
-from robo.cli.verb import Json, JsonLines, NodeName, OptionalNode, verb
+from robo.cli.tree import group
+from robo.cli.verb import verb
 
-verbs = typer.Typer(rich_markup_mode=None)
+verbs = group()
 
 Names = Annotated[
     list[str] | None,

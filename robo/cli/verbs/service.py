@@ -5,10 +5,12 @@ from typing import Annotated
 import typer
 
 from robo.cli import completion
+from robo.cli.options import Json, JsonLines
 from robo.cli.reach import Reach
-from robo.cli.verb import Json, JsonLines, verb
+from robo.cli.tree import group
+from robo.cli.verb import verb
 
-verbs = typer.Typer(rich_markup_mode=None)
+verbs = group()
 
 ServiceName = Annotated[
     str,

@@ -1,41 +1,25 @@
-"""`robo graph`, `top` and `net`: the running system as a whole."""
+"""The running system and the machine it runs on: groups of verbs, and `robo top`, `graph`, `net` and `doctor`."""
 
 from typing import Annotated
 
 import typer
 
 from robo.cli import completion
+from robo.cli.options import Json, JsonLines
 from robo.cli.reach import Reach
-from robo.cli.verb import Json, app, verb
+from robo.cli.tree import Section
+from robo.cli.verb import verb
+
+verbs = Section("Running system")
+verbs.group("topic", "Topics")
+verbs.group("node", "Nodes")
+verbs.group("param", "Parameters of running nodes")
+verbs.group("service", "Services")
+verbs.group("interface", "Message and service types")
 
 
 @verb(
-    app,
-    "graph",
-    "robo graph",
-    "robo graph --robot-name r1 --hide-system --format dot | dot -Tsvg > r1.svg",
-    "robo graph --format json | jq '.topics[] | select(.problems != [])'",
-    short_help="Draw nodes, topics and services as they run.",
-)
-def graph(
-    reach: Reach,
-    form: Annotated[str, typer.Option("--format", metavar="FORM", help="text, mermaid, dot or json.")] = "text",
-    json: Annotated[bool, typer.Option("--json", help="As --format json.")] = False,
-    hide_system: Annotated[
-        bool, typer.Option("--hide-system", help="Leave out log, parameter_events and clock.")
-    ] = False,
-) -> None:
-    """Draw nodes, topics and services as they run; dead ends and type clashes are marked.
-
-    `robo check MANIFEST --graph FORM` draws the same of a manifest.
-    """
-    from robo.cli.views.graph import print_graph
-
-    print_graph(reach, form="json" if json else form, hide_system=hide_system)
-
-
-@verb(
-    app,
+    verbs,
     "top",
     "robo top",
     "robo top --robot-name r1",
@@ -60,7 +44,32 @@ def top(
 
 
 @verb(
-    app,
+    verbs,
+    "graph",
+    "robo graph",
+    "robo graph --robot-name r1 --hide-system --format dot | dot -Tsvg > r1.svg",
+    "robo graph --format json | jq '.topics[] | select(.problems != [])'",
+    short_help="Draw nodes, topics and services as they run.",
+)
+def graph(
+    reach: Reach,
+    form: Annotated[str, typer.Option("--format", metavar="FORM", help="text, mermaid, dot or json.")] = "text",
+    json: Annotated[bool, typer.Option("--json", help="As --format json.")] = False,
+    hide_system: Annotated[
+        bool, typer.Option("--hide-system", help="Leave out log, parameter_events and clock.")
+    ] = False,
+) -> None:
+    """Draw nodes, topics and services as they run; dead ends and type clashes are marked.
+
+    `robo check MANIFEST --graph FORM` draws the same of a manifest.
+    """
+    from robo.cli.views.graph import print_graph
+
+    print_graph(reach, form="json" if json else form, hide_system=hide_system)
+
+
+@verb(
+    verbs,
     "net",
     "robo net",
     "robo net --json",
@@ -86,3 +95,27 @@ def net(
     from robo.cli.views.net import print_network
 
     return print_network(nodes or [], reach, json=json)
+
+
+@verb(
+    verbs,
+    "doctor",
+    "robo doctor",
+    "robo doctor --kill-test",
+    "robo doctor --json",
+    short_help="Check this machine.",
+)
+def doctor(
+    reach: Reach,
+    kill_test: Annotated[
+        bool, typer.Option("--kill-test", help="Start a robot, kill -9 its supervisor, and look whether all is gone.")
+    ] = False,
+    json: JsonLines = False,
+) -> int:
+    """Check this machine: Python, packages, ports, multicast, router, clock, permissions, leftovers.
+
+    Exit code: 0 all is well, 1 something has to be mended.
+    """
+    from robo.cli.views.doctor import examine
+
+    return examine(kill_test=kill_test, json=json, connect=reach.connect)

@@ -6,11 +6,13 @@ from typing import Annotated, Literal
 import typer
 
 from robo.cli import completion
+from robo.cli.options import Interval, Json, JsonLines, TopicName, TopicNames, TypeName, Watch
 from robo.cli.reach import Reach
-from robo.cli.verb import Interval, Json, JsonLines, TopicName, TopicNames, TypeName, Watch, verb
+from robo.cli.tree import group
+from robo.cli.verb import verb
 from robo.errors import UsageError
 
-verbs = typer.Typer(rich_markup_mode=None)
+verbs = group()
 
 Count = Annotated[int | None, typer.Option("--count", metavar="N", help="End after N messages.", min=1)]
 Windows = Annotated[int | None, typer.Option("--count", metavar="N", help="End after N windows.", min=1)]

@@ -1,21 +1,20 @@
-"""`robo ps`, `stop`, `start`, `restart`, `down`, `why`, `events`, `logs`: the processes of running robots."""
+"""`robo ps`, `why`, `events` and `logs`: the processes of running robots, and what they have printed."""
 
 from typing import Annotated
 
 import typer
 
 from robo.cli import completion
+from robo.cli.options import Interval, JsonLines, Watch
 from robo.cli.reach import Reach
-from robo.cli.verb import Interval, Json, JsonLines, Watch, app, verb
+from robo.cli.tree import Section
+from robo.cli.verb import verb
 
-Everything = Annotated[
-    list[str],
-    typer.Argument(metavar="NODE|GROUP...", help="Full names, names or groups.", autocompletion=completion.processes),
-]
+verbs = Section("Processes")
 
 
 @verb(
-    app,
+    verbs,
     "ps",
     "robo ps",
     "robo ps --watch",
@@ -29,67 +28,7 @@ def ps(reach: Reach, json: JsonLines = False, watch: Watch = False, interval: In
     print_processes(reach, json=json, watch=watch, interval=interval)
 
 
-@verb(
-    app,
-    "stop",
-    "robo stop velocity_controller",
-    "robo stop control --robot-name r1",
-    short_help="Stop nodes or groups, until `robo start`.",
-)
-def stop(reach: Reach, names: Everything, json: Json = False) -> None:
-    """Stop nodes or groups of a running robot, until `robo start`."""
-    _have_done("stop", names, reach, json=json)
-
-
-@verb(
-    app,
-    "start",
-    "robo start velocity_controller",
-    "robo start /r1/velocity_controller",
-    short_help="Start what has stopped or failed.",
-)
-def start(reach: Reach, names: Everything, json: Json = False) -> None:
-    """Start nodes or groups of a running robot that have stopped or failed."""
-    _have_done("start", names, reach, json=json)
-
-
-@verb(
-    app,
-    "restart",
-    "robo restart position_tracker",
-    "robo restart control --robot-name r1",
-    short_help="Stop nodes or groups and start them again.",
-)
-def restart(reach: Reach, names: Everything, json: Json = False) -> None:
-    """Stop nodes or groups of a running robot and start them again."""
-    _have_done("restart", names, reach, json=json)
-
-
-def _have_done(what: str, names: list[str], reach: Reach, *, json: bool) -> None:
-    from robo.cli.views.runs import command
-
-    command(what, names, reach, json=json)
-
-
-@verb(app, "down", "robo down", "robo down --robot-name r1", "robo down --all", short_help="End the run of a robot.")
-def down(
-    reach: Reach,
-    every: Annotated[
-        bool, typer.Option("--all", help="Every robot on the network, but those of other users of this machine.")
-    ] = False,
-    everyone: Annotated[bool, typer.Option("--everyone", help="Those too.")] = False,
-    timeout: Annotated[float, typer.Option("--timeout", metavar="S", help="How long to wait for its end.")] = 30.0,
-) -> None:
-    """End the run of a robot, wherever it was started, and wait until it is over.
-
-    A robot that is only a part of its run, as one of a fleet is, is stopped, and the run goes on.
-    """
-    from robo.cli.views.runs import down as end
-
-    end(reach, every=every, everyone=everyone, timeout=timeout)
-
-
-@verb(app, "why", "robo why position_tracker", "robo why --json", short_help="Tell why nodes are as they are.")
+@verb(verbs, "why", "robo why position_tracker", "robo why --json", short_help="Tell why nodes are as they are.")
 def why(
     reach: Reach,
     names: Annotated[
@@ -105,7 +44,7 @@ def why(
 
 
 @verb(
-    app,
+    verbs,
     "events",
     "robo events",
     "robo events --json | jq 'select(.event == \"degraded\")'",
@@ -123,7 +62,7 @@ def events(
 
 
 @verb(
-    app,
+    verbs,
     "logs",
     "robo logs",
     "robo logs position_tracker -f",
@@ -159,27 +98,3 @@ def logs(
         print_runs(robot=reach.robot, json=json)
         return
     print_logs(Wanted(nodes or (), follow, lines, since, level, json), reach, run_name)
-
-
-@verb(
-    app,
-    "doctor",
-    "robo doctor",
-    "robo doctor --kill-test",
-    "robo doctor --json",
-    short_help="Check this machine.",
-)
-def doctor(
-    reach: Reach,
-    kill_test: Annotated[
-        bool, typer.Option("--kill-test", help="Start a robot, kill -9 its supervisor, and look whether all is gone.")
-    ] = False,
-    json: JsonLines = False,
-) -> int:
-    """Check this machine: Python, packages, ports, multicast, router, clock, permissions, leftovers.
-
-    Exit code: 0 all is well, 1 something has to be mended.
-    """
-    from robo.cli.views.doctor import examine
-
-    return examine(kill_test=kill_test, json=json, connect=reach.connect)

@@ -1,0 +1,56 @@
+"""`robo export`: a manifest in the form of another system."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robo.cli import completion
+from robo.cli.options import RobotName
+from robo.cli.tree import group
+from robo.cli.verb import verb
+
+verbs = group()
+
+
+@verb(
+    verbs,
+    "compose",
+    "robo export compose launch/mine.yaml > docker-compose.yml",
+    "robo export compose launch/mine.yaml -o docker-compose.yml",
+    "robo export compose robot.yaml use_sim:=false --robot-name r1",
+)
+def export_compose(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[MANIFEST] [NAME:=VALUE]...",
+            help="What to export.",
+            show_default=False,
+            autocompletion=completion.manifests,
+        ),
+    ] = None,
+    robot_name: RobotName = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write it there.")] = None,
+    keeper: Annotated[
+        bool, typer.Option("--keeper", help="With a profile `keeper`: a container that starts killed ones again.")
+    ] = False,
+) -> None:
+    """Write a manifest as a Compose file: a router for each robot, a container for each process.
+
+    The robot's name becomes ${ROBOT_NAME}, unless --robot-name says it; ${env:NAME} becomes ${NAME}. An argument
+    that is false by default, and starts more processes when it is true, becomes a profile. No container holds the
+    engine's socket, unless --keeper asks for a profile with one that does: see `robo keeper --help`.
+    The Dockerfile of the current folder makes the image; where there is none the file builds nothing.
+    """
+    from robo.cli.launch.export import export_compose as write
+
+    write(words or [], robot=robot_name, output=output, keeper=keeper)
+
+
+@verb(verbs, "dockerfile", "robo export dockerfile > Dockerfile")
+def export_dockerfile() -> None:
+    """Print a Dockerfile for nodes of your own: robo's image with the Python package of the current folder."""
+    from robo.cli.launch.export import export_dockerfile as write
+
+    write()
