@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from types import FunctionType, MethodType
 from typing import Any
@@ -188,49 +188,21 @@ def contract_of(cls: type[Declares]) -> Contract:
     timers: list[TimerDeclaration] = []
     services: list[ServiceDeclaration] = []
     clients: list[ClientDeclaration] = []
-    if not (isinstance(cls.Parameters, type) and issubclass(cls.Parameters, parameters.Parameters)):
-        raise ContractError(
-            f"{cls.__name__}.Parameters is a plain class; write class Parameters(robo.Parameters), so that its values"
-            " are checked"
-        )
-    infos = tuple(parameters.describe(cls.Parameters))
+    infos = _parameters(cls)
     for name, member in _members(cls).items():
         mark = getattr(member, MARK, None)
         if mark is not None:
             check_plain(member, f"{cls.__name__}.{name}")
         if isinstance(member, Publisher):
-            _check_type(cls, name, member.message_type)
-            publishers.append(PublisherDeclaration(member.topic, member.message_type, member.depth, name))
-        elif isinstance(mark, SubscribeMark):
-            takes = "subscription's callback takes self, the message and, if it wants, a MessageInfo"
-            message_type = _annotation(cls, name, member, takes, MessageInfo)
-            if mark.sole_source is not None and mark.sole_source not in {i.name for i in infos if i.type == "str"}:
-                raise ContractError(
-                    f"{cls.__name__}.{name}: @subscribe(sole_source={mark.sole_source!r}) names no text parameter "
-                    "of this node"
-                )
-            informed = _function(member).__code__.co_argcount == 3
-            if mark.sole_source is not None and not informed:
-                raise ContractError(f"{cls.__name__}.{name}: a sole source needs a method that takes a MessageInfo too")
-            subscriptions.append(
-                SubscriptionDeclaration(mark.topic, message_type, mark.depth, name, informed, mark.sole_source)
-            )
+            publishers.append(_publisher(cls, name, member))
         elif isinstance(member, Client):
-            _check_type(cls, name, member.request_type)
-            _check_type(cls, name, member.response_type)
-            clients.append(
-                ClientDeclaration(member.service, member.request_type, member.response_type, member.timeout, name)
-            )
+            clients.append(_client(cls, name, member))
+        elif isinstance(mark, SubscribeMark):
+            subscriptions.append(_subscription(cls, name, member, mark, infos))
         elif isinstance(mark, ServiceMark):
-            request_type = _annotation(cls, name, member, "service's method takes self and the request")
-            response_type = _check_type(cls, name, _hints(f"{cls.__name__}.{name}", member).get("return"))
-            services.append(ServiceDeclaration(mark.service, request_type, response_type, name))
+            services.append(_service(cls, name, member, mark))
         elif isinstance(mark, TimerMark):
-            if isinstance(mark.rate, str) and mark.rate not in {info.name for info in infos}:
-                raise ContractError(
-                    f"{cls.__name__}.{name}: @timer(rate={mark.rate!r}) names no parameter of this node"
-                )
-            timers.append(TimerDeclaration(mark.rate, name))
+            timers.append(_timer(cls, name, mark, infos))
     return Contract(
         snake_case(cls.__name__),
         _clean(cls.__dict__.get("__doc__") or ""),
@@ -241,6 +213,57 @@ def contract_of(cls: type[Declares]) -> Contract:
         tuple(clients),
         infos,
     )
+
+
+def _parameters(cls: type[Declares]) -> tuple[hints.ParameterInfo, ...]:
+    if not (isinstance(cls.Parameters, type) and issubclass(cls.Parameters, parameters.Parameters)):
+        raise ContractError(
+            f"{cls.__name__}.Parameters is a plain class; write class Parameters(robo.Parameters), so that its values"
+            " are checked"
+        )
+    return tuple(parameters.describe(cls.Parameters))
+
+
+def _publisher(cls: type[Declares], name: str, declared: Publisher[Any]) -> PublisherDeclaration:
+    _check_type(cls, name, declared.message_type)
+    return PublisherDeclaration(declared.topic, declared.message_type, declared.depth, name)
+
+
+def _client(cls: type[Declares], name: str, declared: Client[Any, Any]) -> ClientDeclaration:
+    _check_type(cls, name, declared.request_type)
+    _check_type(cls, name, declared.response_type)
+    return ClientDeclaration(declared.service, declared.request_type, declared.response_type, declared.timeout, name)
+
+
+def _subscription(
+    cls: type[Declares],
+    name: str,
+    method: Callable[..., Any],
+    mark: SubscribeMark,
+    infos: Sequence[hints.ParameterInfo],
+) -> SubscriptionDeclaration:
+    takes = "subscription's callback takes self, the message and, if it wants, a MessageInfo"
+    message_type = _annotation(cls, name, method, takes, MessageInfo)
+    informed = _function(method).__code__.co_argcount == 3
+    if mark.sole_source is not None and mark.sole_source not in {i.name for i in infos if i.type == "str"}:
+        raise ContractError(
+            f"{cls.__name__}.{name}: @subscribe(sole_source={mark.sole_source!r}) names no text parameter of this node"
+        )
+    if mark.sole_source is not None and not informed:
+        raise ContractError(f"{cls.__name__}.{name}: a sole source needs a method that takes a MessageInfo too")
+    return SubscriptionDeclaration(mark.topic, message_type, mark.depth, name, informed, mark.sole_source)
+
+
+def _service(cls: type[Declares], name: str, method: Callable[..., Any], mark: ServiceMark) -> ServiceDeclaration:
+    request_type = _annotation(cls, name, method, "service's method takes self and the request")
+    response_type = _check_type(cls, name, _hints(f"{cls.__name__}.{name}", method).get("return"))
+    return ServiceDeclaration(mark.service, request_type, response_type, name)
+
+
+def _timer(cls: type[Declares], name: str, mark: TimerMark, infos: Sequence[hints.ParameterInfo]) -> TimerDeclaration:
+    if isinstance(mark.rate, str) and mark.rate not in {info.name for info in infos}:
+        raise ContractError(f"{cls.__name__}.{name}: @timer(rate={mark.rate!r}) names no parameter of this node")
+    return TimerDeclaration(mark.rate, name)
 
 
 def _members(cls: type[Declares]) -> dict[str, Any]:

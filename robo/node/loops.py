@@ -13,6 +13,7 @@ where what has piled up would take a callback longer than `STALE`, it goes on wi
 import threading
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from time import monotonic
 from types import CoroutineType
 from typing import Generic, TypeVar
@@ -125,6 +126,11 @@ class SubscriptionLoop(Generic[M]):
         return not self._thread.is_alive()
 
     def _run(self) -> None:
+        enter(self._turn)
+        with suppress(zenoh.ZError):  # undeclared, and nothing is left in the channel
+            self._receive()
+
+    def _receive(self) -> None:
         # Every message takes this path, so what it needs is in local variables.
         recv, try_recv = self._handler.recv, self._handler.try_recv
         decode, callback = self._decoder.fast, self._callback
@@ -132,7 +138,6 @@ class SubscriptionLoop(Generic[M]):
         turn, backlog, keep_all = self._turn, self._backlog, self._depth == KEEP_ALL
         take_turn, wait_turn, pass_turn, others = turn.try_acquire, turn.wait, turn.release, turn.waiting
         name = self._name
-        enter(turn)
         holding = False
         try:
             while True:
@@ -180,8 +185,6 @@ class SubscriptionLoop(Generic[M]):
                 turn.running = ""
                 pass_turn()
                 holding = False
-        except zenoh.ZError:
-            pass  # undeclared, and nothing is left in the channel
         finally:
             if holding:
                 turn.running = ""
@@ -200,11 +203,9 @@ class SubscriptionLoop(Generic[M]):
     def _cut_back(self, per_message: float) -> None:
         """Keep the newest `depth` of what has piled up if the last of it would wait for more than STALE."""
         try_recv, backlog = self._handler.try_recv, self._backlog
-        try:
+        with suppress(zenoh.ZError):  # undeclared meanwhile: what is in the backlog is all there is
             while (sample := try_recv()) is not None:
                 backlog.append(sample)
-        except zenoh.ZError:
-            pass  # undeclared meanwhile: what is in the backlog is all there is
         if len(backlog) * per_message > STALE:
             while len(backlog) > self._depth:
                 backlog.popleft()

@@ -215,6 +215,7 @@ class TopicSubscription(Endpoint, Generic[M]):
         With an `intake` the callback takes what it makes of each sample as its second argument.
         """
         self._intake = intake
+        self._on_malformed = on_malformed
         depth = token.depth
         channel_type: Any = zenoh.handlers.FifoChannel if depth == KEEP_ALL else zenoh.handlers.RingChannel
         self._loop = SubscriptionLoop(
@@ -224,7 +225,7 @@ class TopicSubscription(Endpoint, Generic[M]):
             turn,
             callback,
             on_error,
-            lambda reason, sample: on_malformed(token.topic, self._loop.malformed, reason, sample),
+            self._report_malformed,
             intake.examine if intake is not None else None,
         )
         super().__init__(session, token)
@@ -259,6 +260,9 @@ class TopicSubscription(Endpoint, Generic[M]):
         if self._intake is not None:
             self._intake.close()
         return self._loop.stop(timeout)
+
+    def _report_malformed(self, reason: str, sample: zenoh.Sample) -> None:
+        self._on_malformed(self.topic, self.malformed, reason, sample)
 
 
 def endpoint_token(
