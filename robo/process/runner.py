@@ -15,8 +15,9 @@ from robo.environment import RUN_VARIABLE
 from robo.errors import RoboError, RunError
 from robo.node import log
 from robo.node.contract import check_constructor
+from robo.node.ending import end_without, exit_code_of, obey
 from robo.node.memory import Memory
-from robo.node.node import Node, exit_code_of
+from robo.node.node import Node
 from robo.process import heartbeat
 from robo.process.endings import end_process, end_with_threads
 from robo.text.terminal import visible
@@ -111,7 +112,7 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
         node.wait()
         node.close()
     except SystemExit as wish:  # of on_start
-        node.obey(wish)
+        obey(node, wish)
     except BaseException as error:
         failure = error
         raise
@@ -127,7 +128,7 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
 
 def _thread_died(node: Node, died: threading.ExceptHookArgs) -> None:
     if died.exc_type is not SystemExit and died.exc_value is not None:  # with that a thread ends as it wants to
-        node.thread_died(died.exc_value)
+        end_without(node, died.exc_value)
 
 
 def _claim_name(full_name: str, network: Network) -> "Claim | None":

@@ -174,8 +174,14 @@ def test_endpoints_made_too_early_are_refused() -> None:
             super().__init__(**options)
             self.create_publisher(Twist, "x")
 
-    with pytest.raises(ContractError, match=r"test_contract\.py:\d+: create_publisher before /early has started"):
-        Early()
+    class Ticking(Node):
+        def __init__(self, **options: Any) -> None:
+            super().__init__(**options)
+            self.create_timer(1.0, lambda: None)  # would never tick: a start makes all anew
+
+    for cls, made in ((Early, "create_publisher before /early"), (Ticking, "create_timer before /ticking")):
+        with pytest.raises(ContractError, match=rf"test_contract\.py:\d+: {made} has started"):
+            cls()
 
 
 def test_depths_and_misuse() -> None:

@@ -1,0 +1,239 @@
+"""A node's time on the network: what it holds from its start to its close, and the order of both."""
+
+import threading
+import time
+from contextlib import ExitStack, nullcontext
+from typing import Protocol
+
+import zenoh
+
+from robo.node import log
+from robo.node.clock import Clock, SimClock
+from robo.node.contract import Contract
+from robo.node.endpoints import Endpoints
+from robo.node.factory import EndpointFactory
+from robo.node.hooks import Hooks, overrides
+from robo.node.identity import Identity
+from robo.node.loops import TimerLoop
+from robo.node.parameter_server import ParameterServer
+from robo.node.status import StatusServer
+from robo.node.topics import TopicPublisher
+from robo.node.troubles import Troubles
+from robo.node.tuning import Tuning
+from robo.node.turn import Turn, taking
+from robo.parameters.model import Parameters
+from robo.wire.network import Network
+from robo.wire.qos import DEFAULT_DEPTH, KEEP_ALL
+from robo.wire.reports import NodeStatus
+from robo.wire.session import close_session, open_session
+from robo_messages import Log, ParameterEvent, Time
+
+STOP_TIMEOUT = 2.0
+"""How long a stop waits for callbacks that are running, all together, s."""
+
+READY_PERIOD = 0.05
+"""How often a node that has a `ready` of its own is asked, s."""
+
+GRACE = 0.1
+"""How long callbacks have at least to return, where `main` took all the time, s."""
+
+
+class Living(Protocol):
+    """What its life needs of a node."""
+
+    contract: Contract
+    full_name: str
+    parameters: Parameters
+    clock: Clock
+    logger: log.NodeLogger
+    exit_code: int
+
+    @property
+    def status(self) -> NodeStatus:
+        """Its counters."""
+
+    def now(self) -> Time:
+        """The time for stamps."""
+
+    def shutdown(self, exit_code: int = 0) -> None:
+        """Tell it to end."""
+
+    def on_start(self) -> None:
+        """See `Hooks`, as for the others."""
+
+    def ready(self) -> bool:
+        """Whether it can do its work."""
+
+    def main(self) -> None:
+        """Its work beside its callbacks."""
+
+    def on_stop(self) -> None:
+        """What it does after its last callback."""
+
+
+class Life:
+    """Joins, runs and leaves: all of the start comes about, or nothing of it stays."""
+
+    def __init__(
+        self,
+        node: Living,
+        session: zenoh.Session | None,
+        identity: Identity,
+        turn: Turn,
+        troubles: Troubles,
+        tuning: Tuning,
+        shutdown: threading.Event,
+    ) -> None:
+        """
+        Args:
+            node: whose life it is.
+            session: the network, which stays its giver's to close; by default one of its own is opened.
+            identity, turn, troubles, tuning: the node's; they outlive it.
+            shutdown: tells the node to end.
+
+        Raises:
+            NetworkError: the network cannot be reached.
+        """
+        self.session = session or open_session(Network.from_environment("router"))
+        self.ends = Endpoints()
+        self.factory = EndpointFactory(self.session, identity, self.ends, turn, troubles)
+        """Makes what is added to `ends`."""
+        self.is_over = False
+        """Whether the node has left the network."""
+        self._node = node
+        self._identity = identity
+        self._turn = turn
+        self._troubles = troubles
+        self._tuning = tuning
+        self._shutdown = shutdown
+        self._owns_session = session is None
+        self._made = ExitStack()
+        """What the end has to undo."""
+        self._on_stop_due = False
+        self._stop_timeout = STOP_TIMEOUT
+        self._token: zenoh.LivelinessToken | None = None
+        self._readiness: TimerLoop | None = None
+        self._main_thread: threading.Thread | None = None
+
+    def begin(self) -> None:
+        """Join the network and begin to run callbacks. Where `on_start` raises, the node has left again."""
+        with ExitStack() as made:  # unwinds, the last thing first, unless all of it comes about
+            made.callback(self._leave)
+            made.callback(self.ends.withdraw)
+            events = self._join(made)
+            made.callback(self._stop_callbacks)
+            self._node.on_start()
+            self._on_stop_due = True
+            self._declare_callbacks()
+            self._run_callbacks(events)
+            self._made = made.pop_all()
+
+    def end(self, timeout: float) -> None:
+        """Stop callbacks, let those that run finish, leave the network. Safe to call twice.
+
+        Args:
+            timeout: how long `main` and all callbacks together may take to return, s.
+        """
+        self._stop_timeout = timeout
+        self._made.close()
+
+    def _join(self, made: ExitStack) -> TopicPublisher[ParameterEvent]:
+        """Make what works without a callback: the log topic, publishers, clients, the status.
+
+        Returns:
+            The publisher of parameter events.
+        """
+        node, make = self._node, self.factory
+        logger = node.logger.logger
+        log_topic = make.publisher(Log, self._identity.absolute("log"), DEFAULT_DEPTH)
+        log_handler = log.BusHandler(log_topic, node.full_name, node.now)
+        logger.addHandler(log_handler)
+        made.callback(logger.removeHandler, log_handler)
+        events = make.publisher(ParameterEvent, self._identity.absolute("parameter_events"), KEEP_ALL)
+        for p in node.contract.publishers:
+            vars(node)[p.attribute] = make.publisher(p.message_type, p.topic, p.depth)
+        for c in node.contract.clients:
+            vars(node)[c.attribute] = make.client(c.request_type, c.response_type, c.service, c.timeout)
+        status = StatusServer(self.session, self._identity, lambda: node.status)
+        made.callback(status.stop, GRACE)
+        return events
+
+    def _declare_callbacks(self) -> None:
+        node, make = self._node, self.factory
+        for served in node.contract.services:
+            make.service(served.request_type, served.response_type, served.service, getattr(node, served.method))
+        for wanted in node.contract.subscriptions:
+            method, sole_source = getattr(node, wanted.method), self._tuning.text(wanted.sole_source)
+            make.subscription(wanted.message_type, wanted.topic, method, wanted.depth, sole_source)
+        for ticking in node.contract.timers:
+            make.timer(self._tuning.period(ticking.rate), getattr(node, ticking.method), node.clock)
+
+    def _run_callbacks(self, events: TopicPublisher[ParameterEvent]) -> None:
+        node, clock = self._node, self._node.clock
+        self._tuning.announce = events.publish
+        if isinstance(clock, SimClock):
+            self.factory.follow_clock(clock)
+        self.ends.begin()
+        parameters = ParameterServer(
+            self.session,
+            self._identity.namespace,
+            self._identity.name,
+            lambda: node.parameters,
+            node.contract.parameters,
+            self._tuning.explain,
+            self._tuning.set,
+        )
+        self.ends.add_other(parameters)
+        if not overrides(node, Hooks.ready):
+            self._declare_ready()
+        else:
+            self._readiness = self.factory.timer(READY_PERIOD, self._check_ready, Clock())
+        if overrides(node, Hooks.main):
+            self._main_thread = threading.Thread(target=self._run_main, name="robo-main", daemon=True)
+            self._main_thread.start()
+
+    def _declare_ready(self) -> None:
+        token = self._identity.token(type(self._node))
+        self._token = self.session.liveliness().declare_token(token.key())
+
+    def _check_ready(self) -> None:
+        if self._token is None and self._readiness is not None and self._node.ready():
+            self._declare_ready()
+            self.ends.drop(self._readiness)
+
+    def _run_main(self) -> None:
+        node = self._node
+        try:
+            node.main()
+        except BaseException as error:
+            self._troubles.handler(node.main)(error)
+            if not isinstance(error, SystemExit):
+                node.exit_code = 1
+        self._shutdown.set()
+
+    def _stop_callbacks(self) -> None:
+        node = self._node
+        deadline = time.monotonic() + self._stop_timeout
+        node.shutdown(node.exit_code)
+        self._tuning.announce = None
+        if self._token is not None:
+            self._token.undeclare()
+            self._token = None
+        if self._main_thread is not None and self._main_thread is not threading.current_thread():
+            self._main_thread.join(self._stop_timeout)
+            deadline = max(deadline, time.monotonic() + GRACE)
+        all_returned = self.ends.stop(deadline)
+        if not all_returned:
+            node.logger.error("a callback did not return within %g s; leaving without it", self._stop_timeout)
+        if self._on_stop_due:
+            self._on_stop_due = False
+            with taking(self._turn, "on_stop") if all_returned else nullcontext():
+                try:
+                    node.on_stop()
+                except BaseException as error:
+                    self._troubles.handler(node.on_stop)(error)
+
+    def _leave(self) -> None:
+        if self._owns_session:
+            close_session(self.session)
+        self.is_over = True
