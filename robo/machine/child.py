@@ -26,9 +26,13 @@ _HEART_BUFFER = 200_000
 class Spawned:
     """The processes that this one has started for a run and waits for: nobody else may collect them."""
 
-    def __init__(self, tell: Callable[[int, bool], None]) -> None:
-        """`tell` takes the id of each that has been started, and True; and of each that has ended, and False."""
-        self._pids: set[int] = set()
+    def __init__(self, watchdog: int, tell: Callable[[int, bool], None]) -> None:
+        """
+        Args:
+            watchdog: the process id of what ends the others where this one cannot; it is not told of itself.
+            tell: takes the id of each that has been started, and True; and of each that has ended, and False.
+        """
+        self._pids = {watchdog}
         self._tell = tell
 
     def add(self, pid: int) -> None:

@@ -23,8 +23,7 @@ class Custody:
         self.run = run
         self.folder = folder
         self._watchdog = watchdog
-        self.spawned = Spawned(watchdog.note)
-        self.spawned.add(watchdog.pid)
+        self.spawned = Spawned(watchdog.pid, watchdog.note)
 
     @classmethod
     def begin(cls, run: str) -> "Custody":
