@@ -18,6 +18,7 @@ from robo.launch.manifest import Until
 from robo.launch.plan import ProcessPlan
 from robo.machine.child import Child, Spawned, describe_exit
 from robo.machine.forks import Template
+from robo.supervisor.changes import Changes
 from robo.supervisor.restart import Restarts
 from robo.supervisor.topic_watch import Flow
 from robo.text.unreadable import UNREADABLE
@@ -37,27 +38,6 @@ _LEAST_MEASURED = 0.5
 """Over how long the processor time of a process is measured at least, s."""
 _LAST_WORDS = 1.0
 """How long a node that hangs is given to say where, s."""
-
-
-class Changes:
-    """Lets tasks wait until something is true; whoever changes anything notifies."""
-
-    def __init__(self) -> None:
-        self._waiting: list[asyncio.Future[None]] = []
-
-    def notify(self) -> None:
-        """Let all who wait look again."""
-        waiting, self._waiting = self._waiting, []
-        for future in waiting:
-            if not future.done():
-                future.set_result(None)
-
-    async def until(self, condition: Callable[[], bool]) -> None:
-        """Wait until something is true."""
-        while not condition():
-            future: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-            self._waiting.append(future)
-            await future
 
 
 class Run(Protocol):
@@ -471,6 +451,10 @@ class Member:
             self._become("stopped", "as asked")
         self._run.changes.notify()
         await self._run.changes.until(lambda: self.state in ("stopped", "completed", "failed"))
+
+    def retire(self) -> None:
+        """The run ends: it is not started any more; if it runs, it goes on until it is told to stop."""
+        self.wanted = False
 
     async def restart(self, why: str) -> None:
         """End it, if it runs, and start it again at once; returns when the new process is there."""

@@ -1,15 +1,147 @@
-"""Which files a run depends on, and which of them have changed."""
+"""`--watch`: which files a run depends on, which of them have changed, and what follows from that."""
 
 import os
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
 from functools import lru_cache
 from importlib.machinery import PathFinder
+from typing import Any, Protocol
 
 import msgspec
 
 from robo.launch.plan import Plan, ProcessPlan
 from robo.text.tree import Position
+
+
+class Process(Protocol):
+    """A process whose files are watched."""
+
+    plan: ProcessPlan
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The source files of a node, as far as it has told them."""
+
+    @property
+    def wanted(self) -> bool:
+        """Whether it is to run."""
+
+    @property
+    def reason(self) -> str:
+        """Why it is in its state."""
+
+    def take_over(self, plan: ProcessPlan) -> None:
+        """Go on by another plan from the next start on."""
+
+    async def restart(self, why: str) -> None:
+        """Start it again."""
+
+
+class Journal(Protocol):
+    """Where mistakes are told."""
+
+    def warn(self, text: str) -> None:
+        """Tell what went wrong."""
+
+
+class Tasks(Protocol):
+    """What does things beside each other."""
+
+    def do(self, work: Coroutine[Any, Any, object]) -> object:
+        """Do something beside the rest."""
+
+
+class Run(Protocol):
+    """What processes come into, and leave."""
+
+    async def add(self, plan: ProcessPlan) -> bool:
+        """Begin to run a process that the run did not have; False where somebody else has its name."""
+
+    async def remove(self, name: str) -> None:
+        """Stop a process, and go on without it."""
+
+
+class Reload:
+    """Goes on with another plan where files have changed: only what is different in it is touched."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        read: Callable[[], Plan | str],
+        processes: Mapping[str, Process],
+        journal: Journal,
+        tasks: Tasks,
+        run: Run,
+    ) -> None:
+        """
+        Args:
+            plan: the present one.
+            read: reads the manifest again, or tells its mistakes.
+            processes: of the run, by full name.
+            journal: is told of mistakes in a manifest.
+            tasks: starts and stops processes beside each other.
+            run: adds and removes them.
+        """
+        self._plan = plan
+        self._wanted = {process.full_name: process for process in plan.processes}
+        self._underway: set[str] = set()
+        """Who is about to come or to go, by full name."""
+        self._read = read
+        self._processes = processes
+        self._journal = journal
+        self._tasks = tasks
+        self._run = run
+        self._watch = FileWatch()
+
+    def look(self) -> None:
+        """See which files have changed, and obey; to be called a few times a second."""
+        touched = self._watch.changed(
+            {"": files_of(self._plan)} | {name: (*p.files, *files_of(p.plan)) for name, p in self._processes.items()}
+        )
+        if "" in touched:
+            plan = self._read()
+            if isinstance(plan, str):
+                for line in plan.splitlines():
+                    self._journal.warn(line)
+            else:
+                self.take_over(plan)
+        for name in touched.keys() - {""}:
+            process = self._processes.get(name)
+            if process is not None and process.wanted and not process.reason.startswith("changed"):
+                self._tasks.do(process.restart(f"changed: {', '.join(sorted(touched[name]))}"))
+
+    def take_over(self, plan: Plan) -> None:
+        """Go on with another plan: only what is different in it is started, stopped, or started again."""
+        self._plan = plan
+        self._wanted = {process.full_name: process for process in plan.processes}
+        for name in self._wanted.keys() & self._processes.keys():
+            self._update(name)
+        for name in self._wanted.keys() ^ self._processes.keys():
+            if name not in self._underway:
+                self._tasks.do(self._come_or_go(name))
+
+    def _update(self, name: str) -> None:
+        """Go on with a process by its new plan; it is started again where that makes a difference."""
+        process, new = self._processes[name], self._wanted[name]
+        if same(process.plan, new):
+            process.plan = new
+        else:
+            process.take_over(new)
+            self._tasks.do(process.restart("changed: its part of the manifest or of its parameter files"))
+
+    async def _come_or_go(self, name: str) -> None:
+        """Add or remove a process, until it is as the newest plan wants it: that may change meanwhile."""
+        self._underway.add(name)
+        try:
+            while (name in self._wanted) != (name in self._processes):
+                if name not in self._wanted:
+                    await self._run.remove(name)
+                elif not await self._run.add(self._wanted[name]):
+                    return
+            if name in self._wanted:
+                self._update(name)
+        finally:
+            self._underway.discard(name)
 
 
 class FileWatch:

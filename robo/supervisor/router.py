@@ -67,6 +67,11 @@ class Router:
         self._fork = template.module([_MODULE]) if template is not None else None
         self._journal = journal
 
+    @property
+    def reached_at(self) -> str:
+        """Where tools and other robots find it, for people."""
+        return ", ".join(one for one in self.network.listen if not one.startswith("unixsock"))
+
     async def start(self) -> None:
         """Start it."""
         await self._process.start([sys.executable, "-m", _MODULE], self._environment, fork=self._fork)

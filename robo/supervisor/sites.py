@@ -4,7 +4,8 @@ import asyncio
 import ipaddress
 import socket
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 import msgspec
 import zenoh
@@ -20,16 +21,24 @@ _PATIENCE = 3.0
 _ANSWERS_WITHIN = 1.0
 
 
+class Journal(Protocol):
+    """Where changes are told."""
+
+    def say(self, text: str) -> None:
+        """Tell what people may want to know."""
+
+    def warn(self, text: str) -> None:
+        """Tell what went wrong."""
+
+
 class Sites:
     """Watches over the links of one robot's router to its sites."""
 
-    def __init__(
-        self, robot: str, endpoints: Sequence[str], warn: Callable[[str], None], say: Callable[[str], None]
-    ) -> None:
-        """`warn` and `say` are told of what changes."""
+    def __init__(self, robot: str, endpoints: Sequence[str], journal: Journal) -> None:
+        """The journal is told of what changes."""
         self.all = {endpoint: Site(robot, endpoint, reached=False, since=time.time_ns()) for endpoint in endpoints}
-        self._warn = warn
-        self._say = say
+        """By endpoint."""
+        self._journal = journal
         self._begin = time.monotonic()
 
     def note(self, unreached: Mapping[str, OSError]) -> None:
@@ -68,11 +77,11 @@ class Sites:
         )
         goes_on = "the robot runs without it, and links to it when it answers"
         if reached and not before.reached:
-            self._say(f"{endpoint} is reached")
+            self._journal.say(f"{endpoint} is reached")
         elif before.reached and not reached:
-            self._warn(f"{endpoint} is lost: {reason}; {goes_on}")
+            self._journal.warn(f"{endpoint} is lost: {reason}; {goes_on}")
         elif not reached and not before.reason:
-            self._warn(f"{endpoint} is not reached: {reason}; {goes_on}")
+            self._journal.warn(f"{endpoint} is not reached: {reason}; {goes_on}")
 
 
 def is_among(endpoint: str, linked: Sequence[RouterSession]) -> bool:

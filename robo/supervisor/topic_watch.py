@@ -2,11 +2,12 @@
 
 import time
 from collections import deque
+from collections.abc import Iterable
 from functools import partial
 
 import zenoh
 
-from robo.launch.plan import TopicPlan
+from robo.launch.plan import ProcessPlan, TopicPlan
 
 _WINDOW = 2.0
 """Over how long a rate is measured at least, s."""
@@ -69,6 +70,16 @@ class Flow:
         needed = max(2.0, min(self.promise.min_rate, 10.0))
         came, span = self.count - before, now - begin
         return came >= needed and came >= self.promise.min_rate * _TOLERANCE * span
+
+
+def promises(topics: Iterable[TopicPlan], processes: Iterable[ProcessPlan]) -> list[TopicPlan]:
+    """The topics whose messages are counted: something is promised of them, or somebody waits for them to be ready."""
+    promised = (one for one in topics if one.min_rate is not None or one.max_age is not None)
+    found = {one.key: one for one in promised if not one.external}
+    for process in processes:
+        for key in process.ready.topics:
+            found.setdefault(key, TopicPlan(key=key, source=process.source))
+    return list(found.values())
 
 
 class TopicWatch:

@@ -53,7 +53,8 @@ class Claim:
             run: the id of the run.
         """
         self._robot = robot
-        self._run = run
+        self.run = run
+        """The id of the run."""
         self.tokens = [self.token_of(name) for name in full_names]
         self.sessions: list[zenoh.Session] = []
         """With the routers that are there already."""
@@ -66,7 +67,7 @@ class Claim:
 
     def token_of(self, full_name: str) -> ClaimToken:
         """The claim of one name by this process."""
-        return ClaimToken(*names.split(full_name), self._robot, os.getpid(), hostname(), self._run)
+        return ClaimToken(*names.split(full_name), self._robot, os.getpid(), hostname(), self.run)
 
     def take(self) -> list[Name]:
         """Claim the names.
@@ -98,7 +99,7 @@ class Claim:
         self._tokens = [declared for session in self.sessions for declared in declare(session, self.tokens)]
         taken = self._taken()
         end = time.monotonic() + GIVES_WAY
-        while taken and all(_gives_way(other, self._run) for other in taken) and time.monotonic() < end:
+        while taken and all(_gives_way(other, self.run) for other in taken) and time.monotonic() < end:
             time.sleep(0.02)
             taken = self._taken()
         if self.sessions:
@@ -148,10 +149,15 @@ class Claim:
         except NetworkError:
             return None
 
+    def others_with(self, session: zenoh.Session, full_name: str) -> list[Name]:
+        """Who else has a name, or claims it, as far as a session sees."""
+        found = dict.fromkeys(names_in_use(session, ANSWERS_WITHIN))
+        return [token for token in found if token.full_name == full_name and token.run != self.run]
+
     def _taken(self) -> list[Name]:
         own = {token.full_name for token in self.tokens}
         found = [token for session in self.sessions for token in names_in_use(session, ANSWERS_WITHIN)]
-        return [token for token in dict.fromkeys(found) if token.full_name in own and token.run != self._run]
+        return [token for token in dict.fromkeys(found) if token.full_name in own and token.run != self.run]
 
     def _wait_for_turn(self) -> None:
         end = time.monotonic() + TURN

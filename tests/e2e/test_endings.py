@@ -21,14 +21,14 @@ supervisor.Control = fails
 """
 HANGS = """\
 import time
-from robo.supervisor import supervisor
+from robo.supervisor import needs, stopping, supervisor
 async def hangs(self): time.sleep(600)
 supervisor.Supervisor._look_after = hangs
-supervisor._LAST_RESORT = supervisor.STOP_LIMIT = 0.5
+stopping.LAST_RESORT = needs.STOP_LIMIT = 0.5
 """
 SHORT = """\
-from robo.supervisor import supervisor
-supervisor._LAST_RESORT = 0.5
+from robo.supervisor import stopping
+stopping.LAST_RESORT = 0.5
 """
 
 
