@@ -15,7 +15,7 @@ from robo.node.factory import EndpointFactory
 from robo.node.hooks import Hooks, overrides
 from robo.node.identity import Identity
 from robo.node.loops import TimerLoop
-from robo.node.parameter_server import ParameterServer
+from robo.node.parameter_server import Answers, ParameterServer
 from robo.node.status import StatusServer
 from robo.node.topics import TopicPublisher
 from robo.node.troubles import Troubles
@@ -174,16 +174,9 @@ class Life:
         if isinstance(clock, SimClock):
             self.factory.follow_clock(clock)
         self.ends.begin()
-        parameters = ParameterServer(
-            self.session,
-            self._identity.namespace,
-            self._identity.name,
-            lambda: node.parameters,
-            node.contract.parameters,
-            self._tuning.explain,
-            self._tuning.set,
-        )
-        self.ends.add_other(parameters)
+        tuning = self._tuning
+        answers = Answers(node.full_name, lambda: node.parameters, node.contract.parameters, tuning.explain, tuning.set)
+        self.ends.add_other(ParameterServer(self.session, self._identity, answers))
         if not overrides(node, Hooks.ready):
             self._declare_ready()
         else:

@@ -19,12 +19,13 @@ import msgspec
 import zenoh
 
 from robo.errors import ParameterError
+from robo.node.identity import Identity
 from robo.parameters import model as parameters
 from robo.parameters.hints import ParameterInfo
 from robo.parameters.model import Parameters
 from robo.text.brief import shown
 from robo.text.suggestions import hint
-from robo.wire import codec, names, queries
+from robo.wire import codec, queries
 from robo.wire.codec import Malformed
 from robo.wire.keys import parameters_key
 from robo.wire.queries import QueryLoop
@@ -39,14 +40,12 @@ MOST_NAMES = 1_000
 READING = ("list", "get", "describe", "explain")
 
 
-class ParameterServer:
-    """Answers queries about a node's parameters."""
+class Answers:
+    """What a node answers to a request about its parameters; knows of no network."""
 
     def __init__(
         self,
-        session: zenoh.Session,
-        namespace: str,
-        node: str,
+        full_name: str,
         current: Callable[[], Parameters],
         infos: Sequence[ParameterInfo],
         explain: Callable[[str], list[Setting]],
@@ -54,49 +53,26 @@ class ParameterServer:
     ) -> None:
         """
         Args:
-            session: the network.
-            namespace, node: whose parameters.
+            full_name: the node's.
             current: the parameters now.
             infos: their descriptions.
             explain: everything that was said of one, from the weakest to what holds.
             set_all: sets several, all or none; raises ParameterError.
         """
-        self._namespace = namespace
-        self._node = node
+        self._full_name = full_name
         self._current = current
         self._infos = {info.name: info for info in infos}
         self._explain = explain
         self._set_all = set_all
-        self._loop = QueryLoop(
-            session,
-            parameters_key(namespace, node, "*"),
-            self._answer,
-            acts=[parameters_key(namespace, node, "set")],
-            tells=[parameters_key(namespace, node, verb) for verb in READING],
-        )
-        self._loop.start()
 
-    def stop(self, timeout: float) -> bool:
-        """Take no more queries. Returns whether the last one was done within `timeout` seconds."""
-        return self._loop.stop(timeout)
+    def to(self, verb: str, payload: bytes) -> object:
+        """The answer as plain data, or Structs.
 
-    def _answer(self, query: zenoh.Query, key: str) -> None:
-        payload = query.payload.to_bytes() if query.payload is not None else b""
-        in_json = payload.lstrip()[:1] in (b"{", b"[") or str(query.encoding).startswith(codec.JSON)
-        try:
-            answer = self._do(key.rpartition("/")[2], _read(payload))
-        except (Malformed, ParameterError) as error:
-            queries.reply_error(query, queries.Fault.of(error))
-            return
-        self._reply(query, key, answer, in_json=in_json)
-
-    def _reply(self, query: zenoh.Query, key: str, value: object, *, in_json: bool) -> None:
-        if in_json:
-            query.reply(key, msgspec.json.encode(codec.jsonable(msgspec.to_builtins(value))), encoding=codec.JSON)
-        else:
-            queries.reply(query, key, value)
-
-    def _do(self, verb: str, request: object) -> object:
+        Raises:
+            Malformed: the request cannot be read, or is too long.
+            ParameterError: it names a parameter that is not there.
+        """
+        request = _read(payload)
         if verb == "set":
             try:
                 self._set_all(_changes(request))
@@ -121,9 +97,45 @@ class ParameterServer:
             raise Malformed("expected {names: [...]}, or nothing for all parameters")
         for name in wanted:
             if not isinstance(name, str) or name not in self._infos:
-                owner = f"/{names.join(self._namespace, self._node)}"
-                raise ParameterError(f"{owner} has no parameter {shown(name)}{hint(str(name), self._infos)}")
+                raise ParameterError(f"{self._full_name} has no parameter {shown(name)}{hint(str(name), self._infos)}")
         return wanted
+
+
+class ParameterServer:
+    """Answers queries about a node's parameters."""
+
+    def __init__(self, session: zenoh.Session, identity: Identity, answers: Answers) -> None:
+        namespace, node = identity.namespace, identity.name
+        self._answers = answers
+        self._loop = QueryLoop(
+            session,
+            parameters_key(namespace, node, "*"),
+            self._answer,
+            acts=[parameters_key(namespace, node, "set")],
+            tells=[parameters_key(namespace, node, verb) for verb in READING],
+        )
+        self._loop.start()
+
+    def stop(self, timeout: float) -> bool:
+        """Take no more queries. Returns whether the last one was done within `timeout` seconds."""
+        return self._loop.stop(timeout)
+
+    def _answer(self, query: zenoh.Query, key: str) -> None:
+        payload = query.payload.to_bytes() if query.payload is not None else b""
+        try:
+            answer = self._answers.to(key.rpartition("/")[2], payload)
+        except (Malformed, ParameterError) as error:
+            queries.reply_error(query, queries.Fault.of(error))
+            return
+        if _is_json(payload, str(query.encoding)):
+            query.reply(key, msgspec.json.encode(codec.jsonable(msgspec.to_builtins(answer))), encoding=codec.JSON)
+        else:
+            queries.reply(query, key, answer)
+
+
+def _is_json(payload: bytes, encoding: str) -> bool:
+    """Whether a request is JSON, and wants to be answered so."""
+    return payload.lstrip()[:1] in (b"{", b"[") or encoding.startswith(codec.JSON)
 
 
 def _read(payload: bytes) -> object:
