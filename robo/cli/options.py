@@ -8,6 +8,7 @@ import typer
 from typer.models import OptionInfo
 
 from robo.cli import completion
+from robo.errors import UsageError
 
 RobotName = Annotated[
     str | None,
@@ -88,3 +89,16 @@ def words_of(given: NamedTuple) -> Iterator[str]:
             yield option
         else:
             yield from (f"{option}={one}" for one in (value if isinstance(value, list) else [value]))
+
+
+def only_one(**switches: bool) -> str | None:
+    """Which of some switches that exclude each other is on.
+
+    Raises:
+        UsageError: two are.
+    """
+    on = [name for name, is_on in switches.items() if is_on]
+    if len(on) > 1:
+        *others, last = (f"--{name.replace('_', '-')}" for name in switches)
+        raise UsageError(f"choose one of {', '.join(others)} and {last}")
+    return on[0] if on else None

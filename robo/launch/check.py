@@ -17,9 +17,7 @@ from robo.text.brief import shown
 from robo.text.suggestions import closest, hint, suggest
 from robo.text.tree import Position, Problem
 from robo.wire import names
-from robo.wire.keys import EndpointKind
-
-_VERBS = {"pub": "publishes", "sub": "subscribes"}
+from robo.wire.keys import VERBS, EndpointKind
 
 
 class TopicEnd(msgspec.Struct, frozen=True):
@@ -35,7 +33,7 @@ class TopicEnd(msgspec.Struct, frozen=True):
 
     def __str__(self) -> str:
         renamed = "" if self.key.endswith(self.topic.strip("/")) else f" (its {self.topic})"
-        return f"{self.node} {_VERBS[self.kind]} {self.type}{renamed}"
+        return f"{self.node} {VERBS[self.kind]} {self.type}{renamed}"
 
 
 class Findings(msgspec.Struct, frozen=True):

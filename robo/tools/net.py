@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from itertools import product
 
 import msgspec
 import zenoh
@@ -13,7 +14,7 @@ from robo.tools import nodes, runs
 from robo.wire import admin, discovery
 from robo.wire.admin import Link, Router
 from robo.wire.discovery import hostname
-from robo.wire.keys import EndpointToken, NodeToken
+from robo.wire.keys import VERBS, EndpointKind, EndpointToken, NodeToken
 from robo.wire.reports import NodeStatus
 
 _PINGS = 5
@@ -246,23 +247,22 @@ def _talk(session: zenoh.Session, a: NodeToken, b: NodeToken, timeout: float) ->
         if isinstance(token, EndpointToken):
             ends.setdefault(token.full_name, []).append(token)
     talks = False
-    for giver, taker, verbs in _PAIRS:
-        for x, y in ((a, b), (b, a)):
-            for given in ends[x.full_name]:
-                for taken in ends[y.full_name]:
-                    if (given.kind, taken.kind) != (giver, taker) or given.topic != taken.topic:
-                        continue
-                    talks = True
-                    text = f"{given.topic}: {x.full_name} {verbs[0]}, {y.full_name} {verbs[1]}"
-                    if given.type_name == taken.type_name:
-                        yield Reason(True, f"{text} ({given.type_name})")
-                    else:
-                        yield Reason(False, f"{text}, but as {given.type_name} and {taken.type_name}: nothing arrives")
+    for kinds, (x, y) in product(_PAIRS, ((a, b), (b, a))):
+        for given, taken in product(ends[x.full_name], ends[y.full_name]):
+            if (given.kind, taken.kind) != kinds or given.topic != taken.topic:
+                continue
+            talks = True
+            text = f"{given.topic}: {x.full_name} {VERBS[given.kind]}, {y.full_name} {VERBS[taken.kind]}"
+            if given.type_name == taken.type_name:
+                yield Reason(True, f"{text} ({given.type_name})")
+            else:
+                yield Reason(False, f"{text}, but as {given.type_name} and {taken.type_name}: nothing arrives")
     if not talks:
         yield from between(a.full_name, b.full_name, ends) or nearly(a.full_name, b.full_name, ends)
 
 
-_PAIRS = (("pub", "sub", ("publishes", "subscribes")), ("srv", "cli", ("serves", "calls")))
+_PAIRS: tuple[tuple[EndpointKind, EndpointKind], ...] = (("pub", "sub"), ("srv", "cli"))
+"""Kinds of ends that meet."""
 
 
 def between(a: str, b: str, ends: Mapping[str, Sequence[EndpointToken]]) -> list[Reason]:
@@ -281,7 +281,7 @@ def between(a: str, b: str, ends: Mapping[str, Sequence[EndpointToken]]) -> list
     return found
 
 
-def _topics(ends: Mapping[str, Sequence[EndpointToken]], node: str, kind: str) -> set[str]:
+def _topics(ends: Mapping[str, Sequence[EndpointToken]], node: str, kind: EndpointKind) -> set[str]:
     return {end.topic for end in ends[node] if end.kind == kind and end.type_name not in SYSTEM_TYPES}
 
 

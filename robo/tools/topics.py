@@ -11,7 +11,7 @@ from robo.text.terminal import visible
 from robo.tools import runs, strangers
 from robo.wire import admin
 from robo.wire.discovery import tokens
-from robo.wire.keys import EndpointToken
+from robo.wire.keys import VERBS, EndpointKind, EndpointToken
 from robo.wire.reports import ProcessStatus
 
 RATES_TIMEOUT = 0.2
@@ -75,7 +75,7 @@ def _topics(session: zenoh.Session, ends: Iterable[EndpointToken], timeout: floa
         # Of a key that nodes of robo's use, who is no node cannot be told from who is one.
         if key not in known:
             _, publishers, subscribers = found.setdefault(key, (set(), set(), set()))
-            (publishers if kind == "publisher" else subscribers).add(f"zenoh:{zid}")
+            (publishers if kind == "pub" else subscribers).add(f"zenoh:{zid}")
     return [
         Topic(key, min(types, default=""), sorted(types), sorted(publishers), sorted(subscribers))
         for key, (types, publishers, subscribers) in sorted(found.items())
@@ -136,8 +136,7 @@ def check_type(session: zenoh.Session, key: str, type_name: str, timeout: float 
     ends = [token for token in _ends(session, timeout) if token.topic == key and token.type_name]
     if ends and type_name not in {token.type_name for token in ends}:
         there = ends[0]
-        verb = "publishes" if there.kind == "pub" else "subscribes"
-        what = visible(f"{there.full_name} {verb} {there.type_name}")
+        what = visible(f"{there.full_name} {VERBS[there.kind]} {there.type_name}")
         raise MessageError(f"{key} is no {type_name}: {what} on it; --force to insist")
 
 
@@ -158,7 +157,7 @@ def check_unpublished(session: zenoh.Session, key: str, timeout: float = 1.0) ->
         )
 
 
-def _sorted(ends: Iterable[EndpointToken], kind: str) -> list[End]:
+def _sorted(ends: Iterable[EndpointToken], kind: EndpointKind) -> list[End]:
     return [
         End(token.full_name, token.type_name, token.depth)
         for token in sorted(ends, key=lambda token: token.full_name)

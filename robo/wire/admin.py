@@ -1,18 +1,18 @@
 """What Zenoh routers know, by their own account: who is connected to them, and what is declared."""
 
 from collections.abc import Iterator
-from typing import Literal, TypeVar
+from typing import TypeVar
 
 import msgspec
 import zenoh
 
 from robo.text.unreadable import UNREADABLE
+from robo.wire.keys import EndpointKind
 
 T = TypeVar("T")
 
-Kind = Literal["publisher", "subscriber"]
-
-_KINDS: tuple[Kind, ...] = ("publisher", "subscriber")
+_ENDS: dict[str, EndpointKind] = {"publisher": "pub", "subscriber": "sub"}
+"""Kinds of ends by the words of Zenoh's keys."""
 
 
 class Link(msgspec.Struct, frozen=True):
@@ -44,14 +44,14 @@ class Router(msgspec.Struct, frozen=True):
     sessions: list[RouterSession]
 
 
-def declared(session: zenoh.Session, timeout: float) -> Iterator[tuple[Kind, str, str]]:
+def declared(session: zenoh.Session, timeout: float) -> Iterator[tuple[EndpointKind, str, str]]:
     """Publishers and subscribers of all processes: what it is, its key, the id of the process.
 
     Subscribers to patterns are left out: they watch, and make no topic. So is this session itself.
     """
     own = str(session.zid())
-    for kind in _KINDS:
-        for reply in session.get(f"@/*/router/{kind}/**", timeout=timeout):
+    for word, kind in _ENDS.items():
+        for reply in session.get(f"@/*/router/{word}/**", timeout=timeout):
             if reply.ok is None:
                 continue
             key = "/".join(str(reply.ok.key_expr).split("/")[4:])

@@ -31,6 +31,8 @@ ALL_TOKENS = f"{PREFIX}/**"
 
 EndpointKind = Literal["pub", "sub", "srv", "cli"]
 ENDPOINT_KINDS: tuple[EndpointKind, ...] = get_args(EndpointKind)
+VERBS: dict[EndpointKind, str] = {"pub": "publishes", "sub": "subscribes", "srv": "serves", "cli": "calls"}
+"""What a node does at each kind of end, for sentences."""
 
 _MOST_DIGITS = 9
 """Of a number in a key: no process id is longer, and no depth of a topic makes sense beyond."""

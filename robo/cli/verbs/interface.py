@@ -4,10 +4,9 @@ from typing import Annotated
 
 import typer
 
-from robo.cli.options import Json, JsonLines, TypeName
+from robo.cli.options import Json, JsonLines, TypeName, only_one
 from robo.cli.tree import group
 from robo.cli.verb import verb
-from robo.errors import UsageError
 
 verbs = group()
 
@@ -41,6 +40,4 @@ def interface_show(
     """Print a type: fields, types, defaults, units."""
     from robo.cli.views.interface import print_type
 
-    if json + json_schema + ros > 1:
-        raise UsageError("choose one of --json, --json-schema and --ros")
-    print_type(type_name, json=json, json_schema=json_schema, ros=ros)
+    print_type(type_name, only_one(json=json, json_schema=json_schema, ros=ros))

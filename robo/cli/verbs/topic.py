@@ -6,11 +6,10 @@ from typing import Annotated, Literal
 import typer
 
 from robo.cli import completion
-from robo.cli.options import Interval, Json, JsonLines, TopicName, TopicNames, TypeName, Watch
+from robo.cli.options import Interval, Json, JsonLines, TopicName, TopicNames, TypeName, Watch, only_one
 from robo.cli.reach import Reach
 from robo.cli.tree import group
 from robo.cli.verb import verb
-from robo.errors import UsageError
 
 verbs = group()
 
@@ -107,9 +106,7 @@ def topic_echo(
     """
     from robo.cli.views.echo import Options, print_messages
 
-    if json + csv + yaml > 1:
-        raise UsageError("choose one of --json, --csv and --yaml")
-    form = "json" if json else "csv" if csv else "yaml" if yaml else "text"
+    form = only_one(json=json, csv=csv, yaml=yaml) or "text"
     options = Options(form=form, fields=field or (), condition=filter_, truncate=truncate)
     return print_messages(keys, reach, options, count=1 if once else count, duration=duration)
 
@@ -157,23 +154,10 @@ def topic_pub(
     Exit code: 0 published, 1 the data or a line are no message of the type or the topic has a publisher, 2 words that
     make no sense.
     """
-    from robo.cli.views.pub import Options, publish, publish_lines
+    from robo.cli.views.pub import Options, publish
 
-    if "-" in (key, type_name, data):
-        if data not in (None, "-") or once:
-            raise UsageError("with - the messages come from standard input: leave DATA and --once out")
-        target = None if key == "-" else key
-        wanted = None if type_name == "-" else type_name
-        return publish_lines(target, wanted, reach, Options(rate, times, wait_for_subscriber, force, beside))
-    if type_name is None:
-        raise UsageError(
-            f"say which type: robo topic pub {key} TYPE DATA, for example geometry/Twist '{{linear: {{x: 0.2}}}}'"
-        )
-    if once and (times is not None or rate is not None):
-        raise UsageError("--once goes without --times and -r")
-    limit = times if times is not None else None if rate is not None else 1
-    publish(key, type_name, data or "{}", reach, Options(rate, limit, wait_for_subscriber, force, beside))
-    return 0
+    options = Options(rate, times, once, wait_for_subscriber, force, beside)
+    return publish(key, type_name, data, reach, options)
 
 
 _FEW = "Exit code 1 where the --duration was over before --count windows, or any, had messages."

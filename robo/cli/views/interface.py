@@ -23,8 +23,12 @@ def print_list(*, json: bool) -> None:
         note(f"left out: {problem}")
 
 
-def print_type(name: str, *, json: bool, json_schema: bool, ros: bool) -> None:
+def print_type(name: str, form: str | None) -> None:
     """Print one type: its fields with types, defaults and units; or as JSON, JSON Schema, or ROS writes it.
+
+    Args:
+        name: of the type.
+        form: `json`, `json_schema` or `ros`; None for people.
 
     Raises:
         MessageError: there is no such type.
@@ -34,13 +38,13 @@ def print_type(name: str, *, json: bool, json_schema: bool, ros: bool) -> None:
         types = [catalogue.find(half) for half in catalogue.halves(name)]
     except robo_messages.UnknownType as error:
         raise MessageError(error.args[0]) from None
-    if ros:
+    if form == "ros":
         print_text(ros_text(name))
-    elif json_schema:
+    elif form == "json_schema":
         schemas = [robo_messages.json_schema(type_) for type_ in types]
         whole = schemas[0] if len(schemas) == 1 else dict(zip(("request", "response"), schemas, strict=True))
         print_text(document(whole))
-    elif json:
+    elif form == "json":
         for type_ in types:
             print_json(catalogue.describe(type_))
     else:

@@ -11,7 +11,7 @@ import robo_messages
 from robo.cli.connection import connect_to_robot
 from robo.cli.printing import amount, hint, note
 from robo.cli.reach import Reach
-from robo.errors import MessageError
+from robo.errors import MessageError, UsageError
 from robo.interfaces import catalogue
 from robo.interfaces.message_input import message_of
 from robo.samples.publishing import Line, Sender, flush, line_of
@@ -33,7 +33,9 @@ class Options(NamedTuple):
     rate: float | None = None
     """Messages a second; None for as they come, and for one a second where there is only one to repeat."""
     times: int | None = None
-    """How many; None for no end."""
+    """How many; None for one, with a rate and for lines for no end."""
+    once: bool = False
+    """A single one."""
     wait: bool = False
     """Nothing before somebody subscribes."""
     force: bool = False
@@ -59,14 +61,36 @@ class Options(NamedTuple):
         return sender
 
 
-def publish(key: str, type_name: str, text: str, reach: Reach, options: Options) -> None:
-    """Publish a message so many times, or until Ctrl-C.
+def publish(key: str, type_name: str | None, data: str | None, reach: Reach, options: Options) -> int:
+    """Publish what the words of a command line say: one message, or with `-` among them the lines of standard input.
+
+    Returns:
+        1 where a line could not be published; the others are.
 
     Raises:
+        UsageError: the words do not go together.
         MessageError: the type is unknown or not the topic's, or the data are no message of it; nothing is published.
-        TopicTaken: somebody publishes the topic already; nothing is published.
+        TopicTaken: somebody publishes a topic already; of lines, what came before is published.
         RoboError: the name makes no sense, or nothing runs.
     """
+    if "-" in (key, type_name, data):
+        if data not in (None, "-") or options.once:
+            raise UsageError("with - the messages come from standard input: leave DATA and --once out")
+        return _publish_lines(None if key == "-" else key, None if type_name == "-" else type_name, reach, options)
+    if type_name is None:
+        raise UsageError(
+            f"say which type: robo topic pub {key} TYPE DATA, for example geometry/Twist '{{linear: {{x: 0.2}}}}'"
+        )
+    if options.once and (options.times is not None or options.rate is not None):
+        raise UsageError("--once goes without --times and -r")
+    if options.times is None and options.rate is None:
+        options = options._replace(times=1)
+    _publish_one(key, type_name, data or "{}", reach, options)
+    return 0
+
+
+def _publish_one(key: str, type_name: str, text: str, reach: Reach, options: Options) -> None:
+    """Publish a message so many times, or until Ctrl-C."""
     message = _message(type_name, text)
     stamped = "now" in text or "auto" in text
     expression = reach.one_key(key, "publish on")
@@ -87,16 +111,8 @@ def publish(key: str, type_name: str, text: str, reach: Reach, options: Options)
             count.end()
 
 
-def publish_lines(key: str | None, type_name: str | None, reach: Reach, options: Options) -> int:
-    """Publish what standard input says, line by line, as it comes or at a rate.
-
-    Returns:
-        1 where a line could not be published; the others are.
-
-    Raises:
-        TopicTaken: somebody publishes a topic already; what came before is published.
-        RoboError: a name makes no sense, or nothing runs.
-    """
+def _publish_lines(key: str | None, type_name: str | None, reach: Reach, options: Options) -> int:
+    """Publish what standard input says, line by line, as it comes or at a rate."""
     if type_name is not None:
         _type(type_name)  # a mistake in it is told before anything is read
     target = reach.one_key(key, "publish on") if key is not None else None
