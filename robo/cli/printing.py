@@ -1,12 +1,12 @@
 """How things are printed: lines, tables, JSON, hints, amounts."""
 
-import os
 import shutil
 import sys
 import time
 from collections.abc import Iterable, Sequence
 
 from robo.cli.json_text import to_json
+from robo.text import colours
 from robo.text.columns import aligned, fitted
 from robo.text.terminal import own, visible
 
@@ -37,13 +37,12 @@ def print_table(rows: Sequence[Sequence[str]], spared: Sequence[str] = ()) -> No
     if spared and sys.stdout.isatty():
         rows = fitted(rows, shutil.get_terminal_size().columns, spared)
     for number, line in enumerate(aligned(rows)):
-        print(paint(line, "1") if number == 0 else line)
+        print(paint(line, colours.BOLD) if number == 0 else line)
 
 
-def paint(text: str, code: str) -> str:
+def paint(text: str, colour: str) -> str:
     """Text in a colour, where a terminal shows it and nobody has said NO_COLOR."""
-    shows = sys.stdout.isatty() and not os.environ.get("NO_COLOR")
-    return own(f"\x1b[{code}m") + text + own("\x1b[0m") if shows else text
+    return own(colours.begin(colour)) + text + own(colours.END) if colours.shown_on(sys.stdout) else text
 
 
 def clear_screen() -> None:

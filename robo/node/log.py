@@ -13,7 +13,8 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from robo.environment import LOG_LEVEL_VARIABLE, SUPERVISED_VARIABLE
-from robo.text.levels import LEVEL_COLOURS, level_name, level_of
+from robo.text import colours
+from robo.text.levels import level_name, level_of
 from robo.text.terminal import visible_but_colours
 from robo_messages import Log, Time
 
@@ -111,8 +112,8 @@ class ConsoleFormatter(logging.Formatter):
         if record.exc_info:
             text += "\n" + self.formatException(record.exc_info)
         shown = f"{level:5}"
-        if self._colour and level in LEVEL_COLOURS:
-            shown = f"\x1b[{LEVEL_COLOURS[level]}m{shown}\x1b[0m"
+        if self._colour and level in colours.LEVELS:
+            shown = colours.painted(shown, colours.LEVELS[level])
         if self._supervised:
             return f"{shown} {text}"
         # As a supervisor does it for its nodes.
@@ -169,7 +170,7 @@ def setup(level: str | None = None, *, colour: bool | None = None) -> None:
         return
     handler = logging.StreamHandler(sys.stderr)
     if colour is None:
-        colour = sys.stderr.isatty() and "NO_COLOR" not in os.environ
+        colour = colours.shown_on(sys.stderr)
     handler.setFormatter(ConsoleFormatter(supervised=is_supervised(), colour=colour))
     logger.addHandler(handler)
 

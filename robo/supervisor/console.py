@@ -3,16 +3,18 @@
 Nothing that a process prints reaches the terminal as a control character, but for its colours where there are colours.
 """
 
-import os
 import sys
 import time
 from collections.abc import Iterable
 from typing import TextIO
 
+from robo.text import colours
 from robo.text.terminal import behind_the_door, visible, visible_but_colours
 
-_NODE_COLOURS = ("36", "32", "35", "34", "33", "96", "92", "95", "94", "93")
-_LEVEL_COLOURS = {"DEBUG": "2", "WARN": "33", "ERROR": "31", "FATAL": "1;31"}
+_NODE_COLOURS = (
+    *(colours.CYAN, colours.GREEN, colours.MAGENTA, colours.BLUE, colours.YELLOW),
+    *(colours.BRIGHT_CYAN, colours.BRIGHT_GREEN, colours.BRIGHT_MAGENTA, colours.BRIGHT_BLUE, colours.BRIGHT_YELLOW),
+)
 SELF = "robo"
 
 
@@ -21,11 +23,11 @@ class Console:
 
     def __init__(self, nodes: Iterable[str], stream: TextIO | None = None, *, colour: bool | None = None) -> None:
         self._stream = stream if stream is not None else behind_the_door(sys.stdout)
-        self._colour = self._stream.isatty() and "NO_COLOR" not in os.environ if colour is None else colour
+        self._colour = colours.shown_on(self._stream) if colour is None else colour
         names = list(nodes)
         self._width = max(map(len, [SELF, *names]))
         self._colours = {name: _NODE_COLOURS[i % len(_NODE_COLOURS)] for i, name in enumerate(names)}
-        self._colours[SELF] = "1"
+        self._colours[SELF] = colours.BOLD
         self._open = True
 
     def line(self, node: str, text: str, *, at: float | None = None) -> None:
@@ -40,7 +42,7 @@ class Console:
     def warn(self, text: str) -> None:
         """Show what went wrong."""
         for line in text.split("\n"):
-            self._write(SELF, self._painted(visible(line, keep="\t"), _LEVEL_COLOURS["ERROR"]))
+            self._write(SELF, self._painted(visible(line, keep="\t"), colours.LEVELS["ERROR"]))
 
     def _write(self, node: str, text: str, at: float | None = None) -> None:
         if not self._open:
@@ -49,7 +51,7 @@ class Console:
         stamp = time.strftime("%H:%M:%S", time.localtime(now)) + f".{int(now * 1000) % 1000:03d}"
         name = self._painted(f"{visible(node):{self._width}} |", self._colours.get(node, "0"))
         try:
-            self._stream.write(f"{self._painted(stamp, '2')} {name} {text}\n")
+            self._stream.write(f"{self._painted(stamp, colours.FAINT)} {name} {text}\n")
             self._stream.flush()
         except OSError:
             # Whoever read us is gone, or the terminal is closed; the robot is looked after all the same.
@@ -57,8 +59,8 @@ class Console:
 
     def _with_level(self, text: str) -> str:
         level = text[:5].rstrip()
-        colour = _LEVEL_COLOURS.get(level)
+        colour = colours.LEVELS.get(level)
         return text if colour is None else self._painted(text[:5], colour) + text[5:]
 
     def _painted(self, text: str, colour: str) -> str:
-        return f"\x1b[{colour}m{text}\x1b[0m" if self._colour else text
+        return colours.painted(text, colour) if self._colour else text

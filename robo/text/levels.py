@@ -1,4 +1,4 @@
-"""Log levels: names, numbers, colours."""
+"""Log levels: names and numbers."""
 
 from robo.errors import UsageError
 
@@ -6,7 +6,6 @@ LEVELS = {"debug": 10, "info": 20, "warn": 30, "warning": 30, "error": 40, "fata
 _NAMES = {10: "DEBUG", 20: "INFO", 30: "WARN", 40: "ERROR", 50: "FATAL"}
 LEVEL_NAMES = frozenset(_NAMES.values())
 """As they stand at the beginning of a line."""
-LEVEL_COLOURS = {"DEBUG": "2", "WARN": "33", "ERROR": "31", "FATAL": "1;31"}
 
 
 def level_of(name: str) -> int:

@@ -29,7 +29,7 @@ from robo_messages import (
     TwistWithCovariance,
     Vector3,
 )
-from robo_services.utils import quaternion_from_yaw
+from robo_services.planar import quaternion_from_yaw
 
 _NANO = 10**9
 _MOST_SECONDS = 2**31

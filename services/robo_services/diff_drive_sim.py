@@ -29,8 +29,8 @@ from robo_services import world
 from robo_services.arrivals import Arrivals
 from robo_services.diff_drive import BaseLimits, DiffDrive
 from robo_services.kinematics import Pose2
+from robo_services.planar import quaternion_from_yaw
 from robo_services.safety import is_finite
-from robo_services.utils import quaternion_from_yaw
 
 
 def _diagonal(*values: float) -> tuple[float, ...]:

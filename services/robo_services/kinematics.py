@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from robo_services.utils import normalize_angle
+from robo_services.planar import normalize_angle
 
 
 class Pose2(NamedTuple):
@@ -41,13 +41,3 @@ def advance(pose: Pose2, linear: float, angular: float, dt: float) -> Pose2:
         pose.y - radius * (math.cos(yaw) - math.cos(pose.yaw)),
         normalize_angle(yaw),
     )
-
-
-def wheel_speeds(linear: float, angular: float, separation: float) -> tuple[float, float]:
-    """Ground speed of the left and right wheel, m/s, for wheels `separation` m apart."""
-    return linear - angular * separation / 2, linear + angular * separation / 2
-
-
-def body_velocity(left: float, right: float, separation: float) -> tuple[float, float]:
-    """Forward velocity (m/s) and yaw rate (rad/s) from wheel speeds, m/s."""
-    return (left + right) / 2, (right - left) / separation

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import msgspec
 
 from robo_messages import Odometry
-from robo_services.utils import angle_difference, yaw_from_quaternion
+from robo_services.planar import angle_difference, yaw_from_quaternion
 
 MARGIN = 1.5
 """How much faster than its limits a base may seem: wheels slip, and clocks jitter."""

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from robo_services import carmen
 from robo_services.carmen import LogError, Malformed, Motion, Record, Rewritten, Scan
 from robo_services.carmen_player import line_ranges
-from robo_services.utils import yaw_from_quaternion
+from robo_services.planar import yaw_from_quaternion
 from tests import room_log
 
 ODOM = "ODOM 1.5 -2 0.5 0.3 0.1 0 976052857.350191 host 10.5"

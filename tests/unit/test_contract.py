@@ -218,7 +218,7 @@ def test_services_are_found_by_name() -> None:
         ("robo_services.position_traker", "did you mean robo_services.position_tracker"),
         ("nowhere", "there is no service 'nowhere'"),
         ("robo_services.position_tracker:Tracker", "it has PositionTracker"),
-        ("robo_services.utils", "defines no node class"),
+        ("robo_services.planar", "defines no node class"),
         ("./nodes/grip.py", "is a file; write its module, nodes.grip"),
         ("robo_services", "defines no node class; it has robo_services.arrivals, "),
         ("position_tracker", "did you mean robo_services.position_tracker?"),

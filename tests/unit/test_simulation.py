@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from robo_services import world
 from robo_services.diff_drive import BaseLimits, DiffDrive
-from robo_services.kinematics import Pose2, advance, body_velocity, wheel_speeds
+from robo_services.kinematics import Pose2, advance
 from robo_services.world import Box, Circle, Laser, World, WorldError
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -36,13 +36,6 @@ def test_an_arc_is_exact_whatever_the_step(linear: float, angular: float, dt: fl
         many = advance(many, linear, angular, dt / parts)
     assert (once.x, once.y) == pytest.approx((many.x, many.y), abs=1e-5)
     assert math.remainder(once.yaw - many.yaw, math.tau) == pytest.approx(0, abs=1e-9)
-
-
-@given(st.floats(-2, 2), st.floats(-3, 3), st.floats(0.1, 1))
-def test_wheels_and_body_agree(linear: float, angular: float, separation: float) -> None:
-    assert body_velocity(*wheel_speeds(linear, angular, separation), separation) == pytest.approx(
-        (linear, angular), abs=1e-12
-    )
 
 
 def test_the_laser_sees_the_walls_of_a_room() -> None:

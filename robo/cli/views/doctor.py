@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 
 from robo.cli.printing import paint, print_json, print_line
+from robo.text import colours
 from robo.tools import doctor
 
-_MARKS = {"ok": ("ok", "32"), "note": ("note", "33"), "fault": ("FAULT", "31")}
+_MARKS = {"ok": ("ok", colours.GREEN), "note": ("note", colours.YELLOW), "fault": ("FAULT", colours.RED)}
 
 
 def examine(*, kill_test: bool, json: bool, connect: Sequence[str]) -> int:

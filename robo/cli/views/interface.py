@@ -7,6 +7,7 @@ from robo.errors import MessageError
 from robo.interfaces import catalogue
 from robo.interfaces.catalogue import FieldInfo
 from robo.interfaces.ros_text import ros_text
+from robo.text import colours
 from robo_messages import Message
 
 
@@ -56,7 +57,7 @@ def print_type(name: str, form: str | None) -> None:
 
 def _print(type_: type[Message]) -> None:
     interface = catalogue.describe(type_)
-    print_line(paint(interface.name, "1"))
+    print_line(paint(interface.name, colours.BOLD))
     for line in interface.description.splitlines():
         print_line(f"  {line}".rstrip())
     for name, value in interface.constants.items():

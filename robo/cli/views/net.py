@@ -6,6 +6,7 @@ from robo.cli.connection import connect_to_robot
 from robo.cli.printing import paint, print_json, print_line, print_table
 from robo.cli.reach import Reach
 from robo.errors import UsageError
+from robo.text import colours
 from robo.tools import net
 from robo.tools.net import Network
 
@@ -30,7 +31,9 @@ def print_network(names: Sequence[str], reach: Reach, *, json: bool) -> int:
                 print_json({"nodes": names, "fine": all(r.fine for r in reasons), "reasons": reasons})
             else:
                 for reason in reasons:
-                    print_line(f"{paint('ok', '32') if reason.fine else paint('!!', '31')}  {reason.text}")
+                    print_line(
+                        f"{paint('ok', colours.GREEN) if reason.fine else paint('!!', colours.RED)}  {reason.text}"
+                    )
             return 0 if all(reason.fine for reason in reasons) else 1
         seen = net.look(session, timeout)
     if json:
@@ -46,7 +49,7 @@ def _print(seen: Network, reach: Reach) -> None:
         print_line(f"  {link.src} → {link.dst}")
     for router in seen.routers:
         print_line("")
-        print_line(f"{paint(seen.names.get(router.zid, 'router'), '1')}  zenoh {router.version}  {router.zid}")
+        print_line(f"{paint(seen.names.get(router.zid, 'router'), colours.BOLD)}  zenoh {router.version}  {router.zid}")
         print_line(f"  listens at {', '.join(router.locators) or 'nowhere'}")
         for one in sorted(router.sessions, key=lambda one: (one.whatami, seen.names.get(one.zid, ""))):
             who = "this command" if one.zid == seen.zid else seen.names.get(one.zid, f"zenoh:{one.zid}")
@@ -69,7 +72,7 @@ def _print(seen: Network, reach: Reach) -> None:
         ]
         print_table([head, *rows])
     for problem in seen.problems:
-        print_line(f"{paint('!!', '31')}  {problem}")
+        print_line(f"{paint('!!', colours.RED)}  {problem}")
 
 
 def _milliseconds(seconds: float | None) -> str:

@@ -18,6 +18,7 @@ from robo.cli.printing import (
 )
 from robo.cli.reach import Reach
 from robo.cli.views.runs import duration
+from robo.text import colours
 from robo.text.columns import aligned
 from robo.tools import nodes
 from robo.tools.nodes import NodeInfo
@@ -90,7 +91,7 @@ def _lines(info: NodeInfo) -> list[str]:
         ("timers", ", ".join(f"{name} skipped {count} ticks" for name, count in info.missed.items())),
         ("errors", f"its callbacks raised {info.callback_errors} exceptions" if info.callback_errors else ""),
     ]
-    lines = [paint(info.node, "1"), *(f"  {label:9} {text}" for label, text in facts if text)]
+    lines = [paint(info.node, colours.BOLD), *(f"  {label:9} {text}" for label, text in facts if text)]
     rows = [
         (p.topic, p.type, depth_text(p.depth), f"{p.rate:.1f} Hz", f"{p.published} published") for p in info.publishers
     ]
@@ -134,7 +135,7 @@ def print_contract(service: str, *, json: bool) -> None:
     if json:
         print_json({"class_name": f"{node_class.__module__}:{node_class.__qualname__}", **contract_data(contract)})
         return
-    print_line(paint(f"{node_class.__module__}:{node_class.__qualname__}", "1"))
+    print_line(paint(f"{node_class.__module__}:{node_class.__qualname__}", colours.BOLD))
     if contract.description:
         print_text(f"{contract.description}\n")
     print_text(contract_text(contract))

@@ -21,12 +21,20 @@ from robo.cli.printing import (
 )
 from robo.cli.reach import Reach
 from robo.errors import RunError, UsageError
+from robo.text import colours
 from robo.tools import nodes, runs, strangers
 from robo.tools.strangers import Stranger
 from robo.wire.keys import NodeToken, SupervisorToken
 from robo.wire.reports import Event, Exit, Explanation, ProcessStatus
 
-COLOURS = {"ready": "32", "completed": "32", "degraded": "33", "restarting": "33", "starting": "36", "failed": "31"}
+STATE_COLOURS = {
+    "ready": colours.GREEN,
+    "completed": colours.GREEN,
+    "degraded": colours.YELLOW,
+    "restarting": colours.YELLOW,
+    "starting": colours.CYAN,
+    "failed": colours.RED,
+}
 _STALE = 2.0
 """An input of which nothing has come for so long is named by `robo why`, s."""
 
@@ -83,7 +91,7 @@ def _print_log_problems(found: Sequence[ProcessStatus]) -> None:
     """Say of which runs nothing comes into the log files."""
     for robot, problem in dict.fromkeys((status.robot, status.log_problem) for status in found):
         if problem:
-            print_line(f"{paint('!!', '31')}  {robot}: {problem}")
+            print_line(f"{paint('!!', colours.RED)}  {robot}: {problem}")
 
 
 _HEAD = ("ROBOT", "GROUP", "NODE", "STATE", "PID", "RESTARTS", "UPTIME", "CPU", "MEMORY", "OUT", "IN", "REASON")
@@ -114,7 +122,7 @@ def _rate(topics: dict[str, float]) -> str:
 
 
 def _painted(state: str) -> str:
-    return paint(state, COLOURS[state]) if state in COLOURS else state
+    return paint(state, STATE_COLOURS[state]) if state in STATE_COLOURS else state
 
 
 def command(verb: str, names: Sequence[str], reach: Reach, *, json: bool) -> None:

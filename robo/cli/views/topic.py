@@ -6,6 +6,7 @@ from robo.cli.connection import connect_to_robot, nodes_of
 from robo.cli.link import watched
 from robo.cli.printing import clear_screen, depth_text, note, paint, print_json, print_line, print_table
 from robo.cli.reach import Reach
+from robo.text import colours
 from robo.tools import runs, topics
 from robo.tools.topics import End, Topic
 
@@ -50,7 +51,7 @@ def _row(topic: Topic) -> tuple[str, ...]:
 
 
 def _print_ends(topic: Topic) -> None:
-    print_line(f"{paint(topic.key, '1')}  {_types(topic.types)}  {_rate(topic.rate)}")
+    print_line(f"{paint(topic.key, colours.BOLD)}  {_types(topic.types)}  {_rate(topic.rate)}")
     for label, who in (("publishers", topic.publishers), ("subscribers", topic.subscribers)):
         print_line(f"  {label:11}  {', '.join(who) or 'none'}")
 
@@ -67,7 +68,7 @@ def print_info(name: str, reach: Reach, *, json: bool) -> None:
     if json:
         print_json(info)
         return
-    print_line(f"{paint(info.key, '1')}  {_types(info.types)}  {_rate(info.rate)}")
+    print_line(f"{paint(info.key, colours.BOLD)}  {_types(info.types)}  {_rate(info.rate)}")
     for label, ends in (("publishers", info.publishers), ("subscribers", info.subscribers)):
         print_line(f"  {label}{'' if ends else '  none'}")
         for end in ends:
@@ -75,7 +76,7 @@ def print_info(name: str, reach: Reach, *, json: bool) -> None:
     for other in info.others:
         print_line(f"  {other}, which is no node of robo's")
     for stranger in info.strangers:
-        print_line(f"  {paint('!!', '33')} {stranger}")
+        print_line(f"  {paint('!!', colours.YELLOW)} {stranger}")
 
 
 def _end(end: End, types: list[str]) -> str:
@@ -118,7 +119,7 @@ def print_topics_of(type_name: str, reach: Reach, *, json: bool) -> int:
 
 
 def _types(types: list[str]) -> str:
-    return paint(f"clash: {' ≠ '.join(types)}", "31") if len(types) > 1 else (types[0] if types else "-")
+    return paint(f"clash: {' ≠ '.join(types)}", colours.RED) if len(types) > 1 else (types[0] if types else "-")
 
 
 def _rate(rate: float | None) -> str:
