@@ -4,8 +4,10 @@ import shutil
 import sys
 import time
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 from robo.cli.json_text import to_json
+from robo.errors import UsageError
 from robo.text import colours
 from robo.text.columns import aligned, fitted
 from robo.text.terminal import own, visible
@@ -25,6 +27,18 @@ def print_lines(lines: Iterable[str]) -> None:
 def print_text(text: str) -> None:
     """Data of several lines, at once."""
     print(text, flush=True)
+
+
+def write_file(text: str, file: Path) -> None:
+    """Write data to a file that somebody has named.
+
+    Raises:
+        UsageError: it cannot be written.
+    """
+    try:
+        file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{file} cannot be written: {error.strerror}") from None
 
 
 def print_json(value: object) -> None:

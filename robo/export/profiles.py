@@ -23,6 +23,8 @@ class Profiles(msgspec.Struct, frozen=True):
     """By argument, the processes that it adds."""
     names: Placeholders
     """The words in all of these plans that stand for variables."""
+    types: dict[str, dict[str, str]]
+    """By full name, the types of the parameters that a node class declares."""
 
 
 def profiles_of(file: Path, given: Mapping[str, object], robot: str | None) -> Profiles:
@@ -45,18 +47,22 @@ def profiles_of(file: Path, given: Mapping[str, object], robot: str | None) -> P
 
     if robot is None:
         robot = names.word(ROBOT_VARIABLE, _without_faults(read(given, None)).plan.robot)
-    always = _without_faults(read(given, robot)).plan
+    found = _without_faults(read(given, robot))
+    always, contracts = found.plan, {**found.contracts}
     more: dict[str, list[ProcessPlan]] = {}
     known = {process.full_name: process for process in always.processes}
     for name, value in always.arguments.items():
         if value is not False or name in given:
             continue
-        added = _added(always, read({**given, name: True}, robot))
+        switched = read({**given, name: True}, robot)
+        added = _added(always, switched)
         # One that another argument adds as well, and makes something else of, cannot be in both profiles.
         if added and all(known.get(process.full_name, process) == process for process in added):
             more[name] = added
             known |= {process.full_name: process for process in added}
-    return Profiles(always, more, names)
+            contracts |= switched.contracts
+    types = {full_name: contract.parameters for full_name, contract in contracts.items()}
+    return Profiles(always, more, names, types)
 
 
 def _added(always: Plan, switched: Resolution) -> list[ProcessPlan]:

@@ -37,7 +37,7 @@ def route(network: Network, is_over: Callable[[], bool], linger: float = LINGER)
     """Route until SIGINT or SIGTERM, or until it is over, which is asked once a second.
 
     Raises:
-        NetworkError: an endpoint is none.
+        NetworkError: an endpoint is not valid.
     """
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

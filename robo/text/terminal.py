@@ -48,7 +48,7 @@ def visible(text: str, keep: str = "") -> str:
 def visible_but_colours(text: str, *, colour: bool) -> str:
     """A line that a process has printed: its colours stay, or go where none are shown; all else is visible.
 
-    Tabulators stay. What is coloured ends with the line.
+    Tabs stay. What is coloured ends with the line.
     """
     if "\x1b" not in text:
         return visible(text, keep="\t")
@@ -81,7 +81,7 @@ def _json_escape(character: str) -> str:
 
 
 class Door:
-    """A stream to which control characters come as text, but for newlines, tabulators and robo's own."""
+    """A stream to which control characters come as text, but for newlines, tabs and robo's own."""
 
     def __init__(self, stream: TextIO) -> None:
         self.behind = stream

@@ -86,7 +86,7 @@ def parse(
 ) -> Tree | None:
     """Read one YAML document. Mistakes are added to `problems`.
 
-    With `placeholders`, `${name}` is one word everywhere. In YAML itself it is none within `[…]` and
+    With `placeholders`, `${name}` is one word everywhere. In YAML itself it is not one within `[…]` and
     `{…}`, where a brace ends the word. With `keep_repeated`, a key that stands twice in a map is there
     twice; else it is a mistake.
 

@@ -65,7 +65,7 @@ def surplus(
     Args:
         before: counters of nodes.
         after: the same a moment later.
-        publishers: who is announced. A topic with one that tells no counters is left out.
+        publishers: those that are announced. A topic with one that tells no counters is left out.
     """
     announced: dict[str, set[str]] = {}
     for token in publishers:

@@ -37,7 +37,7 @@ class Topic(msgspec.Struct, frozen=True):
     types: list[str]
     """More than one is a clash."""
     publishers: list[str]
-    """Full names of nodes; `zenoh:<id>` for a client that is none."""
+    """Full names of nodes; `zenoh:<id>` for a client that is not a node."""
     subscribers: list[str]
     rate: float | None = None
     """Messages a second, as publishers told their supervisors last; None where it is not known."""
@@ -72,7 +72,7 @@ def _topics(session: zenoh.Session, ends: Iterable[EndpointToken], timeout: floa
         (publishers if token.kind == "pub" else subscribers).add(token.full_name)
     known = set(found)
     for kind, key, zid in admin.declared(session, timeout):
-        # Of a key that nodes of robo's use, who is no node cannot be told from who is one.
+        # Of a key that nodes of robo's use, a client that is not a node cannot be told from one that is.
         if key not in known:
             _, publishers, subscribers = found.setdefault(key, (set(), set(), set()))
             (publishers if kind == "pub" else subscribers).add(f"zenoh:{zid}")

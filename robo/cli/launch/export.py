@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from robo.cli.launch.words import DEFAULT_MANIFEST, manifest_file
-from robo.cli.printing import note
+from robo.cli.printing import note, write_file
 from robo.errors import UsageError
 from robo.export.compose import dockerfile
 from robo.export.compose import file as compose
@@ -52,11 +52,8 @@ def export_compose(words: Sequence[str], *, robot: str | None, output: Path | No
         )
     if output is None:
         sys.stdout.write(text)
-        return
-    try:
-        output.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"{output} cannot be written: {error.strerror}") from None
+    else:
+        write_file(text, output)
 
 
 def export_dockerfile() -> None:

@@ -17,7 +17,7 @@ def run_router(*, name: str, listen: Sequence[str], connect: Sequence[str], conf
     """Route until Ctrl-C or SIGTERM.
 
     Raises:
-        RoboError: an endpoint is none, or the configuration makes no sense.
+        RoboError: an endpoint is not valid, or the configuration makes no sense.
     """
     zenoh_threads.use_those_of_a_router()  # before the first session of this process
     network = router_network(listen, connect, config, name=name)

@@ -8,7 +8,7 @@ import zenoh
 
 from robo.cli.connection import connect_to_robot, nodes_of
 from robo.cli.link import watched
-from robo.cli.printing import clock_time, hint, note, print_json, print_line, print_text
+from robo.cli.printing import clock_time, hint, note, print_json, print_line, print_text, write_file
 from robo.cli.reach import Reach
 from robo.errors import NodeUnreachable, UsageError
 from robo.parameters.hints import range_text
@@ -96,10 +96,7 @@ def dump(node: str | None, reach: Reach, *, every: bool, file: Path | None) -> N
     if file is None:
         print_text(text.rstrip())
     else:
-        try:
-            file.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise UsageError(f"{file} cannot be written: {error.strerror}") from None
+        write_file(text, file)
         hint(f"{len(found)} nodes in {file}")
     _complain_of(silent)
 

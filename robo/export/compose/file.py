@@ -57,7 +57,7 @@ def export(
     plan = profiles.always
     layout = Layout(profiles, keeper=keeper)
     project = Project(folder)
-    make = Services(layout, project, profiles.names)
+    make = Services(layout, project, profiles)
     services: dict[str, Service] = {
         layout.router(robot): make.router(robot, context(folder) if build else None) for robot in layout.robots
     }

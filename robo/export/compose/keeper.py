@@ -15,7 +15,7 @@ from robo.errors import EngineError
 from robo.export.compose.engine import Engine, Event
 
 DELAY = 1.0
-"""From a kill to the start, s: who kills the whole project, or removes what he has killed, means it."""
+"""From a kill to the start, s: whoever kills the whole project, or removes what they have killed, means it."""
 
 _KILL = str(int(signal.SIGKILL))
 _POLICIES = ("on-failure", "always")
@@ -57,7 +57,7 @@ class Keeper:
             ready_file: made once it does.
 
         Raises:
-            EngineError: there is no engine, or it is gone. Who runs the keeper in a container lets it start again
+            EngineError: there is no engine, or it is gone. Whoever runs the keeper in a container lets it start again
                 then: the socket that a container has is of no use once the engine has made a new one.
         """
         kills = Kills()

@@ -4,8 +4,6 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from robo.environment import (
     CONNECT_VARIABLE,
     LOG_LEVEL_VARIABLE,
@@ -15,10 +13,11 @@ from robo.environment import (
     PORT_VARIABLE,
     SPEC_VARIABLE,
 )
+from robo.errors import ParameterError
 from robo.export.compose.baggage import Baggage, Project
 from robo.export.compose.layout import Layout, robot_of
-from robo.export.compose.yaml_text import MERGE, Alias, Anchored
-from robo.export.placeholders import Placeholders
+from robo.export.compose.yaml_text import MERGE, Alias, Anchored, inline, quoted
+from robo.export.profiles import Profiles
 from robo.launch.expression import as_text
 from robo.launch.plan import ProcessPlan, ReadyPlan
 from robo.parameters import files as parameter_files
@@ -49,10 +48,11 @@ _KEEPS = "/tmp/keeps"
 class Services:
     """Makes each service of a layout, as plain data."""
 
-    def __init__(self, layout: Layout, project: Project, names: Placeholders) -> None:
+    def __init__(self, layout: Layout, project: Project, profiles: Profiles) -> None:
         self._layout = layout
         self._project = project
-        self._names = names
+        self._names = profiles.names
+        self._types = profiles.types
 
     def router(self, robot: str, build: Path | None) -> Service:
         """The router of a robot.
@@ -143,10 +143,11 @@ class Services:
         for path in process.parameter_files:
             command += ["--params-file", baggage.file(Path(path))]
             from_files |= parameter_files.load(path).values_for(process.namespace, process.name)
+        types = self._types.get(process.full_name, {})
         for name, given in process.parameters.items():
             value = baggage.value(given)
             if name not in from_files or from_files[name] != given or value != given:
-                command += ["-p", f"{name}:={_as_word(value)}"]
+                command += ["-p", f"{name}:={as_word(value, types.get(name))}"]
         for old, new in process.remap.items():
             command += ["-r", f"{old}:={new}"]
         return [self._names.shown(word) for word in (*command, *process.args)]
@@ -231,10 +232,17 @@ def _seconds(duration: float) -> str:
     return f"{duration:.3f}".rstrip("0").rstrip(".") + "s"
 
 
-def _as_word(value: object) -> str:
-    """A value as `-p` reads it: text that would be read as something else stands in quotes."""
+def as_word(value: object, declared: str | None) -> str:
+    """A value as `-p` reads it for a parameter of a type: text that would be read as something else is quoted."""
     if isinstance(value, str):
-        return value if isinstance(parse_value(value), str) and value[:1] not in ("'", '"') else repr(value)
+        return value if declared == "str" or _reads_as_itself(value) else quoted(value)
     if isinstance(value, (list, dict)):
-        return msgspec.json.encode(value).decode()
+        return inline(value)
     return as_text(value)
+
+
+def _reads_as_itself(text: str) -> bool:
+    try:
+        return parse_value(text) == text
+    except ParameterError:  # a bracket or a quote that is not closed
+        return False

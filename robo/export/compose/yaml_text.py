@@ -1,5 +1,6 @@
 """Plain data as YAML for people: every value written out where it stands, but for the maps that have an anchor."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -32,6 +33,21 @@ def dumped(tree: Mapping[Any, Any]) -> str:
     """A map as YAML, in the order of its keys. An alias may refer to an anchor in another text."""
     text: str = yaml.dump(dict(tree), Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=120)
     return text
+
+
+def quoted(text: str) -> str:
+    """A text in quotes, on one line."""
+    return _inline(text, default_style='"')
+
+
+def inline(value: object) -> str:
+    """A list or a map on one line."""
+    return _inline(value, default_flow_style=True, sort_keys=False)
+
+
+def _inline(value: object, **settings: Any) -> str:
+    text: str = yaml.safe_dump(value, allow_unicode=True, width=math.inf, **settings)
+    return text.rstrip("\n")
 
 
 class _AliasNode(yaml.ScalarNode):
