@@ -85,17 +85,24 @@ def can_go_on(processes: Mapping[str, Process]) -> bool:
             return True
         if not process.finished:
             waiting.add(name)
-    # What waits can go on if what it waits for can.
+    # What waits can go on if what it waits for can, and what that waits for.
+    in_vain: set[str] = set()
     while True:
-        blocked = {
+        more = {
             name
             for name in waiting
             for need, until in processes[name].plan.needs.items()
-            if need in processes and need not in waiting and not processes[need].may_reach(until)
+            if need in processes and not _will_reach(processes[need], until, in_vain)
         }
-        if not blocked:
+        if not more:
             return bool(waiting)
-        waiting -= blocked
+        in_vain |= more
+        waiting -= more
+
+
+def _will_reach(process: Process, until: Until, in_vain: Collection[str]) -> bool:
+    """Whether a process has come so far or still may, where those `in_vain` never start."""
+    return process.reached(until) or (process.may_reach(until) and process.plan.full_name not in in_vain)
 
 
 def dependents(processes: Mapping[str, Process], name: str) -> set[str]:
