@@ -1,6 +1,7 @@
 """Making the live ends of a node that has joined the network."""
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from functools import partial
 from typing import TypeVar
 
@@ -71,8 +72,13 @@ class EndpointFactory:
         informed = takes_info(callback)
         if sole_source is not None and not informed:
             raise ContractError(f"{name_of(callback)}: a sole source needs a callback that takes a MessageInfo too")
-        intake = self._intake(self._identity.resolve(topic), sole_source) if informed else None
-        return self._subscription(message_type, topic, callback, depth, self._turn, intake)
+        with ExitStack() as made:
+            intake = self._intake(self._identity.resolve(topic), sole_source) if informed else None
+            if intake is not None:
+                made.callback(intake.close)
+            subscription = self._subscription(message_type, topic, callback, depth, self._turn, intake)
+            made.pop_all()
+        return subscription
 
     def timer(self, period: float | Callable[[], float], callback: Callable[[], None], clock: Clock) -> TimerLoop:
         """A timer; the arguments as for `Node.create_timer`.

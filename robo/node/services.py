@@ -9,6 +9,7 @@ import itertools
 import threading
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Any, Generic, Literal, TypeVar
 
 import msgspec
@@ -64,8 +65,11 @@ class ServiceServer(Generic[Q, A]):
         self.served = 0
         """Calls answered."""
         self._loop = QueryLoop(session, self.key, self._answer, acts=[self.key])
-        self._loop.start()
-        self._token = session.liveliness().declare_token(token.key())
+        with ExitStack() as made:
+            made.callback(self._loop.stop, 0.0)
+            self._loop.start()
+            self._token = session.liveliness().declare_token(token.key())
+            made.pop_all()
 
     def stop(self, timeout: float) -> bool:
         """Take no more calls. Returns whether the handler came back within `timeout` seconds."""
@@ -104,7 +108,6 @@ class ServiceClient(Generic[Q, A]):
     ) -> None:
         self.key = key = token.topic
         self._session = session
-        self._token = session.liveliness().declare_token(token.key())
         self._encoding = codec.encoding_of(request)
         self._request = request
         self._decoder = Decoder(response)
@@ -115,8 +118,12 @@ class ServiceClient(Generic[Q, A]):
         self._querier = session.declare_querier(
             key, target=zenoh.QueryTarget.ALL_COMPLETE, consolidation=zenoh.ConsolidationMode.NONE
         )
-        self._listener = self._querier.declare_matching_listener(self._notice)
-        self._notice(self._querier.matching_status)
+        with ExitStack() as made:
+            made.callback(self._querier.undeclare)
+            self._listener = self._querier.declare_matching_listener(self._notice)
+            self._notice(self._querier.matching_status)
+            self._token = session.liveliness().declare_token(token.key())
+            made.pop_all()
 
     def __call__(self, request: Q, timeout: float | None = None) -> A:
         """Call the service and wait for its answer; other callbacks of the node may run meanwhile.

@@ -3,6 +3,7 @@
 import itertools
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from typing import Any, Generic, Protocol, TypeVar, get_args, get_origin, get_type_hints
@@ -89,7 +90,10 @@ class TopicPublisher(Endpoint, Generic[M]):
         self.zenoh_publisher = session.declare_publisher(
             token.topic, encoding=codec.encoding_of(message_type), congestion_control=control
         )
-        super().__init__(session, msgspec.structs.replace(token, id=source_id(self.zenoh_publisher.id)))
+        with ExitStack() as made:
+            made.callback(self.zenoh_publisher.undeclare)
+            super().__init__(session, msgspec.structs.replace(token, id=source_id(self.zenoh_publisher.id)))
+            made.pop_all()
         self._numbers = itertools.count(1)
         self.publish, self._silence = _fast_publish(
             self.zenoh_publisher, message_type, token.topic, self._numbers, session.new_timestamp().get_id()
@@ -217,10 +221,12 @@ class TopicSubscription(Endpoint, Generic[M]):
         self._intake = intake
         self._on_malformed = on_malformed
         depth = token.depth
+        decoder = codec.Decoder(message_type)
         channel_type: Any = zenoh.handlers.FifoChannel if depth == KEEP_ALL else zenoh.handlers.RingChannel
+        subscriber = session.declare_subscriber(token.topic, channel_type(slots(message_type, depth)))
         self._loop = SubscriptionLoop(
-            session.declare_subscriber(token.topic, channel_type(slots(message_type, depth))),
-            codec.Decoder(message_type),
+            subscriber,
+            decoder,
             depth,
             turn,
             callback,
@@ -228,7 +234,10 @@ class TopicSubscription(Endpoint, Generic[M]):
             self._report_malformed,
             intake.examine if intake is not None else None,
         )
-        super().__init__(session, token)
+        with ExitStack() as made:
+            made.callback(subscriber.undeclare)
+            super().__init__(session, token)
+            made.pop_all()
 
     @property
     def received(self) -> int:
