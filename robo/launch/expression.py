@@ -13,7 +13,7 @@ compared with something.
 import math
 import operator
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from robo.text.brief import shown
@@ -59,15 +59,18 @@ class _Token(NamedTuple):
     offset: int
 
 
-def evaluate(text: str, look_up: Callable[[str], object]) -> bool:
+LookUp = Callable[[str], object]
+"""The value of a name or of what stands within `${}`; raises KeyError with a message."""
+
+_Value = Callable[[LookUp], object]
+"""A part of an expression that has been read: its value, once names have values."""
+
+
+def evaluate(text: str, look_up: LookUp) -> bool:
     """Whether a condition holds.
 
-    Args:
-        text: the expression.
-        look_up: the value of a name or of what stands within `${}`; raises KeyError with a message.
-
     Raises:
-        ExpressionError: it is no expression, a name is unknown, or it is neither true nor false.
+        ExpressionError: it is not a valid expression, a name is unknown, or it is neither true nor false.
     """
     return Condition(text).holds(look_up)
 
@@ -78,26 +81,17 @@ class Condition:
     def __init__(self, text: str) -> None:
         """
         Raises:
-            ExpressionError: it holds what is no part of an expression.
+            ExpressionError: it is not a valid expression.
         """
-        self._tokens = _tokens(text)
-        self._parsed(lambda _name: None, dry=True)
+        self._value = _Parser(_tokens(text)).whole()
 
-    def holds(self, look_up: Callable[[str], object]) -> bool:
+    def holds(self, look_up: LookUp) -> bool:
         """Whether it holds, as `evaluate` says it.
 
         Raises:
-            ExpressionError: as `evaluate`.
+            ExpressionError: a name is unknown, or it is neither true nor false.
         """
-        return self._parsed(look_up, dry=False)
-
-    def _parsed(self, look_up: Callable[[str], object], *, dry: bool) -> bool:
-        parser = _Parser(self._tokens, look_up, dry=dry)
-        start = parser.token
-        value = parser.either()
-        if parser.token.kind != "end":
-            raise parser.error(f"unexpected {shown(parser.token.text)}")
-        return parser.truth(value, start)
+        return self._value(look_up)
 
 
 def _tokens(text: str) -> list[_Token]:
@@ -117,89 +111,85 @@ def _tokens(text: str) -> list[_Token]:
 
 
 class _Parser:
-    def __init__(self, tokens: list[_Token], look_up: Callable[[str], object], *, dry: bool) -> None:
-        """`dry` only looks whether the tokens form an expression, whatever the names stand for."""
+    """Makes functions of tokens, by the grammar above; each reads what it stands for and goes past it."""
+
+    def __init__(self, tokens: list[_Token]) -> None:
         self._tokens = tokens
         self._at = 0
         self._depth = 0
-        self._look_up = look_up
-        self._dry = dry
 
     @property
     def token(self) -> _Token:
         return self._tokens[self._at]
 
+    def whole(self) -> Callable[[LookUp], bool]:
+        start = self.token
+        value = self.either()
+        if self.token.kind != "end":
+            raise self.error(f"unexpected {shown(self.token.text)}")
+        return _truth(value, start)
+
     def error(self, text: str, at: _Token | None = None) -> ExpressionError:
         return ExpressionError(text, (at or self.token).offset)
 
-    def truth(self, value: object, at: _Token) -> bool:
-        if isinstance(value, bool) or self._dry:
-            return bool(value)
-        raise self.error(f"{shown(value)} is neither true nor false; compare it with something", at)
+    def either(self) -> _Value:
+        return self._joined("or", self.both, any)
 
-    def either(self) -> object:
+    def both(self) -> _Value:
+        return self._joined("and", self.negation, all)
+
+    def _joined(self, word: str, operand: Callable[[], _Value], join: Callable[[Iterable[bool]], bool]) -> _Value:
         start = self.token
-        value = self.both()
-        while self._accept("or"):
-            left, start = self.truth(value, start), self.token
-            right = self.truth(self.both(), start)
-            value = left or right
-        return value
+        first = operand()
+        if self.token.text != word:
+            return first
+        parts = [_truth(first, start)]
+        while self._accept(word):
+            start = self.token
+            parts.append(_truth(operand(), start))
+        # All are asked: an unknown name is a mistake wherever it stands.
+        return lambda look_up: join([part(look_up) for part in parts])
 
-    def both(self) -> object:
-        start = self.token
-        value = self.negation()
-        while self._accept("and"):
-            left, start = self.truth(value, start), self.token
-            right = self.truth(self.negation(), start)
-            value = left and right
-        return value
-
-    def negation(self) -> object:
+    def negation(self) -> _Value:
         if not self._accept("not"):
             return self.comparison()
         self._deeper()
         start = self.token
-        value = not self.truth(self.negation(), start)
+        value = _truth(self.negation(), start)
         self._depth -= 1
-        return value
+        return lambda look_up: not value(look_up)
 
-    def comparison(self) -> object:
+    def comparison(self) -> _Value:
         left = self.value()
         sign = self.token
         if self._accept("in"):
-            return self._contains(self.value(), left, sign)
+            return _compared(left, self.value(), sign, _contains)
         if sign.text == "not" and self._tokens[self._at + 1].text == "in":
             self._at += 2
-            return not self._contains(self.value(), left, sign)
+            return _compared(left, self.value(), sign, lambda item, container, at: not _contains(item, container, at))
         if sign.kind != "sign" or sign.text not in ("==", "!=", *_ORDER):
             return left
         self._at += 1
         right = self.value()
         if self.token.text in ("==", "!=", *_ORDER):
             raise self.error("one comparison at a time; join two with `and`")
-        if self._dry:
-            return True
-        if sign.text in ("==", "!="):
-            return (left == right and isinstance(left, bool) == isinstance(right, bool)) == (sign.text == "==")
-        numbers = isinstance(left, (int, float)) and isinstance(right, (int, float))
-        if not (numbers or (isinstance(left, str) and isinstance(right, str))):
-            raise self.error(f"{shown(left)} and {shown(right)} have no order", sign)
-        return _ORDER[sign.text](left, right)
+        return _compared(left, right, sign, _equal if sign.text in ("==", "!=") else _ordered)
 
-    def value(self) -> object:
+    def value(self) -> _Value:
         token = self.token
         if token.kind == "end":
             raise self.error("something is missing at the end")
         self._at += 1
         if token.kind == "number":
-            return self._number(token)
+            return _constant(self._number(token))
         if token.kind == "text":
-            return self._filled(token)
+            return lambda look_up: _filled(token, look_up)
         if token.kind == "reference":
-            return self._known(token.text[2:-1], token)
+            return lambda look_up: _known(token.text[2:-1], token, look_up)
         if token.kind == "name" and token.text not in ("and", "or", "in", "not"):
-            return _WORDS[token.text] if token.text in _WORDS else self._known(token.text, token)
+            if token.text in _WORDS:
+                return _constant(_WORDS[token.text])
+            return lambda look_up: _known(token.text, token, look_up)
         if token.text == "(":
             self._deeper()
             value = self.either()
@@ -221,51 +211,21 @@ class _Parser:
             raise self.error(f"{token.text} is larger than any number here", token)
         return number
 
-    def _list(self) -> list[object]:
+    def _list(self) -> _Value:
         self._deeper()
-        items: list[object] = []
+        items: list[_Value] = []
         while not self._accept("]"):
             if items:
                 self._expect(",")
             items.append(self.value())
         self._depth -= 1
-        return items
-
-    def _contains(self, container: object, item: object, at: _Token) -> bool:
-        if self._dry:
-            return True
-        if isinstance(container, (list, tuple)):
-            return item in container
-        if isinstance(container, str) and isinstance(item, str):
-            return item in container
-        raise self.error(f"{shown(item)} cannot be in {shown(container)}; use a list or a text", at)
-
-    def _known(self, name: str, token: _Token) -> object:
-        try:
-            return self._look_up(name)
-        except KeyError as error:
-            quotes = f"; a text stands in quotes: '{name}'" if token.kind == "name" else ""
-            raise self.error(f"{error.args[0]}{quotes}", token) from None
-
-    def _filled(self, token: _Token) -> str:
-        """A text, with the `${name}` in it replaced: who comes from a shell writes '${mode}' == 'fast'."""
-        left = MAX_TEXT
-
-        def filled(match: re.Match[str]) -> str:
-            nonlocal left
-            text = as_text(self._known(match[1], token))
-            left -= len(text)
-            if left < 0:
-                raise self.error(f"a text of more than {MAX_TEXT:,} characters, once its ${{name}} are replaced", token)
-            return text
-
-        return _REFERENCE.sub(filled, token.text[1:-1])
+        return lambda look_up: [item(look_up) for item in items]
 
     def _accept(self, text: str) -> bool:
-        if self.token.text == text and self.token.kind != "text":
-            self._at += 1
-            return True
-        return False
+        if self.token.text != text:  # a text keeps its quotes, so 'or' in quotes is none of these
+            return False
+        self._at += 1
+        return True
 
     def _expect(self, text: str) -> None:
         if not self._accept(text):
@@ -275,6 +235,67 @@ class _Parser:
         self._depth += 1
         if self._depth > _MAX_DEPTH:
             raise self.error(f"nested more than {_MAX_DEPTH} levels deep")
+
+
+def _constant(value: object) -> _Value:
+    return lambda _look_up: value
+
+
+def _truth(value: _Value, at: _Token) -> Callable[[LookUp], bool]:
+    def found(look_up: LookUp) -> bool:
+        known = value(look_up)
+        if isinstance(known, bool):
+            return known
+        raise ExpressionError(f"{shown(known)} is neither true nor false; compare it with something", at.offset)
+
+    return found
+
+
+def _compared(left: _Value, right: _Value, sign: _Token, compare: Callable[[Any, Any, _Token], bool]) -> _Value:
+    return lambda look_up: compare(left(look_up), right(look_up), sign)
+
+
+def _equal(left: object, right: object, sign: _Token) -> bool:
+    return (left == right and isinstance(left, bool) == isinstance(right, bool)) == (sign.text == "==")
+
+
+def _ordered(left: object, right: object, sign: _Token) -> bool:
+    numbers = isinstance(left, (int, float)) and isinstance(right, (int, float))
+    if numbers or (isinstance(left, str) and isinstance(right, str)):
+        return _ORDER[sign.text](left, right)
+    raise ExpressionError(f"{shown(left)} and {shown(right)} have no order", sign.offset)
+
+
+def _contains(item: object, container: object, at: _Token) -> bool:
+    if isinstance(container, (list, tuple)):
+        return item in container
+    if isinstance(container, str) and isinstance(item, str):
+        return item in container
+    raise ExpressionError(f"{shown(item)} cannot be in {shown(container)}; use a list or a text", at.offset)
+
+
+def _known(name: str, token: _Token, look_up: LookUp) -> object:
+    try:
+        return look_up(name)
+    except KeyError as error:
+        quotes = f"; a text stands in quotes: '{name}'" if token.kind == "name" else ""
+        raise ExpressionError(f"{error.args[0]}{quotes}", token.offset) from None
+
+
+def _filled(token: _Token, look_up: LookUp) -> str:
+    """A text with the `${name}` in it replaced: in a shell one writes '${mode}' == 'fast'."""
+    left = MAX_TEXT
+
+    def filled(match: re.Match[str]) -> str:
+        nonlocal left
+        text = as_text(_known(match[1], token, look_up))
+        left -= len(text)
+        if left < 0:
+            long = f"a text of more than {MAX_TEXT:,} characters, once its ${{name}} are replaced"
+            raise ExpressionError(long, token.offset)
+        return text
+
+    return _REFERENCE.sub(filled, token.text[1:-1])
 
 
 def as_text(value: object) -> str:
