@@ -10,7 +10,7 @@ import msgspec
 from robo.errors import InvalidName
 from robo.launch.expression import as_text
 from robo.launch.manifest import Arg, Manifest
-from robo.launch.substitution import BROKEN, Scope, Word, settled
+from robo.launch.substitution import BROKEN, Complain, Scope, Word, settled, told
 from robo.text.brief import shown
 from robo.text.suggestions import hint, suggest
 from robo.text.tree import Position
@@ -50,38 +50,45 @@ class Given:
         return self._places.get(name, self._position)
 
 
-def evaluate(manifest: Manifest, given: Given, scope: Scope, *, stand_ins: bool = False) -> dict[str, object]:
+def evaluate(
+    manifest: Manifest, given: Given, scope: Scope, complain: Complain, *, stand_ins: bool = False
+) -> dict[str, object]:
     """The value of every argument of a manifest.
 
     Args:
         manifest: declares them; an argument's default may use those before it.
         given: what is given.
-        scope: the manifest's; takes the mistakes.
+        scope: the manifest's.
+        complain: takes the mistakes.
         stand_ins: an argument that has to be given and is not gets a value of its type, for a check.
     """
-    _refuse_unknown(manifest, given, scope)
-    robot = as_text(given.values.get(ROBOT_NAME, DEFAULT_ROBOT))
-    values: dict[str, object] = {ROBOT_NAME: _robot_name(robot, given.place(ROBOT_NAME), scope)}
+    _refuse_unknown(manifest, given, complain)
+    robot = given.values.get(ROBOT_NAME, DEFAULT_ROBOT)
+    if robot is not BROKEN:
+        robot = _robot_name(as_text(robot), given.place(ROBOT_NAME), complain)
+    values: dict[str, object] = {ROBOT_NAME: robot}
     for arg in manifest.args:
         inner = scope.inner(values)
-        choices = [inner.value(choice) for choice in arg.choices]
+        choices = [told(inner.value(choice), complain) for choice in arg.choices]
         if arg.name == ROBOT_NAME and values[ROBOT_NAME] is BROKEN:
             continue
         if arg.name == ROBOT_NAME and arg.name in given.values:
-            values[arg.name] = _typed(arg, values[ROBOT_NAME], choices, given.folder, given.place(arg.name), inner)
+            values[arg.name] = _typed(arg, values[ROBOT_NAME], choices, given.folder, given.place(arg.name), complain)
         elif arg.name in given.values:
-            values[arg.name] = _typed(arg, given.values[arg.name], choices, given.folder, given.place(arg.name), inner)
+            values[arg.name] = _typed(
+                arg, given.values[arg.name], choices, given.folder, given.place(arg.name), complain
+            )
         elif arg.default is not None:
-            default = inner.raw(arg.default)
-            values[arg.name] = _typed(arg, default, choices, inner.folder, arg.default.position, inner)
+            default = told(inner.raw(arg.default), complain)
+            values[arg.name] = _typed(arg, default, choices, inner.folder, arg.default.position, complain)
             if arg.name == ROBOT_NAME and values[arg.name] is not BROKEN:
-                values[arg.name] = _robot_name(as_text(values[arg.name]), arg.default.position, scope)
+                values[arg.name] = _robot_name(as_text(values[arg.name]), arg.default.position, complain)
         elif stand_ins:
             values[arg.name] = _stand_in(arg, choices)
         else:
             about = f" ({arg.description})" if arg.description else ""
             text = f"{manifest.file.name} needs {arg.name}{about}; give it as {arg.name}:=VALUE"
-            scope.complain(arg.position, text)
+            complain(arg.position, text)
             values[arg.name] = BROKEN
     return values
 
@@ -143,32 +150,32 @@ def missing(manifest: Manifest, given: Mapping[str, object]) -> list[str]:
     return [arg.name for arg in manifest.args if arg.default is None and arg.name not in given]
 
 
-def _refuse_unknown(manifest: Manifest, given: Given, scope: Scope) -> None:
+def _refuse_unknown(manifest: Manifest, given: Given, complain: Complain) -> None:
     declared = [arg.name for arg in manifest.args]
     for name in given.values:
         if name not in declared and name != ROBOT_NAME:
             instead = suggest(name, declared, "it has")
-            scope.complain(given.place(name), f"{manifest.file.name} has no argument {shown(name)}; {instead}")
+            complain(given.place(name), f"{manifest.file.name} has no argument {shown(name)}; {instead}")
 
 
-def _robot_name(name: str, position: Position, scope: Scope) -> object:
-    """A robot's name without slashes around it; BROKEN, with a mistake added, where it is none."""
+def _robot_name(name: str, position: Position, complain: Complain) -> object:
+    """A robot's name without slashes around it; BROKEN, with a mistake, where it is not valid."""
     try:
         return names.robot_name(name)
     except InvalidName as error:
-        scope.complain(position, str(error))
+        complain(position, str(error))
         return BROKEN
 
 
 def _typed(
-    arg: Arg, value: object, choices: Sequence[object], folder: Path, position: Position, scope: Scope
+    arg: Arg, value: object, choices: Sequence[object], folder: Path, position: Position, complain: Complain
 ) -> object:
-    """A value as the type of its argument; BROKEN, with a mistake added, where it does not fit."""
+    """A value as the type of its argument; BROKEN, with a mistake, where it does not fit."""
     if value is BROKEN:
         return BROKEN
     found = _convert(arg, value, folder)
     if found is BROKEN:
-        scope.complain(position, f"argument {arg.name}: {shown(value)} is no {arg.type}; {_HINTS[arg.type]}")
+        complain(position, f"argument {arg.name}: {shown(value)} is no {arg.type}; {_HINTS[arg.type]}")
         return BROKEN
     if not choices:
         return found
@@ -177,7 +184,7 @@ def _typed(
             return choice
     texts = [as_text(choice) for choice in choices]
     meant = hint(as_text(found), texts)
-    scope.complain(position, f"argument {arg.name}: {shown(value)} is none of {', '.join(texts)}{meant}")
+    complain(position, f"argument {arg.name}: {shown(value)} is none of {', '.join(texts)}{meant}")
     return BROKEN
 
 

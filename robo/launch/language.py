@@ -1,231 +1,298 @@
-"""The words of the launch language: every key a manifest may hold, what it says and which form it takes.
+"""The keys of a part of a manifest, from the one place where each is said: an annotated field of a Struct.
 
-The reader refuses keys that are not here; the published JSON Schema is made from the same tables.
+    class StopPlan(msgspec.Struct):
+        SHORT: ClassVar = ("signal",)                                     # `stop: TERM` is enough
+        timeout: Annotated[float, Meta(ge=0, description="How long until the next one, s.")] = 1.0
+
+Type, range, sentence and default of the field are those of the key. What a reader accepts, how several layers are
+merged, what becomes of the value, and the JSON Schema all follow from it. A form that the type does not tell stands
+beside it: `Annotated[str | None, A_PATTERN, Meta(…)]`. A field without a sentence is no key.
 """
 
-from typing import Any, Final, NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
+from types import UnionType
+from typing import Annotated, Any, Final, Literal, NamedTuple, Union, get_args, get_origin
 
-Schema = dict[str, Any]
+import msgspec
+from msgspec import Meta
+
+from robo.launch.forms import (
+    A_FLAG,
+    A_TEXT,
+    MOST,
+    Form,
+    Reading,
+    Schema,
+    a_number,
+    a_word,
+    is_one_of,
+    map_of,
+    one_of,
+    single,
+)
+from robo.launch.substitution import Complain, Scope
+from robo.text.brief import shown
+from robo.text.suggestions import suggest
+from robo.text.tree import Entry, Items, Map, Scalar, Tree, kind
+
+Written = Mapping[str, Tree]
+"""Plain keys of a part with their values, each in its form."""
+
+NOTHING: Final[Written] = {}
+
+OF_GROUPS: Final = "of groups"
+"""Marks a key of a process that a group may have too: it is for all that is in it."""
 
 
-MOST: Final = 1_000_000_000
-"""No number of a manifest is larger."""
+class Named(NamedTuple):
+    """Marks a key that is not called as its field is."""
 
-MOST_PROCESSES: Final = 2_000
-"""A launch starts no more."""
-
-
-class Limits(NamedTuple):
-    """The numbers that a key takes, the limits included."""
-
-    low: float
-    high: float = MOST
-    whole: bool = False
-
-    def hold(self, value: object) -> bool:
-        """Whether a value is such a number."""
-        kinds = int if self.whole else (int, float)
-        return isinstance(value, kinds) and not isinstance(value, bool) and self.low <= value <= self.high
-
-    def __str__(self) -> str:
-        noun = "a whole number" if self.whole else "a number"
-        return f"{noun} of at least {self.low}" if self.high == MOST else f"{noun} from {self.low} to {self.high}"
+    name: str
 
 
 class Key(NamedTuple):
-    """A key of a map."""
+    """A key of a part."""
 
+    name: str
+    field: str
     about: str
-    schema: Schema
-    limits: Limits | None = None
-    """Of a key that takes a number: the reader refuses others, and so does the schema."""
+    form: Form
+    of_groups: bool = False
+    plain: bool = False
+    """Whether it stays a tree until all layers are known: a key of the plan, in a part of the manifest."""
 
 
-def _one_of(*forms: Schema) -> Schema:
-    return {"anyOf": list(forms)}
+Keys = Mapping[str, Key]
 
 
-def _ref(name: str) -> Schema:
+class KeysOf(NamedTuple):
+    """Stands for the keys of another Struct: those of what the plan says of a process are a node's own."""
+
+    part: type[msgspec.Struct]
+    of_groups: bool = False
+    """Those alone that a group may have."""
+
+    def keys(self) -> dict[str, Key]:
+        """The keys, by name."""
+        wanted = (key for key in keys_of(self.part).values() if key.of_groups or not self.of_groups)
+        return {key.name: key._replace(plain=True) for key in wanted}
+
+
+@lru_cache
+def keys_of(part: type[msgspec.Struct]) -> Mapping[str, Key]:
+    """The keys of a part, by name."""
+    found: dict[str, Key] = {}
+    for field in msgspec.structs.fields(part):
+        metadata, type_ = _unwrapped(field.type)
+        for other in metadata:
+            if isinstance(other, KeysOf):
+                found |= other.keys()
+        meta = next((one for one in metadata if isinstance(one, Meta)), None)
+        if meta is None or meta.description is None:
+            continue
+        form = next((one for one in metadata if isinstance(one, Form)), None) or _form_of(type_, meta)
+        name = next((one.name for one in metadata if isinstance(one, Named)), field.encode_name)
+        found[name] = Key(name, field.name, meta.description, form, of_groups=OF_GROUPS in metadata)
+    return found
+
+
+def _unwrapped(annotation: Any) -> tuple[Sequence[object], Any]:
+    """What is noted beside a type, and the type, without None."""
+    metadata: list[object] = []
+    while True:
+        if get_origin(annotation) is Annotated:
+            annotation, *more = get_args(annotation)
+            metadata += more
+        elif get_origin(annotation) in (Union, UnionType):
+            kinds = [kind for kind in get_args(annotation) if kind is not type(None)]
+            if len(kinds) > 1:
+                return metadata, annotation
+            annotation = kinds[0]
+        else:
+            return metadata, annotation
+
+
+def _form_of(type_: Any, meta: Meta) -> Form:
+    if type_ is bool:
+        return A_FLAG
+    if type_ in (int, float):
+        return a_number(meta.ge or 0, meta.le if meta.le is not None else MOST, whole=type_ is int)
+    if type_ is str:
+        return A_TEXT
+    if get_origin(type_) is Literal:
+        return a_word(get_args(type_))
+    if isinstance(type_, type) and issubclass(type_, msgspec.Struct):
+        return part_of(type_)
+    raise TypeError(f"say the form of {type_}: Annotated[…, A_FORM, Meta(description=…)]")
+
+
+def short_of(part: type[msgspec.Struct]) -> Sequence[Key]:
+    """The keys of which a value may stand alone, in place of the map: `stop: TERM`."""
+    return [keys_of(part)[name] for name in getattr(part, "SHORT", ())]
+
+
+def ref(name: str) -> Schema:
+    """What stands in the schema for a part of this name."""
     return {"$ref": f"#/$defs/{name}"}
 
 
-def _map_of(form: Schema) -> Schema:
-    return {"type": "object", "additionalProperties": form}
+def name_of(part: type[msgspec.Struct]) -> str:
+    """What a part of the plan is called in the schema: `restart` for a RestartPlan."""
+    return part.__name__.removesuffix("Plan").lower()
 
 
-def _words(*values: str) -> Schema:
-    return _one_of({"enum": list(values)}, PLACEHOLDER)
-
-
-PLACEHOLDER: Final[Schema] = {"type": "string", "pattern": r"\$\{"}
-"""Wherever a value is expected, text with `${…}` in it may stand."""
-
-TEXT: Final[Schema] = {"type": "string"}
-SCALAR: Final[Schema] = {"type": ["string", "number", "boolean", "null"]}
-CONDITION: Final[Schema] = {"type": ["boolean", "string"]}
-_LIST: Final[Schema] = {"type": "array", "items": TEXT}
-_RATE: Final[Schema] = {"type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": MOST}
-_PORT: Final[Schema] = {"type": "integer", "minimum": 1, "maximum": 65_535}
-_CPU: Final[Schema] = {"type": "integer", "minimum": 0, "maximum": 9_999}
-COMMAND: Final[Schema] = _one_of(TEXT, {"type": "array", "items": SCALAR, "minItems": 1})
-
-
-def _number(about: str, low: float, high: float = MOST, *, whole: bool = False) -> Key:
-    form: Schema = {"type": "integer" if whole else "number", "minimum": low, "maximum": high}
-    return Key(about, _one_of(form, PLACEHOLDER), Limits(low, high, whole))
-
-
-ARG_TYPES: Final = ("str", "int", "float", "bool", "path", "choice")
-RESTART_POLICIES: Final = ("never", "on-failure", "always")
-LOG_OUTPUTS: Final = ("screen", "file", "both")
-LOG_LEVELS: Final = ("debug", "info", "warn", "error", "fatal")
-NEEDS: Final = ("started", "ready", "completed")
-READY_WHEN: Final = ("node", "started")
-STOP_SIGNALS: Final = ("INT", "TERM", "HUP", "QUIT", "USR1", "USR2", "KILL")
-SIGNAL_WORDS: Final = (*STOP_SIGNALS, *(f"SIG{name}" for name in STOP_SIGNALS))
-
-_CONDITIONS = {
-    "if": Key("Only where this expression is true: use_sim and mode == 'gazebo'.", CONDITION),
-    "unless": Key("Only where this expression is false.", CONDITION),
-}
-_SETTINGS = {
-    "namespace": Key("Put before every relative name; within the outer one, unless it begins with /.", TEXT),
-    "params": Key("Parameter files and values, in order.", _ref("params")),
-    "remap": Key("Other names for topics: {cmd_vel: cmd_vel_raw}.", _map_of(TEXT)),
-    "env": Key("Environment variables.", _ref("env")),
-    "restart": Key("When a process that ends is started again.", _ref("restart")),
-    "log": Key("The least level shown, and where output goes.", _ref("log")),
-    "replicas": _number("So many of it; ${index} counts from 1.", 0, MOST_PROCESSES, whole=True),
-    "for_each": Key("One for each item of a list: {robot: [r1, r2]}; ${robot} and ${index} differ.", _ref("for_each")),
-    **_CONDITIONS,
-}
-
-MANIFEST: Final = {
-    "description": Key("What this starts, in a line.", TEXT),
-    "args": Key("What can be chosen at the start: robo up FILE name:=value.", _map_of(_ref("arg"))),
-    "include": Key("Other manifests, started as part of this one.", _ref("includes")),
-    "groups": Key("Nodes that share settings and can be started by themselves.", _map_of(_ref("group"))),
-    "topics": Key("What is promised of topics.", _map_of(_ref("topic"))),
-}
-ARG: Final = {
-    "default": Key("The value where none is given; without it one has to be.", SCALAR),
-    "required": Key("True where there is no default, which says it as well.", {"type": "boolean"}),
-    "type": Key("By default the type of the default value.", {"enum": list(ARG_TYPES)}),
-    "exists": Key("False for a path that the robot itself makes: others have to be there.", {"type": "boolean"}),
-    "choices": Key("The only values allowed.", {"type": "array", "items": SCALAR, "minItems": 1}),
-    "description": Key("What it means, shown by --show-args.", TEXT),
-}
-INCLUDE: Final = {
-    "file": Key("Beside this file, in the workspace's launch/, or among the shipped ones.", TEXT),
-    "args": Key("Values for its arguments.", _map_of(SCALAR)),
-    "namespace": _SETTINGS["namespace"],
-    "without": Key("Names of its nodes that are left out.", _one_of(TEXT, {"type": "array", "items": TEXT})),
-    "override": Key("By the name of a node, what is different here.", _map_of(_ref("override"))),
-    **_CONDITIONS,
-}
-GROUP: Final = {
-    **_SETTINGS,
-    "include": Key("Manifests that are part of this group.", _ref("includes")),
-    "args": Key("Values for the arguments of the included manifests.", _map_of(SCALAR)),
-    "nodes": Key("Processes to start.", _map_of(_ref("node"))),
-    "groups": Key("Groups within this one; they inherit its settings.", _map_of(_ref("group"))),
-    "hosts": Key(
-        "The hosts that it runs on, where a robot has several: robo up --host NAME.",
-        _one_of(TEXT, {"type": "array", "items": TEXT, "minItems": 1}),
-    ),
-    "topics": MANIFEST["topics"],
-}
-NODE: Final = {
-    **_SETTINGS,
-    "service": Key("A node class: package.module or package.module:Class.", TEXT),
-    "run": Key("Any command, in any language: a list of words, or a line.", COMMAND),
-    "name": Key("The node's name; by default the key.", TEXT),
-    "args": Key("More words for the command.", COMMAND),
-    "cwd": Key("The folder it runs in; by default the current one.", TEXT),
-    "prefix": Key("Words before the command: gdb -ex run --args, valgrind.", COMMAND),
-    "needs": Key("Nodes that come first: {position_tracker: ready}.", _ref("needs")),
-    "ready": Key("What tells that it is ready.", _ref("ready")),
-    "watchdog": _number("A node that gives no sign of life for so long hangs, s; 0 for never.", 0),
-    "required": Key("Whether the launch ends with it.", CONDITION),
-    "stop": Key("How it is told to end.", _ref("stop")),
-    "priority": _number("The nice value; lower runs first.", -20, 19, whole=True),
-    "cpus": Key("The processors it may use: [0, 1] or 0-3.", _ref("cpus")),
-    "publishes": Key("What a command publishes, for the check: {scan: sensor/LaserScan}.", _map_of(TEXT)),
-    "subscribes": Key("What a command subscribes, for the check.", _map_of(TEXT)),
-}
-RESTART: Final = {
-    "policy": Key("never, on-failure or always.", _words(*RESTART_POLICIES)),
-    "delay": _number("Before it is started again the first time, s.", 0),
-    "backoff": _number("What each further delay is multiplied with.", 1),
-    "max_delay": _number("The longest delay, s.", 0),
-    "jitter": _number("The part of a delay that is left to chance, 0 to 1.", 0, 1),
-    "max": _number("More restarts than these in a window make it degraded: from then on max_delay.", 0, whole=True),
-    "window": _number("The window, s.", 0),
-    "reset_after": _number("After being ready for so long it is healthy: delays begin anew, s.", 0),
-    "propagate": Key("Whether what needs it is started again with it.", CONDITION),
-}
-STOP: Final = {
-    "signal": Key("The first signal.", _words(*SIGNAL_WORDS)),
-    "timeout": _number("How long until the next, harder one, s.", 0),
-}
-LOG: Final = {
-    "level": Key("The least level that is shown.", _words(*LOG_LEVELS)),
-    "output": Key("Where output goes.", _words(*LOG_OUTPUTS)),
-}
-READY: Final = {
-    "when": Key("node: its liveliness token; started: its start.", _words(*READY_WHEN)),
-    "log": Key("A line of output in which this pattern is found.", TEXT),
-    "port": Key("Something listens there: 8080 or host:8080.", _one_of(_PORT, TEXT)),
-    "probe": Key("A command that ends with exit code 0, tried again and again.", COMMAND),
-    "topics": Key("Its topics that carry data, at the rate that is promised of them.", _one_of(TEXT, _LIST)),
-    "timeout": _number("How long it may take, s; 0 for ever. Then it has failed.", 0),
-}
-TOPIC: Final = {
-    "type": Key("The message type: sensor/LaserScan.", TEXT),
-    "rate": Key("Messages per second: '>= 5', '<= 50', 10.", _one_of(_RATE, TEXT)),
-    "max_age": _number("The newest message is never older, s.", 0),
-    "external": Key("Whether somebody outside of this launch publishes it.", CONDITION),
-}
-PARAMS_ITEM: Final = {
-    **_CONDITIONS,
-    "file": Key("A parameter file.", TEXT),
-    "values": Key("Values by name.", {"type": "object"}),
-}
-VARIABLE: Final = {
-    **_CONDITIONS,
-    "value": Key("Its value.", SCALAR),
-}
-
-SHORT_FORMS: Final[dict[str, tuple[dict[str, Key], tuple[Schema, ...]]]] = {
-    "arg": (ARG, (SCALAR,)),
-    "group": (GROUP, ()),
-    "node": (NODE, ()),
-    "override": (NODE, ()),
-    "include": (INCLUDE, (TEXT,)),
-    "restart": (RESTART, (_words(*RESTART_POLICIES),)),
-    "stop": (STOP, (_words(*SIGNAL_WORDS),)),
-    "log": (LOG, (_words(*LOG_OUTPUTS, *LOG_LEVELS),)),
-    "ready": (READY, (_words(*READY_WHEN),)),
-    "topic": (TOPIC, (TEXT,)),
-    "params_item": (PARAMS_ITEM, (TEXT,)),
-    "variable": (VARIABLE, (SCALAR,)),
-}
-"""Each part that is a map of known keys, with the shorter forms it may take."""
-
-OTHER_FORMS: Final[dict[str, Schema]] = {
-    "includes": _one_of(_ref("include"), {"type": "array", "items": _ref("include")}),
-    # A map of plain values is as good as one with a condition.
-    "params": _one_of(
-        TEXT, {"type": "object"}, {"type": "array", "items": _one_of(_ref("params_item"), {"type": "object"})}
-    ),
-    "env": _map_of(_ref("variable")),
-    "needs": _one_of(TEXT, {"type": "array", "items": TEXT}, _map_of({"enum": list(NEEDS)})),
-    "for_each": {
+def definition(part: type[msgspec.Struct]) -> Schema:
+    """The schema of a part: a map of its keys, or one of its values alone."""
+    whole: Schema = {
         "type": "object",
-        "minProperties": 1,
-        "maxProperties": 1,
-        "additionalProperties": {"type": "array"},
-    },
-    "cpus": _one_of(_CPU, TEXT, {"type": "array", "items": _one_of(_CPU, TEXT)}),
-}
-"""The parts that are not maps of known keys."""
+        "properties": {name: {"description": key.about, **key.form.schema} for name, key in keys_of(part).items()},
+        "additionalProperties": False,
+    }
+    short = [key.form.schema for key in short_of(part)]
+    return one_of(*short, whole) if short else whole
+
+
+# -- from a map as written to values ---------------------------------------------------------------------------------
+
+
+def fields(tree: Map, what: str, keys: Keys, reading: Reading) -> dict[str, Tree]:
+    """The values of a map by key; unknown keys are mistakes, and a key without a value is not there."""
+    for entry in tree:
+        if entry.key not in keys:
+            instead = suggest(entry.key, sorted(keys), "it may hold")
+            reading.complain(entry.position, f"unknown key {shown(entry.key)} in {what}; {instead}")
+    return {entry.key: entry.value for entry in tree if entry.key in keys and not _is_empty(entry.value)}
+
+
+def _is_empty(tree: Tree) -> bool:
+    return isinstance(tree, Scalar) and tree.value is None
+
+
+def read(keys: Keys, parts: Mapping[str, Tree], reading: Reading) -> dict[str, Any]:
+    """The values of keys, each in its form; those that are not are mistakes, and left out."""
+    found = {name: keys[name].form.read(tree, name, reading) for name, tree in parts.items()}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def fill(keys: Keys, written: Written, scope: Scope) -> dict[str, Tree]:
+    """The same values with every `${name}` replaced."""
+    return {name: keys[name].form.fill(tree, name, scope) for name, tree in written.items()}
+
+
+def merged(keys: Keys, layers: Iterable[Written]) -> dict[str, Tree]:
+    """What holds where several layers say something, weakest first."""
+    found: dict[str, Tree] = {}
+    for layer in layers:
+        for name, tree in layer.items():
+            found[name] = keys[name].form.merge(found[name], tree) if name in found else tree
+    return found
+
+
+def values_of(keys: Keys, filled: Written, complain: Complain) -> dict[str, Any]:
+    """The values of filled keys, by field; those with mistakes are left out, so that the defaults hold."""
+    found: dict[str, Any] = {}
+    for name, tree in filled.items():
+        form = keys[name].form
+        value = form.value(tree, name, complain)
+        if value is not None and form.fields is not None:
+            found |= {field: value[item] for field, item in form.fields.items()}
+        elif value is not None:
+            found[keys[name].field] = value
+    return found
+
+
+# -- keys that hold other parts ----------------------------------------------------------------------------------------
+
+
+def part_of(part: type[msgspec.Struct], *, whole: bool = False) -> Form:
+    """A map of known keys that becomes a Struct of the plan, or the most important of its values alone.
+
+    Args:
+        part: what it becomes.
+        whole: what is said over it replaces all of it, and not only the keys that it says itself.
+    """
+
+    def read_part(tree: Tree, key: str, reading: Reading) -> Map | None:
+        if isinstance(tree, Items):
+            reading.complain(tree.position, f"{key}: expected a value or a map, not a list")
+            return None
+        if isinstance(tree, Scalar):
+            return _read_short(part, tree, key, reading)
+        found = read(keys_of(part), fields(tree, key, keys_of(part), reading), reading)
+        places = {entry.key: entry.position for entry in tree}
+        return Map(tuple(Entry(name, places[name], value) for name, value in found.items()), tree.position)
+
+    def fill_part(tree: Tree, _key: str, scope: Scope) -> Map:
+        filled = fill(keys_of(part), _by_key(tree), scope)
+        return Map(tuple(entry._replace(value=filled[entry.key]) for entry in _entries(tree)), tree.position)
+
+    def merge_part(before: Tree, tree: Tree) -> Map:
+        both = {entry.key: entry for entry in (*_entries(before), *_entries(tree))}
+        return Map(tuple(both.values()), tree.position)
+
+    def value(tree: Tree, _key: str, complain: Complain) -> msgspec.Struct:
+        return part(**values_of(keys_of(part), _by_key(tree), complain))
+
+    form = Form(schema=ref(name_of(part)), read=read_part, fill=fill_part, value=value, part=part)
+    return form if whole else msgspec.structs.replace(form, merge=merge_part)
+
+
+def _read_short(part: type[msgspec.Struct], scalar: Scalar, key: str, reading: Reading) -> Map | None:
+    """The map for which a single value stands."""
+    among = short_of(part)
+    chosen = among[-1]
+    if len(among) > 1:  # the word tells which of them is meant
+        by_word = {word: short for short in among for word in short.form.words}
+        if not is_one_of(scalar, key, list(by_word), reading.complain):
+            return None
+        chosen = by_word.get(str(scalar.value), chosen)
+    value = chosen.form.read(scalar, chosen.name, reading)
+    return Map((Entry(chosen.name, scalar.position, value),), scalar.position) if value is not None else None
+
+
+def _entries(tree: Tree) -> tuple[Entry, ...]:
+    return tree.entries if isinstance(tree, Map) else ()
+
+
+def _by_key(tree: Tree) -> dict[str, Tree]:
+    return {entry.key: entry.value for entry in _entries(tree)}
+
+
+def entries(tree: Tree, key: str, reading: Reading) -> tuple[Entry, ...]:
+    """The entries of a map; none, with a mistake, where it is something else."""
+    if isinstance(tree, Map):
+        return tree.entries
+    reading.complain(tree.position, f"{key}: expected a map, not {kind(tree)}")
+    return ()
+
+
+def named(part: str) -> Form:
+    """A map from names to parts."""
+
+    def read_parts(tree: Tree, key: str, reading: Reading) -> tuple[Any, ...]:
+        found = (reading.part(part, entry) for entry in entries(tree, key, reading))
+        return tuple(one for one in found if one is not None)
+
+    return Form(schema=map_of(ref(part)), read=read_parts)
+
+
+def named_values(schema: Schema) -> Form:
+    """A map from names to single values."""
+
+    def read_values(tree: Tree, key: str, reading: Reading) -> tuple[Entry, ...]:
+        among = entries(tree, key, reading)
+        return tuple(e for e in among if single(e.value, f"{key} {e.key}", reading.complain) is not None)
+
+    return Form(schema=map_of(schema), read=read_values)
+
+
+def special(name: str) -> Form:
+    """A value that is like no other; the reader knows it by its name, and so does the schema."""
+    return Form(schema=ref(name), read=lambda tree, _key, reading: reading.special(name, tree))
+
+
+A_MAP: Final = Form(
+    schema={"type": "object"}, read=lambda tree, key, reading: Map(entries(tree, key, reading), tree.position)
+)
+"""A map of anything."""

@@ -1,96 +1,89 @@
 """The manifest as written: a typed tree in which every part knows where it stands.
 
-Substitutions and conditions are still as written; `resolve` works them out.
+A field with a sentence beside its type is a key, as `launch.language` has it. What a node says of how it runs is a key
+of the plan: such `plain` keys stay trees until they are filled and merged. Substitutions and conditions are still as
+written; `launch.unfold` works them out.
 """
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, ClassVar, Literal, get_args
 
 import msgspec
+from msgspec import Meta
 
+from robo.launch.forms import (
+    A_BOOLEAN,
+    A_FLAG,
+    A_TEXT,
+    ANY_VALUE,
+    SCALAR,
+    SOME_TEXTS,
+    SOME_VALUES,
+    TEXT,
+    a_number,
+    a_word,
+)
+from robo.launch.language import A_MAP, NOTHING, KeysOf, Written, named, named_values, special
+from robo.launch.plan import ProcessPlan, TopicPlan, Until
 from robo.text.tree import Entry, Items, Map, Position, Scalar
 
 ArgType = Literal["str", "int", "float", "bool", "path", "choice"]
-Until = Literal["started", "ready", "completed"]
+
+MOST_PROCESSES = 2_000
+"""A launch starts no more."""
 
 
-class Condition(msgspec.Struct, frozen=True):
-    """`if:` and `unless:`; both empty means yes."""
+class Guarded(msgspec.Struct, frozen=True, kw_only=True):
+    """What is there under a condition."""
 
-    when: Scalar | None = None
-    unless: Scalar | None = None
+    when: Annotated[
+        Scalar | None, A_FLAG, Meta(description="Only where this expression is true: use_sim and mode == 'gazebo'.")
+    ] = msgspec.field(name="if", default=None)
+    unless: Annotated[Scalar | None, A_FLAG, Meta(description="Only where this expression is false.")] = None
 
 
 class Arg(msgspec.Struct, frozen=True, kw_only=True):
     """A launch argument."""
 
+    SHORT: ClassVar = ("default",)
+
     name: str
-    type: ArgType
-    default: Scalar | None
-    """None where it has to be given."""
-    exists: bool
-    """For a path: whether it has to be there at the start."""
-    choices: tuple[Scalar, ...]
-    description: str
+    default: Annotated[
+        Scalar | None, ANY_VALUE, Meta(description="The value where none is given; without it one has to be.")
+    ] = None
+    required: Annotated[
+        Scalar | None, A_BOOLEAN, Meta(description="True where there is no default, which says it as well.")
+    ] = None
+    type: Annotated[
+        ArgType,
+        a_word(get_args(ArgType), substituted=False),
+        Meta(description="By default the type of the default value."),
+    ]
+    exists: Annotated[
+        bool, A_BOOLEAN, Meta(description="False for a path that the robot itself makes: others have to be there.")
+    ] = True
+    choices: Annotated[tuple[Scalar, ...], SOME_VALUES, Meta(description="The only values allowed.")] = ()
+    description: Annotated[str, A_TEXT, Meta(description="What it means, shown by --show-args.")] = ""
     position: Position
 
 
-class ParameterSource(msgspec.Struct, frozen=True, kw_only=True):
+class ParameterSource(Guarded, frozen=True, kw_only=True):
     """A parameter file, values, or both."""
 
-    file: Scalar | None
-    values: Map | None
-    condition: Condition
+    SHORT: ClassVar = ("file",)
+
+    file: Annotated[Scalar | None, A_TEXT, Meta(description="A parameter file.")] = None
+    values: Annotated[Map | None, A_MAP, Meta(description="Values by name.")] = None
 
 
-class Variable(msgspec.Struct, frozen=True):
+class Variable(Guarded, frozen=True, kw_only=True):
     """An environment variable."""
 
+    SHORT: ClassVar = ("value",)
+
     name: str
-    value: Scalar
-    condition: Condition
+    value: Annotated[Scalar, ANY_VALUE, Meta(description="Its value.")]
     position: Position
-
-
-class Restart(msgspec.Struct, frozen=True):
-    """When a process is started again."""
-
-    policy: Scalar | None = None
-    delay: Scalar | None = None
-    backoff: Scalar | None = None
-    max_delay: Scalar | None = None
-    jitter: Scalar | None = None
-    max: Scalar | None = None
-    window: Scalar | None = None
-    reset_after: Scalar | None = None
-    propagate: Scalar | None = None
-
-
-class Stop(msgspec.Struct, frozen=True):
-    """How a process is told to end."""
-
-    signal: Scalar | None = None
-    timeout: Scalar | None = None
-
-
-class Log(msgspec.Struct, frozen=True):
-    """Where output goes, and from which level on."""
-
-    level: Scalar | None = None
-    output: Scalar | None = None
-
-
-class Ready(msgspec.Struct, frozen=True):
-    """What tells that a process is ready."""
-
-    when: Scalar | None = None
-    """`node` or `started`."""
-    log: Scalar | None = None
-    """A pattern in its output."""
-    port: Scalar | None = None
-    probe: Scalar | Items | None = None
-    topics: tuple[Scalar, ...] = ()
-    timeout: Scalar | None = None
 
 
 class Need(msgspec.Struct, frozen=True):
@@ -100,60 +93,88 @@ class Need(msgspec.Struct, frozen=True):
     until: Until
 
 
-class Loop(msgspec.Struct, frozen=True):
-    """`replicas:` or `for_each:`."""
+class ForEach(msgspec.Struct, frozen=True):
+    """Once for each item of a list."""
 
-    count: Scalar | None
     variable: str
-    items: Items | None
+    items: Items
 
 
-class Settings(msgspec.Struct, frozen=True, kw_only=True):
+class Settings(Guarded, frozen=True, kw_only=True):
     """What groups and nodes have in common."""
 
-    namespace: Scalar | None
-    params: tuple[ParameterSource, ...]
-    remap: tuple[Entry, ...]
-    env: tuple[Variable, ...]
-    restart: Restart
-    log: Log
-    loop: Loop | None
-    condition: Condition
-
-
-class Node(msgspec.Struct, frozen=True, kw_only=True):
-    """A process to start, or in an `override` what is different about one."""
-
-    key: str
-    settings: Settings
-    service: Scalar | None
-    run: Scalar | Items | None
-    name: Scalar | None
-    args: Scalar | Items | None
-    cwd: Scalar | None
-    prefix: Scalar | Items | None
-    needs: tuple[Need, ...] | None
-    ready: Ready | None
-    watchdog: Scalar | None
-    required: Scalar | None
-    stop: Stop
-    priority: Scalar | None
-    cpus: Scalar | Items | None
-    publishes: tuple[Entry, ...]
-    subscribes: tuple[Entry, ...]
+    namespace: Annotated[
+        Scalar | None,
+        A_TEXT,
+        Meta(description="Put before every relative name; within the outer one, unless it begins with /."),
+    ] = None
+    params: Annotated[
+        tuple[ParameterSource, ...], special("params"), Meta(description="Parameter files and values, in order.")
+    ] = ()
+    remap: Annotated[
+        tuple[Entry, ...], named_values(TEXT), Meta(description="Other names for topics: {cmd_vel: cmd_vel_raw}.")
+    ] = ()
+    env: Annotated[tuple[Variable, ...], named("variable"), Meta(description="Environment variables.")] = ()
+    replicas: Annotated[
+        Scalar | None,
+        a_number(0, MOST_PROCESSES, whole=True),
+        Meta(description="So many of it; ${index} counts from 1."),
+    ] = None
+    for_each: Annotated[
+        ForEach | None,
+        special("for_each"),
+        Meta(description="One for each item of a list: {robot: [r1, r2]}; ${robot} and ${index} differ."),
+    ] = None
+    plain: Written = NOTHING
     tree: Map
     position: Position
 
+    @property
+    def looped(self) -> bool:
+        """Whether there may be several of it."""
+        return self.replicas is not None or self.for_each is not None
 
-class Include(msgspec.Struct, frozen=True, kw_only=True):
+
+class Node(Settings, frozen=True, kw_only=True):
+    """A process to start, or in an `override` what is different about one."""
+
+    key: str
+    needs: Annotated[
+        tuple[Need, ...] | None,
+        special("needs"),
+        Meta(description="Nodes that come first: {position_tracker: ready}."),
+    ] = None
+    publishes: Annotated[
+        tuple[Entry, ...],
+        named_values(TEXT),
+        Meta(description="What a command publishes, for the check: {scan: sensor/LaserScan}."),
+    ] = ()
+    subscribes: Annotated[
+        tuple[Entry, ...], named_values(TEXT), Meta(description="What a command subscribes, for the check.")
+    ] = ()
+    plain: Annotated[Written, KeysOf(ProcessPlan)] = NOTHING
+
+
+class Include(Guarded, frozen=True, kw_only=True):
     """Another manifest, started as part of this one."""
 
-    file: Scalar
-    args: tuple[Entry, ...]
-    namespace: Scalar | None
-    without: tuple[Scalar, ...]
-    override: tuple[Node, ...]
-    condition: Condition
+    SHORT: ClassVar = ("file",)
+
+    file: Annotated[
+        Scalar, A_TEXT, Meta(description="Beside this file, in the workspace's launch/, or among the shipped ones.")
+    ]
+    args: Annotated[tuple[Entry, ...], named_values(SCALAR), Meta(description="Values for its arguments.")] = ()
+    namespace: Annotated[
+        Scalar | None,
+        A_TEXT,
+        Meta(description="Put before every relative name; within the outer one, unless it begins with /."),
+    ] = None
+    without: Annotated[Scalar | Items | None, SOME_TEXTS, Meta(description="Names of its nodes that are left out.")] = (
+        None
+    )
+    override: Annotated[
+        tuple[Node, ...], named("override"), Meta(description="By the name of a node, what is different here.")
+    ] = ()
     position: Position
 
 
@@ -161,33 +182,67 @@ class Topic(msgspec.Struct, frozen=True, kw_only=True):
     """What is promised of a topic."""
 
     name: str
-    type: Scalar | None
-    rate: Scalar | None
-    max_age: Scalar | None
-    external: Scalar | None
+    promise: Written
+    """Its plain keys, those of a TopicPlan."""
     position: Position
 
 
-class Group(msgspec.Struct, frozen=True, kw_only=True):
+class Group(Settings, frozen=True, kw_only=True):
     """Nodes that share settings and can be started by themselves."""
 
     key: str
-    settings: Settings
-    includes: tuple[Include, ...]
-    nodes: tuple[Node, ...]
-    groups: "tuple[Group, ...]"
-    hosts: tuple[Scalar, ...]
-    topics: tuple[Topic, ...]
-    tree: Map
-    position: Position
+    includes: Annotated[
+        tuple[Include, ...], special("includes"), Meta(description="Manifests that are part of this group.")
+    ] = msgspec.field(name="include", default=())
+    args: Annotated[
+        tuple[Entry, ...],
+        named_values(SCALAR),
+        Meta(description="Values for the arguments of the included manifests."),
+    ] = ()
+    nodes: Annotated[tuple[Node, ...], named("node"), Meta(description="Processes to start.")] = ()
+    groups: Annotated[
+        "tuple[Group, ...]",
+        named("group"),
+        Meta(description="Groups within this one; they inherit its settings."),
+    ] = ()
+    hosts: Annotated[
+        Scalar | Items | None,
+        SOME_TEXTS,
+        Meta(description="The hosts that it runs on, where a robot has several: robo up --host NAME."),
+    ] = None
+    topics: Annotated[tuple[Topic, ...], named("topic"), Meta(description="What is promised of topics.")] = ()
+    plain: Annotated[Written, KeysOf(ProcessPlan, of_groups=True)] = NOTHING
 
 
 class Manifest(msgspec.Struct, frozen=True, kw_only=True):
     """A launch manifest."""
 
     file: Path
-    description: str
-    args: tuple[Arg, ...]
-    includes: tuple[Include, ...]
-    groups: tuple[Group, ...]
-    topics: tuple[Topic, ...]
+    description: Annotated[str, A_TEXT, Meta(description="What this starts, in a line.")] = ""
+    args: Annotated[
+        tuple[Arg, ...],
+        named("arg"),
+        Meta(description="What can be chosen at the start: robo up FILE name:=value."),
+    ] = ()
+    includes: Annotated[
+        tuple[Include, ...], special("includes"), Meta(description="Other manifests, started as part of this one.")
+    ] = msgspec.field(name="include", default=())
+    groups: Annotated[
+        tuple[Group, ...],
+        named("group"),
+        Meta(description="Nodes that share settings and can be started by themselves."),
+    ] = ()
+    topics: Annotated[tuple[Topic, ...], named("topic"), Meta(description="What is promised of topics.")] = ()
+
+
+PARTS: dict[str, type[msgspec.Struct]] = {
+    "arg": Arg,
+    "group": Group,
+    "node": Node,
+    "override": Node,
+    "include": Include,
+    "topic": TopicPlan,
+    "params_item": ParameterSource,
+    "variable": Variable,
+}
+"""The parts of the language that are maps of known keys, by the names that the schema has for them."""

@@ -5,20 +5,14 @@ from collections.abc import Collection, Mapping, Sequence
 
 import msgspec
 
-from robo.launch.manifest import Until
-from robo.launch.substitution import Scope
+from robo.launch.forms import text_of
+from robo.launch.manifest import Need
+from robo.launch.plan import Until
+from robo.launch.substitution import Complain
 from robo.text.brief import shown
 from robo.text.suggestions import closest
-from robo.text.tree import Position, Problem, Scalar
+from robo.text.tree import Position
 from robo.wire import names
-
-
-class Asked(msgspec.Struct, frozen=True):
-    """One need as written."""
-
-    node: Scalar
-    until: Until
-    scope: Scope
 
 
 class Waiting(msgspec.Struct, frozen=True):
@@ -26,14 +20,15 @@ class Waiting(msgspec.Struct, frozen=True):
 
     full_name: str
     namespace: str
-    needs: Sequence[Asked]
+    needs: Sequence[Need]
+    """As written, filled."""
 
 
 def resolve(
     waiting: Sequence[Waiting],
     by_key: Mapping[tuple[str, str], Sequence[str]],
     left_out: Collection[str],
-    problems: list[Problem],
+    complain: Complain,
 ) -> dict[str, dict[str, Until]]:
     """What each process needs, by full names.
 
@@ -43,28 +38,27 @@ def resolve(
         waiting: the processes.
         by_key: full names by namespace and key in the manifest.
         left_out: keys of nodes that do not run.
-        problems: takes needs of unknown nodes, and circles.
+        complain: takes needs of unknown nodes, and circles.
     """
     known = {one.full_name for one in waiting}
     resolved: dict[str, dict[str, Until]] = {one.full_name: {} for one in waiting}
     places: dict[tuple[str, str], Position] = {}
     for one in waiting:
         for need in one.needs:
-            text = need.scope.text(need.node)
+            text = text_of(need.node, complain)
             if text is None:
                 continue
             full = text if text.startswith("/") else "/" + names.join(one.namespace, text)
             namespace, _, key = full.strip("/").rpartition("/")
             found = [full] if full in known else by_key.get((namespace, key), ())
             if not found and key not in left_out:
-                problems.append(
-                    Problem(need.node.position, f"needs {shown(text)}: there is no node {full}{_hint(full, known)}")
-                )
+                what = f"needs {shown(text)}: there is no node {full}{_hint(full, known)}"
+                complain(need.node.position, what)
             for name in found:
                 resolved[one.full_name][name] = need.until
                 places[one.full_name, name] = need.node.position
     for circle in _circles(resolved):
-        problems.append(Problem(places[circle[0], circle[1]], f"needs go in a circle: {' → '.join(circle)}"))
+        complain(places[circle[0], circle[1]], f"needs go in a circle: {' → '.join(circle)}")
     return resolved
 
 

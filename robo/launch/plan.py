@@ -1,93 +1,134 @@
 """What a launch will start: a flat list of processes, everything resolved.
 
 The plan is plain data: the supervisor obeys it, `robo up --dry-run` shows it, `robo check` looks for
-wiring faults in it.
+wiring faults in it. A field with a sentence beside its type is a key of a manifest, and said nowhere else
+(`launch.language`).
 """
 
 import sys
-from typing import Literal
+from typing import Annotated, ClassVar, Literal, get_args
 
 import msgspec
+from msgspec import Meta
 
-from robo.launch.manifest import Until
+from robo.launch.forms import (
+    A_COMMAND,
+    A_NODE_NAME,
+    A_PATH,
+    A_PATTERN,
+    A_PORT,
+    A_RATE,
+    A_SERVICE,
+    SOME_CPUS,
+    SOME_TOPICS,
+    a_signal,
+)
+from robo.launch.language import OF_GROUPS, Named, part_of
 from robo.text.tree import Position
 from robo.wire import names
 from robo.wire.reports import Setting
+
+Until = Literal["started", "ready", "completed"]
+"""What another process has to have reached."""
+
+NEEDS = get_args(Until)
 
 
 class RestartPlan(msgspec.Struct, frozen=True, kw_only=True):
     """When a process that has ended is started again."""
 
-    policy: Literal["never", "on-failure", "always"] = "never"
-    delay: float = 0.5
-    """Before the first restart, s."""
-    backoff: float = 2.0
-    """What each further delay is multiplied with."""
-    max_delay: float = 30.0
-    """s."""
-    jitter: float = 0.1
+    SHORT: ClassVar = ("policy",)
+
+    policy: Annotated[Literal["never", "on-failure", "always"], Meta(description="never, on-failure or always.")] = (
+        "never"
+    )
+    delay: Annotated[float, Meta(ge=0, description="Before it is started again the first time, s.")] = 0.5
+    backoff: Annotated[float, Meta(ge=1, description="What each further delay is multiplied with.")] = 2.0
+    max_delay: Annotated[float, Meta(ge=0, description="The longest delay, s.")] = 30.0
+    jitter: Annotated[float, Meta(ge=0, le=1, description="The part of a delay that is left to chance, 0 to 1.")] = 0.1
     """By up to this part a delay is shorter, so that what fell together does not rise together."""
-    max: int = 5
-    """More restarts in a window are a storm: the process is degraded and tried again every `max_delay`."""
-    window: float = 60.0
-    """s."""
-    reset_after: float = 10.0
-    """How long it must have been ready to count as healthy, s."""
-    propagate: bool = False
-    """Whether the processes that need it are started again with it."""
+    max: Annotated[
+        int,
+        Meta(
+            ge=0,
+            description="More restarts than these in a window make it degraded: from then on max_delay.",
+        ),
+    ] = 5
+    window: Annotated[float, Meta(ge=0, description="The window, s.")] = 60.0
+    reset_after: Annotated[
+        float, Meta(ge=0, description="After being ready for so long it is healthy: delays begin anew, s.")
+    ] = 10.0
+    propagate: Annotated[bool, Meta(description="Whether what needs it is started again with it.")] = False
 
 
 class StopPlan(msgspec.Struct, frozen=True, kw_only=True):
     """How a process is told to end."""
 
-    signal: str = "INT"
-    """The first signal; TERM and KILL follow."""
-    timeout: float = 1.0
-    """How long until the next one, s."""
+    SHORT: ClassVar = ("signal",)
+
+    signal: Annotated[
+        str, a_signal("INT", "TERM", "HUP", "QUIT", "USR1", "USR2", "KILL"), Meta(description="The first signal.")
+    ] = "INT"
+    """Without SIG; TERM and KILL follow."""
+    timeout: Annotated[float, Meta(ge=0, description="How long until the next, harder one, s.")] = 1.0
 
 
 class LogPlan(msgspec.Struct, frozen=True, kw_only=True):
     """Where output goes, and from which level on."""
 
-    level: str | None = None
-    output: Literal["screen", "file", "both"] = "both"
+    SHORT: ClassVar = ("level", "output")
+
+    level: Annotated[
+        Literal["debug", "info", "warn", "error", "fatal"] | None, Meta(description="The least level that is shown.")
+    ] = None
+    output: Annotated[Literal["screen", "file", "both"], Meta(description="Where output goes.")] = "both"
 
 
 class ReadyPlan(msgspec.Struct, frozen=True, kw_only=True):
     """What tells that a process is ready; all of it, where several things are said."""
 
-    when: Literal["node", "started"] = "node"
-    """Its liveliness token, or its start."""
-    log: str | None = None
-    """A line of its output holds this pattern."""
-    port: str | None = None
-    """`host:port` accepts connections."""
-    probe: tuple[str, ...] = ()
-    """This command ends with exit code 0."""
-    topics: tuple[str, ...] = ()
-    """These keys carry data, at the rate that is promised of them."""
-    timeout: float = 60.0
-    """How long it may take, s; 0 for ever."""
+    SHORT: ClassVar = ("when",)
+
+    when: Annotated[Literal["node", "started"], Meta(description="node: its liveliness token; started: its start.")] = (
+        "node"
+    )
+    log: Annotated[str | None, A_PATTERN, Meta(description="A line of output in which this pattern is found.")] = None
+    port: Annotated[str | None, A_PORT, Meta(description="Something listens there: 8080 or host:8080.")] = None
+    """`host:port`."""
+    probe: Annotated[
+        tuple[str, ...], A_COMMAND, Meta(description="A command that ends with exit code 0, tried again and again.")
+    ] = ()
+    topics: Annotated[
+        tuple[str, ...],
+        SOME_TOPICS,
+        Meta(description="Its topics that carry data, at the rate that is promised of them."),
+    ] = ()
+    """In a plan their keys."""
+    timeout: Annotated[float, Meta(ge=0, description="How long it may take, s; 0 for ever. Then it has failed.")] = 60.0
 
 
 class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
     """One process to start."""
 
-    name: str
+    name: Annotated[str, A_NODE_NAME, Meta(description="The node's name; by default the key.")]
     namespace: str
     group: str
     """The names of the groups it is in, joined by `/`."""
     hosts: tuple[str, ...]
     """The hosts that it runs on; empty where the manifest does not say."""
-    service: str | None
-    """The node class; None for a command."""
-    run: tuple[str, ...]
-    """The words of a command; empty for a service."""
-    prefix: tuple[str, ...]
-    """The words before what is run: a debugger, `nice`."""
-    args: tuple[str, ...]
-    """The words after it."""
-    cwd: str | None
+    service: Annotated[
+        str | None, A_SERVICE, Meta(description="A node class: package.module or package.module:Class.")
+    ] = None
+    """None for a command."""
+    run: Annotated[
+        tuple[str, ...], A_COMMAND, Meta(description="Any command, in any language: a list of words, or a line.")
+    ] = ()
+    """Empty for a service."""
+    prefix: Annotated[
+        tuple[str, ...], A_COMMAND, Meta(description="Words before the command: gdb -ex run --args, valgrind.")
+    ] = ()
+    args: Annotated[tuple[str, ...], A_COMMAND, Meta(description="More words for the command.")] = ()
+    cwd: Annotated[str | None, A_PATH, Meta(description="The folder it runs in; by default the current one.")] = None
     settings: dict[str, tuple[Setting, ...]]
     """By parameter, all that is said of it, from the weakest to what holds."""
     parameter_files: tuple[str, ...] = ()
@@ -96,18 +137,22 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
     env: dict[str, str]
     needs: dict[str, Until]
     """By full name, what other processes must have reached before this one starts."""
-    watchdog: float
-    """A node that gives no sign of life for so long hangs, s; 0 for never."""
-    required: bool
-    """Whether the launch ends with this process."""
-    restart: RestartPlan
-    stop: StopPlan
-    ready: ReadyPlan
-    log: LogPlan
-    priority: int | None
-    """The nice value."""
-    cpus: tuple[int, ...]
-    """The processors it may use; empty for all."""
+    watchdog: Annotated[
+        float, Meta(ge=0, description="A node that gives no sign of life for so long hangs, s; 0 for never.")
+    ] = 5.0
+    """Never by default for a command, and under a prefix: in a debugger it stands still on purpose."""
+    required: Annotated[bool, Meta(description="Whether the launch ends with it.")] = False
+    restart: Annotated[RestartPlan, OF_GROUPS, Meta(description="When a process that ends is started again.")] = (
+        RestartPlan()
+    )
+    stop: Annotated[StopPlan, Meta(description="How it is told to end.")] = StopPlan()
+    ready: Annotated[ReadyPlan, part_of(ReadyPlan, whole=True), Meta(description="What tells that it is ready.")] = (
+        ReadyPlan()
+    )
+    log: Annotated[LogPlan, OF_GROUPS, Meta(description="The least level shown, and where output goes.")] = LogPlan()
+    priority: Annotated[int, Meta(ge=-20, le=19, description="The nice value; lower runs first.")] | None = None
+    cpus: Annotated[tuple[int, ...], SOME_CPUS, Meta(description="The processors it may use: [0, 1] or 0-3.")] = ()
+    """Sorted; empty for all."""
     publishes: dict[str, str]
     """For a command: by topic, the message type."""
     subscribes: dict[str, str]
@@ -147,14 +192,17 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
 class TopicPlan(msgspec.Struct, frozen=True, kw_only=True):
     """What is promised of a topic."""
 
+    SHORT: ClassVar = ("type",)
+
     key: str
-    type: str | None = None
-    min_rate: float | None = None
-    """1/s."""
+    type: Annotated[str | None, Meta(description="The message type: sensor/LaserScan.")] = None
+    min_rate: Annotated[
+        float | None, A_RATE, Named("rate"), Meta(description="Messages per second: '>= 5', '<= 50', 10.")
+    ] = None
+    """1/s; the key `rate` says this one and the next."""
     max_rate: float | None = None
-    max_age: float | None = None
-    """s."""
-    external: bool = False
+    max_age: Annotated[float, Meta(ge=0, description="The newest message is never older, s.")] | None = None
+    external: Annotated[bool, Meta(description="Whether somebody outside of this launch publishes it.")] = False
     source: Position
 
 

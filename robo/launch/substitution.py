@@ -14,23 +14,33 @@ within longer text the value becomes text.
 
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Protocol, TypeVar
+
+import msgspec
 
 from robo.launch.expression import ExpressionError, as_text, evaluate
-from robo.launch.manifest import Condition
 from robo.launch.packages import folders_of
 from robo.text.brief import shown
 from robo.text.suggestions import closest
-from robo.text.tree import Entry, Items, Position, Problem, Scalar, Tree
+from robo.text.tree import Items, Position, Problem, Scalar, Tree
 from robo.text.yaml_tree import resolve_scalar
 from robo.wire.names import is_word
+
+T = TypeVar("T")
+
+Complain = Callable[[Position, str], None]
+"""Takes a mistake: where it is, and what."""
 
 MAX_TEXT = 1_000_000
 """A text that is longer once its `${name}` are replaced is refused, characters."""
 
 MAX_FILLED = 20_000_000
 """The texts of one launch with `${name}` in them may have so many characters in all."""
+
+PLACEHOLDER = re.compile(r"\$?\$\{[^}]*\}")
+"""`${name}`, and the literal `$${…}`."""
 
 _PATTERN = re.compile(r"\$\$\{|\$\{([^}]*)\}|\$\{")
 
@@ -55,11 +65,29 @@ def settled(value: object) -> object:
     return resolve_scalar(str(value)) if isinstance(value, Word) else value
 
 
-class _Broken:
-    """Stands for a value that could not be worked out; why has been said already."""
+class Broken(msgspec.Struct, frozen=True):
+    """Stands for a value that could not be worked out."""
+
+    problems: tuple[Problem, ...] = ()
+    """Why; empty where that has been said already."""
 
 
-BROKEN = _Broken()
+BROKEN = Broken()
+
+
+def known(value: T | Broken, complain: Complain) -> T | None:
+    """A value; None where it is Broken, which is complained of."""
+    if not isinstance(value, Broken):
+        return value
+    for problem in value.problems:
+        complain(*problem)
+    return None
+
+
+def told(value: object, complain: Complain) -> object:
+    """A value; one that is Broken is complained of, and from now on Broken without a word."""
+    known(value, complain)
+    return BROKEN if isinstance(value, Broken) else value
 
 
 class _BrokenOperand(Exception):
@@ -75,22 +103,43 @@ class Shared:
         """By prefix, the name that `${anon:prefix}` gave."""
         self.room = MAX_FILLED
         """How many characters may still be written."""
+        self.overflow: Problem | None = None
+        """The first text for which there was no room, whether somebody needs it or not: others may be left out too."""
+
+    def takes(self, length: int, position: Position) -> bool:
+        """Whether a text may be written; small files can unfold to more than any machine holds."""
+        before = self.room
+        self.room -= length
+        if before >= 0 > self.room:
+            text = f"the texts of this launch have more than {MAX_FILLED:,} characters, once all ${{name}} are replaced"
+            self.overflow = Problem(position, text)
+        return self.room >= 0
+
+
+class Guarded(Protocol):
+    """What has `if:` and `unless:`."""
+
+    @property
+    def when(self) -> Scalar | None:
+        """The expression of `if:`."""
+
+    @property
+    def unless(self) -> Scalar | None:
+        """That of `unless:`."""
 
 
 class Scope:
-    """The names that can be used in one place of a manifest, and where mistakes go."""
+    """The names that can be used in one place of a manifest. A value that cannot be worked out is Broken."""
 
-    def __init__(self, file: Path, values: Mapping[str, object], problems: list[Problem], shared: Shared) -> None:
+    def __init__(self, file: Path, values: Mapping[str, object], shared: Shared) -> None:
         """
         Args:
             file: the manifest.
             values: by name.
-            problems: where mistakes are added.
             shared: of the launch.
         """
         self.file = file
         self.values = values
-        self.problems = problems
         self._shared = shared
 
     @property
@@ -100,11 +149,7 @@ class Scope:
 
     def inner(self, values: Mapping[str, object]) -> "Scope":
         """This scope with more names."""
-        return Scope(self.file, {**self.values, **values}, self.problems, self._shared)
-
-    def complain(self, position: Position, text: str) -> None:
-        """Add a mistake."""
-        self.problems.append(Problem(position, text))
+        return Scope(self.file, {**self.values, **values}, self._shared)
 
     def look_up(self, name: str) -> object:
         """The value of a name, or of what stands within `${}`.
@@ -120,9 +165,9 @@ class Scope:
         places = {"dir": self.folder.absolute, "file": self.file.absolute, "workspace": Path.cwd}
         if name in places:
             return str(places[name]())
-        known = sorted({*self.values, *places})
-        close = closest(name, known)
-        instead = f"did you mean ${{{close}}}?" if close is not None else f"known are {', '.join(known)}"
+        among = sorted({*self.values, *places})
+        close = closest(name, among)
+        instead = f"did you mean ${{{close}}}?" if close is not None else f"known are {', '.join(among)}"
         raise KeyError(f"${{{name}}} is not defined; {instead}")
 
     def _function(self, kind: str, rest: str) -> object:
@@ -143,7 +188,7 @@ class Scope:
     # -- values ----------------------------------------------------------------------------------
 
     def raw(self, scalar: Scalar) -> object:
-        """The value of a scalar; a Word where it comes from outside, BROKEN where it has a mistake."""
+        """The value of a scalar; a Word where it comes from outside."""
         text = scalar.value
         if not isinstance(text, str) or "${" not in text:
             return text
@@ -151,37 +196,30 @@ class Scope:
         if whole is not None:
             return self._piece(whole, scalar)
         pieces = [self._piece(match, scalar) for match in _PATTERN.finditer(text)]
-        if BROKEN in pieces:
-            return BROKEN
+        if any(isinstance(piece, Broken) for piece in pieces):
+            return joined(pieces)
         texts = [as_text(piece) for piece in pieces]
-        if not self._fits(len(text) + sum(map(len, texts)), scalar.position):
+        length = len(text) + sum(map(len, texts))
+        fits = self._shared.takes(length, scalar.position)
+        if length > MAX_TEXT:
+            text = f"a text of {length:,} characters, once its ${{name}} are replaced; at most {MAX_TEXT:,}"
+            return Broken((Problem(scalar.position, text),))
+        if not fits:
             return BROKEN
         rest = iter(texts)
         return _PATTERN.sub(lambda _: next(rest), text)
 
-    def _fits(self, length: int, position: Position) -> bool:
-        """Whether a text may be written; small files can unfold to more than any machine holds."""
-        before = self._shared.room
-        self._shared.room -= length
-        if length > MAX_TEXT:
-            text = f"a text of {length:,} characters, once its ${{name}} are replaced; at most {MAX_TEXT:,}"
-            self.complain(position, text)
-        elif before >= 0 > self._shared.room:
-            text = f"the texts of this launch have more than {MAX_FILLED:,} characters, once all ${{name}} are replaced"
-            self.complain(position, text)
-        return length <= MAX_TEXT and self._shared.room >= 0
-
     def value(self, scalar: Scalar) -> object:
-        """The value of a scalar with its type, BROKEN where it has a mistake."""
+        """The value of a scalar with its type."""
         return settled(self.raw(scalar))
 
-    def text(self, scalar: Scalar) -> str | None:
-        """The value of a scalar as text, None where it has a mistake."""
+    def text(self, scalar: Scalar) -> str | Broken:
+        """The value of a scalar as text."""
         value = self.raw(scalar)
-        return None if value is BROKEN else as_text(value)
+        return value if isinstance(value, Broken) else as_text(value)
 
-    def path(self, scalar: Scalar) -> str | None:
-        """The value of a scalar as a path, None where it has a mistake.
+    def path(self, scalar: Scalar) -> str | Broken:
+        """The value of a scalar as a path.
 
         What is put *into* a path stays below where it is put: only a value that is the whole path,
         or its beginning, may lead elsewhere.
@@ -190,49 +228,40 @@ class Scope:
         for match in _PATTERN.finditer(text) if isinstance(text, str) else ():
             if match.group() == text or match.group(1) is None:
                 continue
-            problems = len(self.problems)
-            piece = as_text(self._piece(match, scalar))
-            del self.problems[problems:]
+            value = self._piece(match, scalar)
+            piece = "" if isinstance(value, Broken) else as_text(value)
             if ".." in re.split(r"[/\\]", piece) or (match.start() and piece.startswith("/")):
-                where = scalar.place(match.start())
-                self.complain(where, f"{match.group()} is {shown(piece)}, which leads out of the folder that is meant")
-                return None
+                what = f"{match.group()} is {shown(piece)}, which leads out of the folder that is meant"
+                return Broken((Problem(scalar.place(match.start()), what),))
         found = self.text(scalar)
-        if found is not None and "\0" in found:
-            self.complain(scalar.position, "a path cannot hold a zero character")
-            return None
+        if isinstance(found, str) and "\0" in found:
+            return Broken((Problem(scalar.position, "a path cannot hold a zero character"),))
         return found
 
     def plain(self, tree: Tree) -> object:
-        """A tree as plain data with every `${name}` replaced; BROKEN where any of it has a mistake."""
+        """A tree as plain data with every `${name}` replaced; Broken where any of it is."""
         if isinstance(tree, Scalar):
             return self.value(tree)
         if isinstance(tree, Items):
             items = [self.plain(item) for item in tree.items]
-            return BROKEN if BROKEN in items else items
+            return joined(items) if any(isinstance(item, Broken) for item in items) else items
         values = {entry.key: self.plain(entry.value) for entry in tree}
-        return BROKEN if BROKEN in values.values() else values
+        broken = any(isinstance(value, Broken) for value in values.values())
+        return joined(list(values.values())) if broken else values
 
-    def texts(self, entries: tuple[Entry, ...]) -> dict[str, str]:
-        """Single values by key, as text; those with mistakes are left out."""
-        return {
-            entry.key: text
-            for entry in entries
-            if isinstance(entry.value, Scalar) and (text := self.text(entry.value)) is not None
-        }
-
-    def check_names(self, tree: Tree) -> None:
-        """Complain of every `${name}` that nothing defines, and of nothing else."""
+    def undefined(self, tree: Tree) -> Iterator[Problem]:
+        """Every `${name}` of a tree that nothing defines."""
         if isinstance(tree, Scalar):
             for match in _PATTERN.finditer(tree.value) if isinstance(tree.value, str) else ():
                 if match[1] is not None and ":" not in match[1]:
-                    self._piece(match, tree)
+                    piece = self._piece(match, tree)
+                    yield from piece.problems if isinstance(piece, Broken) else ()
         elif isinstance(tree, Items):
             for item in tree.items:
-                self.check_names(item)
+                yield from self.undefined(item)
         else:
             for entry in tree:
-                self.check_names(entry.value)
+                yield from self.undefined(entry.value)
 
     def _piece(self, match: re.Match[str], scalar: Scalar) -> object:
         if match.group() == "$${":
@@ -243,38 +272,40 @@ class Scope:
                 raise KeyError(f"{shown(scalar.value)}: '${{' is never closed; write $${{ for a literal one")
             return self.look_up(name)
         except KeyError as error:
-            self.complain(scalar.place(match.start()), str(error.args[0]))
-            return BROKEN
+            return Broken((Problem(scalar.place(match.start()), str(error.args[0])),))
 
     # -- conditions ------------------------------------------------------------------------------
 
-    def holds(self, condition: Condition) -> bool:
-        """Whether a condition is met. One with a mistake is, so that what it guards is checked too."""
-        when = self.truth(condition.when, default=True)
-        return self.truth(condition.unless, default=False) is False and when
+    def holds(self, part: Guarded, complain: Complain) -> bool:
+        """Whether `if:` and `unless:` are met. A part with a mistake in them counts, so that it is checked too."""
+        when = True if part.when is None else known(self.truth(part.when), complain)
+        unless = False if part.unless is None else known(self.truth(part.unless), complain)
+        return when is not False and unless is not True
 
-    def truth(self, scalar: Scalar | None, *, default: bool) -> bool:
-        """The value of an expression; `default` where there is none or it has a mistake."""
-        if scalar is None:
-            return default
+    def truth(self, scalar: Scalar) -> bool | Broken:
+        """The value of an expression."""
         if isinstance(scalar.value, bool):
             return scalar.value
         if not isinstance(scalar.value, str):
-            self.complain(scalar.position, f"expected true, false or an expression, not {shown(scalar.value)}")
-            return default
+            text = f"expected true, false or an expression, not {shown(scalar.value)}"
+            return Broken((Problem(scalar.position, text),))
         try:
             return evaluate(scalar.value, self._operand)
         except _BrokenOperand:
-            return default
+            return BROKEN
         except ExpressionError as error:
-            self.complain(scalar.place(error.offset), f"{shown(scalar.value)}: {error}")
-            return default
+            return Broken((Problem(scalar.place(error.offset), f"{shown(scalar.value)}: {error}"),))
 
     def _operand(self, name: str) -> object:
         value = settled(self.look_up(name))
-        if value is BROKEN:
+        if isinstance(value, Broken):
             raise _BrokenOperand
         return value
+
+
+def joined(values: list[object]) -> Broken:
+    """What stands for several values of which one or more are Broken."""
+    return Broken(tuple(problem for value in values if isinstance(value, Broken) for problem in value.problems))
 
 
 def _share_folder(package: str) -> Path:

@@ -5,29 +5,22 @@ Least to most: declared default < files in their order (within a file, less spec
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from pathlib import Path
 
 import msgspec
 
 from robo.launch.arguments import COMMAND_LINE
 from robo.launch.contracts import Answer, typed
 from robo.launch.find import nearby
-from robo.launch.manifest import ParameterSource
-from robo.launch.substitution import BROKEN, Scope, Word
+from robo.launch.forms import text_of
+from robo.launch.layers import Layer
+from robo.launch.substitution import BROKEN, Complain, Word, told
 from robo.parameters import files as parameter_files
 from robo.parameters.files import ParameterEntry, ParameterFile, flat_entries
 from robo.text.brief import shown
 from robo.text.suggestions import hint, suggest
-from robo.text.tree import Position, Problem, Scalar
+from robo.text.tree import Position, Problem, Scalar, plain
 from robo.wire.reports import Setting
-
-
-class Said(msgspec.Struct, frozen=True):
-    """A source of parameters, with the names it may use."""
-
-    source: ParameterSource
-    scope: Scope
-    shared: bool
-    """Whether it is said of a group: its nodes take what they have."""
 
 
 class Mention(msgspec.Struct, frozen=True):
@@ -37,6 +30,7 @@ class Mention(msgspec.Struct, frozen=True):
     name_at: Position
     value_at: Position
     shared: bool
+    """As of a group, or by a pattern: its nodes take what they have."""
 
 
 class Assignment(msgspec.Struct, frozen=True):
@@ -92,7 +86,7 @@ class Files:
 
 
 def gather(
-    said: Sequence[Said], namespace: str, node: str, files: Files
+    layers: Sequence[Layer], namespace: str, node: str, files: Files, complain: Complain
 ) -> tuple[dict[str, list[Mention]], tuple[str, ...]]:
     """Every parameter that is said of a node: files in order, then the manifest's values over them.
 
@@ -101,27 +95,23 @@ def gather(
     """
     read: dict[str, None] = {}
     found: dict[str, list[Mention]] = {}
-    holding = [one for one in said if one.scope.holds(one.source.condition)]
-    for one in holding:
-        if one.source.file is None:
-            continue
-        name = one.scope.path(one.source.file)
-        if not name:
+    sources = [(source, layer.of_group) for layer in layers for source in layer.params]
+    for source, _ in sources:
+        name = text_of(source.file, complain) if source.file is not None else None
+        if not name or source.file is None:
             continue  # an argument that names no file
-        path = nearby(one.scope.folder / name)
-        for entry, shared in files.entries_for(path, one.source.file.position, namespace, node):
+        path = nearby(Path(name))
+        for entry, shared in files.entries_for(path, source.file.position, namespace, node):
             read[path] = None
             for key, value in entry.values.items():
                 mention = Mention(value, entry.positions[key], entry.places[key], shared)
                 found.setdefault(key, []).append(mention)
-    for one in holding:
-        for key, said_value in flat_entries(one.source.values) if one.source.values is not None else ():
-            tree = said_value.value
-            value = one.scope.raw(tree) if isinstance(tree, Scalar) else one.scope.plain(tree)
+    for source, shared in sources:
+        for key, (_, name_at, tree) in flat_entries(source.values) if source.values is not None else ():
+            value = told(tree.value if isinstance(tree, Scalar) else plain(tree), complain)
             if value is not BROKEN:
-                mention = Mention(value, said_value.position, tree.position, one.shared)
-                found.setdefault(key, []).append(mention)
-    return found, tuple(map(str, read))
+                found.setdefault(key, []).append(Mention(value, name_at, tree.position, shared))
+    return found, tuple(read)
 
 
 class Checked(msgspec.Struct, frozen=True):

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
-from robo.launch.manifest import Until
-from robo.launch.plan import ProcessPlan
+from robo.launch.plan import ProcessPlan, Until
 from robo.machine.child import Child, Spawned, describe_exit
 from robo.machine.forks import Template
 from robo.supervisor.changes import Changes

@@ -8,11 +8,12 @@ import pytest
 import yaml
 
 import robo_messages
-from robo.launch import language, resolve
+from robo.launch import resolve
 from robo.launch.check import Findings, check, ends_of
 from robo.launch.graph import graph_of
-from robo.launch.language import Limits
-from robo.launch.schema import manifest_schema
+from robo.launch.language import keys_of
+from robo.launch.manifest import Manifest
+from robo.launch.schema import manifest_schema, parts
 from robo.text.graph import Topic
 from robo.text.tree import plain
 from robo.text.yaml_tree import parse
@@ -196,15 +197,20 @@ def test_the_schema_refuses_what_the_reader_refuses(tree: object) -> None:
         jsonschema.validate(tree, manifest_schema())
 
 
-NUMBERS: list[tuple[str, str, Limits]] = [
-    (part, key, said.limits)
-    for part, (keys, _) in language.SHORT_FORMS.items()
-    for key, said in keys.items()
-    if said.limits is not None and part != "override"
-] + [
-    ("ready", "port", Limits(1, 65_535, whole=True)),
-    ("node", "cpus", Limits(0, 9_999, whole=True)),
-]  # fmt: skip
+NUMBERS = [
+    (part, key.name, form)
+    for part, struct in parts().items()
+    for key in keys_of(struct).values()
+    for form in key.form.schema.get("anyOf", ())
+    if "minimum" in form and part != "override"
+]
+"""Every key that takes a number, with its limits as the schema has them."""
+
+
+def test_the_ranges_of_the_language_are_looked_at() -> None:
+    assert {("restart", "jitter"), ("ready", "port"), ("node", "cpus"), ("group", "replicas")} <= {
+        (part, key) for part, key, _ in NUMBERS
+    }
 
 
 def with_number(part: str, key: str, value: object) -> dict[str, Any]:
@@ -222,11 +228,12 @@ def with_number(part: str, key: str, value: object) -> dict[str, Any]:
     return {"groups": {"g": group}}
 
 
-@pytest.mark.parametrize(("part", "key", "limits"), NUMBERS)
-def test_the_schema_and_the_reader_have_the_same_limits(part: str, key: str, limits: Limits) -> None:
-    refused: list[object] = [limits.low - 1, limits.high + 1, -1e300, 1e300]
-    refused += [limits.low + 0.5] if limits.whole else [limits.low - 0.001, limits.high * 1.001]
-    accepted = [limits.low, min(limits.low + 1, limits.high), limits.high]
+@pytest.mark.parametrize(("part", "key", "form"), NUMBERS)
+def test_the_schema_and_the_reader_have_the_same_limits(part: str, key: str, form: dict[str, Any]) -> None:
+    low, high = form["minimum"], form["maximum"]
+    refused: list[object] = [low - 1, high + 1, -1e300, 1e300]
+    refused += [low + 0.5] if form["type"] == "integer" else [low - 0.001, high * 1.001]
+    accepted = [low, min(low + 1, high), high]
     for value in [*accepted, *refused]:
         tree = with_number(part, key, value)
         Path("m.yaml").write_text(yaml.safe_dump(tree))
@@ -243,13 +250,13 @@ def test_the_schema_and_the_reader_agree_on_rates(rate: float, fits: bool) -> No
 
 
 def test_every_key_is_described() -> None:
-    for keys, _ in language.SHORT_FORMS.values():
-        assert all(key.about.endswith(".") or ": " in key.about for key in keys.values())
+    for part in (Manifest, *parts().values()):
+        assert all(key.about.endswith(".") or ": " in key.about for key in keys_of(part).values())
 
 
 def test_the_guide_names_every_key() -> None:
     guide = (ROOT / "docs" / "launch.md").read_text()
-    keys = {key for keys, _ in language.SHORT_FORMS.values() for key in keys} | set(language.MANIFEST)
+    keys = {key for part in (Manifest, *parts().values()) for key in keys_of(part)}
     assert [key for key in sorted(keys) if f"`{key}`" not in guide and f"{key}:" not in guide] == []
 
 

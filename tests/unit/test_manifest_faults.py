@@ -14,10 +14,13 @@ from hypothesis import strategies as st
 
 from robo.cli.launch.words import split_words
 from robo.errors import ManifestError, UsageError
-from robo.launch import contracts, language, resolve
+from robo.launch import contracts, resolve
 from robo.launch.check import check
 from robo.launch.faults import ManifestFaults, as_data, as_text
 from robo.launch.find import find_manifest
+from robo.launch.language import keys_of
+from robo.launch.manifest import Manifest
+from robo.launch.schema import parts
 from robo.launch.substitution import Word
 from robo.launch.values import Assignment
 from robo.text.tree import Position, Problem
@@ -472,7 +475,7 @@ words = st.sampled_from(
     ["${robot_name}", "${", "${x}", "${dir}/..", "m.yaml", "robot.yaml", "a", "/a", "1", "n > 1", "../p", "~/a", "*"]
 )  # fmt: skip
 keys = st.sampled_from(
-    sorted({"a", "g", "x", *(key for keys, _ in language.SHORT_FORMS.values() for key in keys), *language.MANIFEST})
+    sorted({"a", "g", "x", *keys_of(Manifest), *(key for part in parts().values() for key in keys_of(part))})
 )
 trees = st.recursive(
     scalars | words,
