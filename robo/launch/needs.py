@@ -40,7 +40,7 @@ def resolve(
         left_out: keys of nodes that do not run.
         complain: takes needs of unknown nodes, and circles.
     """
-    known = {one.full_name for one in waiting}
+    known = dict.fromkeys(one.full_name for one in waiting)  # in the order of the manifest, as hints are
     resolved: dict[str, dict[str, Until]] = {one.full_name: {} for one in waiting}
     places: dict[tuple[str, str], Position] = {}
     for one in waiting:

@@ -94,7 +94,7 @@ def resolve(
     """
     unfolded = Unfolding(environment)
     given = dict(arguments) | ({} if robot is None else {args.ROBOT_NAME: robot})
-    manifest = unfolded.read(file)
+    manifest = unfolded.manifests.read(file)
     found: dict[str, object] = {args.ROBOT_NAME: given.get(args.ROBOT_NAME, args.DEFAULT_ROBOT)}
     if manifest is not None:
         found = unfolded.arguments(manifest, args.Given(given, Path.cwd(), args.COMMAND_LINE), stand_ins=stand_ins)
@@ -109,7 +109,7 @@ def resolve(
             host=host or "",
             processes=tuple(settled.processes),
             topics=tuple(unfolded.topics),
-            files=tuple(unfolded.sources()),
+            files=(*unfolded.manifests.paths(), *unfolded.files.paths()),
         ),
         problems=in_order(unfolded.problems),
         loose=in_order(settled.loose),

@@ -62,6 +62,35 @@ class _Context(msgspec.Struct, frozen=True):
     """Inner ones first; the outermost has the last word."""
 
 
+class Manifests:
+    """The manifests of a launch, each read once."""
+
+    def __init__(self, problems: list[Problem]) -> None:
+        """
+        Args:
+            problems: takes the mistakes.
+        """
+        self._problems = problems
+        self._manifests: dict[Path, Manifest | None] = {}
+
+    def read(self, file: Path, asked: Position | None = None) -> Manifest | None:
+        """A manifest; None where it cannot be read, which is a mistake at the place that asks for it."""
+        if file not in self._manifests:
+            self._manifests[file] = None
+            try:
+                text = read_text(file)
+            except UnreadableFile as error:
+                where = asked or Position(str(file), 1, 1)
+                self._problems.append(Problem(where, f"manifest {file} cannot be read: {error}"))
+                return None
+            self._manifests[file] = read(text, file, self._problems)
+        return self._manifests[file]
+
+    def paths(self) -> list[str]:
+        """All that were asked for."""
+        return list(map(str, self._manifests))
+
+
 class Unfolding:
     """What a manifest unfolds to, and the mistakes on the way."""
 
@@ -80,7 +109,7 @@ class Unfolding:
         self.paths: list[args.PathArgument] = []
         """What the arguments of manifests name."""
         self.files = Files(self.problems)
-        self._manifests: dict[Path, Manifest | None] = {}
+        self.manifests = Manifests(self.problems)
         self._shared = Shared(environment)
         self._stack: list[Path] = []
         self._steps = 0
@@ -88,22 +117,6 @@ class Unfolding:
     def complain(self, position: Position, text: str) -> None:
         """Add a mistake."""
         self.problems.append(Problem(position, text))
-
-    def read(self, file: Path, asked: Position | None = None) -> Manifest | None:
-        """A manifest, read once; None where it cannot be, which is a mistake at the place that asks for it."""
-        if file not in self._manifests:
-            self._manifests[file] = None
-            try:
-                text = read_text(file)
-            except UnreadableFile as error:
-                self.complain(asked or Position(str(file), 1, 1), f"manifest {file} cannot be read: {error}")
-                return None
-            self._manifests[file] = read(text, file, self.problems)
-        return self._manifests[file]
-
-    def sources(self) -> list[str]:
-        """All files that were read, manifests first."""
-        return [*map(str, self._manifests), *self.files.paths()]
 
     def arguments(self, manifest: Manifest, given: args.Given, *, stand_ins: bool = False) -> dict[str, object]:
         """The values of a manifest's arguments."""
@@ -200,7 +213,7 @@ class Unfolding:
             chain = " → ".join(path.name for path in (*self._stack, file))
             self.complain(position, f"include goes in a circle: {chain}")
             return
-        manifest = self.read(file, position)
+        manifest = self.manifests.read(file, position)
         if manifest is not None:
             self._included(include, manifest, scope, context)
 
@@ -308,7 +321,7 @@ class Unfolding:
         self._step(position)
         if file.absolute() in self._stack:
             return
-        manifest = self.read(file, position)
+        manifest = self.manifests.read(file, position)
         if manifest is None:
             return
         self._stack.append(file.absolute())

@@ -4,8 +4,7 @@ import graphlib
 from collections.abc import Collection, Mapping, Sequence
 from typing import Protocol, TypeVar
 
-from robo.launch.manifest import Until
-from robo.launch.plan import ProcessPlan, StopPlan
+from robo.launch.plan import ProcessPlan, StopPlan, Until
 from robo.wire import names
 from robo.wire.reports import Exit, State
 
