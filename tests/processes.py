@@ -7,8 +7,7 @@ from typing import Any
 
 import msgspec
 
-from robo.launch.manifest import Until
-from robo.launch.plan import LogPlan, ProcessPlan, ReadyPlan, RestartPlan, StopPlan
+from robo.launch.plan import LogPlan, ProcessPlan, ReadyPlan, RestartPlan, StopPlan, Until
 from robo.supervisor.changes import Changes
 from robo.supervisor.restart import Restarts
 from robo.text.tree import Position

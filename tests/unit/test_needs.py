@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robo.launch.manifest import Until
-from robo.launch.plan import RestartPlan
+from robo.launch.plan import RestartPlan, Until
 from robo.supervisor import consequences, needs
 from tests.processes import FakeProcess, FakeStopping, process_plan
 
