@@ -3,14 +3,20 @@
 import re
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
 import pytest
+import typer
 from typer.main import get_command
 from typer.testing import CliRunner
 
 from robo.cli import completion, ros2_words
 from robo.cli.app import app
+from robo.cli.options import only_one, words_of
+from robo.cli.reach import Reach
+from robo.cli.tree import Section, root
+from robo.cli.verb import verb
+from robo.errors import UsageError
 from robo.text.suggestions import closest
 
 NO_KEYS = ("a//b", "a/**b", "#", "a?", "$", "", "a b")
@@ -42,8 +48,8 @@ def test_one_topic_is_published_on() -> None:
     for key in NO_KEYS:
         assert said("topic", "pub", key, "std/Empty") == said("topic", "pub", key, "std/Empty", "-")
         assert said("topic", "pub", key, "std/Empty")[0] == 2
-    for verb, *more in (("pub", "std/Empty"), ("plot",), ("info",), ("type",)):
-        assert "r*/x names many topics: " in said("topic", verb, "r*/x", *more)[1]
+    for name, *more in (("pub", "std/Empty"), ("plot",), ("info",), ("type",)):
+        assert "r*/x names many topics: " in said("topic", name, "r*/x", *more)[1]
 
 
 @pytest.mark.parametrize("words", [("topic", "list"), ("ps",), ("node", "list"), ("why",), ("graph",)], ids=" ".join)
@@ -68,6 +74,53 @@ def test_help_lists_every_verb_once_and_what_groups_hold() -> None:
         held = commands[name].list_commands(None)
         assert f": {', '.join(held)}." in joined
         assert f": {', '.join(held)}." in " ".join(said(name, "--help")[1].split())
+
+
+class Way(NamedTuple):
+    """What a verb is asked."""
+
+    distance: Annotated[float, typer.Argument(metavar="M")]
+    backwards: Annotated[bool, typer.Option("--backwards", help="The other way.")] = False
+    via: Annotated[list[str] | None, typer.Option("-v", "--via", metavar="PLACE")] = None
+
+
+def test_a_verb_is_known_to_help_by_being_made() -> None:
+    section, other = Section("Mine"), Section("Other")
+    asked: list[tuple[Way, Reach, str]] = []
+
+    @verb(section, "drive", "robo drive 3 --backwards")
+    def drive(reach: Reach, way: Way, gear: Annotated[str, typer.Option("--gear")] = "low") -> int:
+        """Drive some way: not too fast."""
+        asked.append((way, reach, gear))
+        return 3
+
+    @verb(section, "fail")
+    def fail() -> None:
+        raise UsageError("it cannot")
+
+    other.group("topic", "Topics of all")
+    tried = root((section, other))
+    text = CliRunner().invoke(tried, ["--help"]).output
+    assert re.search(r"Mine:\n +drive +Drive some way\.\n +fail", text)
+    assert re.search(r"Other:\n +topic +Topics of all: list, ", text)
+    text = CliRunner().invoke(tried, ["drive", "--help"]).output
+    assert "  robo drive 3 --backwards" in text
+    assert text.index("--backwards") < text.index("--via") < text.index("--gear") < text.index("--robot-name")
+
+    words = ["drive", "2.5", "--via", "a", "-v", "b", "--robot-name", "r1", "--connect", "tcp/x:1"]
+    assert CliRunner().invoke(tried, words).exit_code == 3
+    assert asked == [(Way(2.5, False, ["a", "b"]), Reach(("tcp/x:1",), "r1", None), "low")]
+    failed = CliRunner().invoke(tried, ["fail"])
+    assert (failed.exit_code, failed.output) == (2, "error: it cannot\n")
+
+
+def test_options_become_words_and_of_some_only_one_may_be_said() -> None:
+    assert list(words_of(Way(1.0))) == []
+    assert list(words_of(Way(1.0, backwards=True, via=["a", "b"]))) == ["--backwards", "--via=a", "--via=b"]
+    assert only_one(json=False, ros=False) is None
+    assert only_one(json=False, ros=True) == "ros"
+    with pytest.raises(UsageError, match="choose one of --json, --json-schema and --ros"):
+        only_one(json=True, json_schema=True, ros=False)
 
 
 @pytest.mark.parametrize("words", [*((word,) for word in ros2_words.VERBS), *ros2_words.GROUP_VERBS], ids=" ".join)

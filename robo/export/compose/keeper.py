@@ -8,11 +8,13 @@ sends another signal first) stays stopped.
 
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
+from typing import Protocol
 
 from robo.errors import EngineError
-from robo.export.compose.engine import Engine, Event
+from robo.export.compose.engine import Container, Event
 
 DELAY = 1.0
 """From a kill to the start, s: whoever kills the whole project, or removes what they have killed, means it."""
@@ -36,6 +38,26 @@ class Kills:
         return event.action == "die" and signals == {_KILL}
 
 
+class Containers(Protocol):
+    """What the keeper needs of an engine; each raises EngineError where it cannot be had."""
+
+    def events(self, project: str) -> Iterator[Event | None]:
+        """What happens to the containers of a project; first None, once it is told."""
+
+    def container(self, container: str) -> Container | None:
+        """A container as it is now, or None if it is gone."""
+
+    def start(self, container: str) -> bool:
+        """Start a container; False if there was nothing to do."""
+
+
+def after(seconds: float, work: Callable[[], None]) -> None:
+    """Do something later, beside all else."""
+    timer = threading.Timer(seconds, work)
+    timer.daemon = True
+    timer.start()
+
+
 class Keeper:
     """Starts the containers of a Compose project again.
 
@@ -43,12 +65,20 @@ class Keeper:
         engine: where they run.
         project: its name.
         say: tells people what is done.
+        later: does something after so many seconds.
     """
 
-    def __init__(self, engine: Engine, project: str, say: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        engine: Containers,
+        project: str,
+        say: Callable[[str], None],
+        later: Callable[[float, Callable[[], None]], None] = after,
+    ) -> None:
         self._engine = engine
         self._project = project
         self._say = say
+        self._later = later
 
     def run(self, ready_file: Path | None) -> None:
         """Watch for as long as the engine tells what happens.
@@ -68,9 +98,7 @@ class Keeper:
                     ready_file.touch()
             elif kills.shows(event):
                 # Beside the events: what happens in the meantime is not missed.
-                timer = threading.Timer(DELAY, self._revive, [event])
-                timer.daemon = True
-                timer.start()
+                self._later(DELAY, partial(self._revive, event))
 
     def _revive(self, killed: Event) -> None:
         try:
