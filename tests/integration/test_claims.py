@@ -1,5 +1,6 @@
 """Names of nodes are claimed before the nodes start: of two, one has them."""
 
+import asyncio
 import socket
 import threading
 from collections.abc import Iterator
@@ -7,12 +8,15 @@ from collections.abc import Iterator
 import pytest
 import zenoh
 
+from robo.supervisor.changes import Changes
+from robo.supervisor.presence import Presence
 from robo.wire.claims import Claim, PortTaken, declare, names_in_use, told
 from robo.wire.discovery import hostname
 from robo.wire.keys import ClaimToken
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from tests.conftest import free_port
+from tests.processes import FakeJournal, FakeStopping
 from tests.support import eventually
 
 
@@ -118,3 +122,25 @@ def test_a_site_that_does_not_answer_is_known_and_no_hindrance(endpoint: str) ->
     assert one.take() == []
     assert one.unreached.keys() == {site}
     one.close()
+
+
+def test_a_run_looks_who_has_a_name_before_it_takes_one_more(
+    session: zenoh.Session, other: zenoh.Session, endpoint: str
+) -> None:
+    mine = claim(endpoint, "1", "/r1/base")
+    presence = Presence("r1", "", mine, {}, Changes(), FakeJournal(), FakeStopping())
+    presence.session = session
+    held = declare(other, [claim(endpoint, "9", "/r1/lidar").token_of("/r1/lidar")])
+
+    async def take(name: str) -> str | None:
+        return await presence.claim(name)
+
+    taken = asyncio.run(take("/r1/lidar"))
+    assert taken is not None
+    assert taken.startswith("/r1/lidar runs already (process ")
+    assert asyncio.run(take("/r1/camera")) is None
+    assert {(t.full_name, t.run) for t in names_in_use(session, 1.0)} == {("/r1/lidar", "9"), ("/r1/camera", "1")}
+    presence.release("/r1/camera")
+    held[0].undeclare()
+    eventually(lambda: not list(names_in_use(session, 1.0)), "both are free")
+    assert asyncio.run(take("/r1/lidar")) is None

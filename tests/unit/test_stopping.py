@@ -5,7 +5,7 @@ import signal
 from collections.abc import Callable, Mapping
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robo.launch.plan import StopPlan
@@ -201,7 +201,6 @@ def runs(draw: st.DrawFn) -> Desk:
     return desk
 
 
-@settings(deadline=None)
 @given(
     desk=runs(),
     spawned=st.floats(0.0, 1.0),
