@@ -22,6 +22,7 @@ from robo.node.troubles import Troubles
 from robo.node.tuning import Tuning
 from robo.node.turn import Turn, taking
 from robo.parameters.model import Parameters
+from robo.wire.keys import LOG_TOPIC, PARAMETER_EVENTS_TOPIC
 from robo.wire.network import Network
 from robo.wire.qos import DEFAULT_DEPTH, KEEP_ALL
 from robo.wire.reports import NodeStatus
@@ -145,11 +146,11 @@ class Life:
         """
         node, make = self._node, self.factory
         logger = node.logger.logger
-        log_topic = make.publisher(Log, self._identity.absolute("log"), DEFAULT_DEPTH)
+        log_topic = make.publisher(Log, self._identity.absolute(LOG_TOPIC), DEFAULT_DEPTH)
         log_handler = log.BusHandler(log_topic, node.full_name, node.now)
         logger.addHandler(log_handler)
         made.callback(logger.removeHandler, log_handler)
-        events = make.publisher(ParameterEvent, self._identity.absolute("parameter_events"), KEEP_ALL)
+        events = make.publisher(ParameterEvent, self._identity.absolute(PARAMETER_EVENTS_TOPIC), KEEP_ALL)
         for p in node.contract.publishers:
             vars(node)[p.attribute] = make.publisher(p.message_type, p.topic, p.depth)
         for c in node.contract.clients:

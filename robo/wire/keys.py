@@ -193,7 +193,9 @@ def event_key(robot: str) -> str:
     return names.join(PREFIX, robot, "events")
 
 
-SYSTEM_TOPICS = {"log": "system/Log", "parameter_events": "system/ParameterEvent"}
+LOG_TOPIC = "log"
+PARAMETER_EVENTS_TOPIC = "parameter_events"
+SYSTEM_TOPICS = {LOG_TOPIC: "system/Log", PARAMETER_EVENTS_TOPIC: "system/ParameterEvent"}
 """What every node publishes beside its contract, by topic of its namespace: log records and changed parameters."""
 
 

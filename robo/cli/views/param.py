@@ -17,7 +17,7 @@ from robo.samples.stream import Stream
 from robo.text.unreadable import UNREADABLE
 from robo.tools import nodes, parameters
 from robo.tools.parameters import Described
-from robo.wire.keys import NodeToken
+from robo.wire.keys import PARAMETER_EVENTS_TOPIC, NodeToken
 from robo_messages import ParameterEvent
 
 
@@ -136,7 +136,7 @@ def watch(node: str | None, reach: Reach, *, json: bool) -> None:
     """Print changes as they come."""
     with connect_to_robot(reach) as session, watched(session, reach):
         wanted = _find(session, node, reach).full_name if node else None
-        stream = Stream(session, [reach.key("**/parameter_events")])
+        stream = Stream(session, [reach.key(f"**/{PARAMETER_EVENTS_TOPIC}")])
         hint("waiting for changes …")
         for arrival in stream.until(None):
             try:
