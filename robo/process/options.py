@@ -9,8 +9,8 @@ import msgspec
 
 from robo.environment import MODE_VARIABLE, SPEC_VARIABLE
 from robo.errors import UsageError
-from robo.node.contract import Contract, contract_of
-from robo.node.contract_text import contract_text
+from robo.node.contract_data import ContractData
+from robo.node.contract_text import contract_data, contract_text
 from robo.node.node import Node
 from robo.parameters import files as parameter_files
 from robo.parameters.words import parse_assignment, sides_of
@@ -28,7 +28,7 @@ def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
         ParameterFileError: a parameter file is missing or has mistakes.
         UsageError: a `-r` is not `from:=to`.
     """
-    contract = contract_of(node_class)
+    contract = contract_data(node_class)
     options = _parser(node_class, contract).parse_args(arguments)
     launched = _launched()
     name = options.name or launched.name
@@ -46,7 +46,7 @@ def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
         settings.setdefault(parameter, []).append(Setting(value, "command line"))
     return msgspec.structs.replace(
         launched,
-        service=f"{node_class.__module__}:{node_class.__qualname__}",
+        service=contract.class_name,
         name=name,
         namespace=namespace,
         settings=settings,
@@ -76,7 +76,7 @@ def _mode() -> Mode:
     return mode
 
 
-def _parser(node_class: type[Node], contract: Contract) -> argparse.ArgumentParser:
+def _parser(node_class: type[Node], contract: ContractData) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=f"robo run {_module_name(node_class)}",
         description=contract.description.split("\n")[0],

@@ -126,16 +126,14 @@ def print_contract(service: str, *, json: bool) -> None:
     Raises:
         ContractError: there is no such class, or it says something wrong.
     """
-    from robo.node.contract import contract_of
     from robo.node.contract_text import contract_data, contract_text
     from robo.node.loading import load_node_class
 
-    node_class = load_node_class(service)
-    contract = contract_of(node_class)
+    contract = contract_data(load_node_class(service))
     if json:
-        print_json({"class_name": f"{node_class.__module__}:{node_class.__qualname__}", **contract_data(contract)})
+        print_json(contract)
         return
-    print_line(paint(f"{node_class.__module__}:{node_class.__qualname__}", colours.BOLD))
+    print_line(paint(contract.class_name, colours.BOLD))
     if contract.description:
         print_text(f"{contract.description}\n")
     print_text(contract_text(contract))
