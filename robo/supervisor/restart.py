@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable
 
 from robo.launch.plan import RestartPlan
+from robo.wire.reports import State
 
 
 class Restarts:
@@ -41,6 +42,13 @@ class Restarts:
         self._in_a_row += 1
         self.count += 1
         return delay * (1 - plan.jitter * self._chance())
+
+    def in_words(self, delay: float) -> tuple[State, str]:
+        """How a process that has ended is shown until its next start, and the end of the reason for it."""
+        plan = self.plan
+        if self.storm:
+            return "degraded", f", more than {plan.max} times in {plan.window:g} s; next try in {delay:.1f} s"
+        return "restarting", f"; starting it again in {delay:.2g} s"
 
     def healthy(self) -> None:
         """The process has been ready for long enough: what was is forgotten."""
