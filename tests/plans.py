@@ -1,42 +1,16 @@
-"""Plans for tests that start nothing."""
+"""Plans for tests of a single process that start nothing."""
 
-import msgspec
+from typing import Any
 
-from robo.launch.plan import LogPlan, ProcessPlan, ReadyPlan, RestartPlan, StopPlan, TopicPlan
+from robo.launch.plan import ProcessPlan, TopicPlan
 from robo.text.tree import Position
-
-_PLAIN = ProcessPlan(
-    name="node",
-    namespace="r1",
-    group="g",
-    hosts=(),
-    service="package.module",
-    run=(),
-    prefix=(),
-    args=(),
-    cwd=None,
-    settings={},
-    remap={},
-    env={},
-    needs={},
-    watchdog=5.0,
-    required=False,
-    restart=RestartPlan(),
-    stop=StopPlan(),
-    ready=ReadyPlan(),
-    log=LogPlan(),
-    priority=None,
-    cpus=(),
-    publishes={},
-    subscribes={},
-    sources={},
-    source=Position("robot.yaml", 1, 1),
-)
+from tests.processes import process_plan
 
 
-def process_plan(**changes: object) -> ProcessPlan:
-    """A node that nothing is said of, with some fields changed."""
-    return msgspec.structs.replace(_PLAIN, **changes)
+def node_plan(**changes: Any) -> ProcessPlan:
+    """A node in a group, with a watchdog; some fields may be changed."""
+    usual: dict[str, Any] = {"group": "g", "service": "package.module", "watchdog": 5.0}
+    return process_plan("/r1/node", **usual | changes)
 
 
 def topic_plan(key: str, *, min_rate: float | None = None, max_age: float | None = None) -> TopicPlan:

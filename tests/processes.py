@@ -136,13 +136,13 @@ class FakeProcess:
         except TimeoutError:
             self._end()
 
+    async def start(self) -> None:
+        self.asked.append("start")
+        self.running = self.wanted = True
+
     async def restart(self, why: str) -> None:
         self.asked.append(f"restart: {why}")
         self.running = self.wanted = True
-
-    def take_over(self, plan: ProcessPlan) -> None:
-        self.asked.append("take over")
-        self.plan = plan
 
     def send(self, number: signal.Signals) -> None:
         self.signals.append(number)

@@ -48,6 +48,9 @@ class Process(Protocol):
     async def stop(self) -> None:
         """Stop it and leave it so; returns when it has ended."""
 
+    async def start(self) -> None:
+        """Start it, if it does not run; returns when the process is there, or waits for what it needs."""
+
     async def restart(self, why: str) -> None:
         """End it, if it runs, and start it again at once; returns when the new process is there."""
 
@@ -188,7 +191,7 @@ class Commands:
     async def start(self, request: Request) -> Outcome:
         """Start those that do not run; done when they are there, or wait for what they need."""
         chosen = [one for one in self._chosen(request) if not one.running]
-        await self._tasks.all(one.restart("as asked") for one in chosen)
+        await self._tasks.all(one.start() for one in chosen)
         return self._outcome(chosen, request)
 
     async def restart(self, request: Request) -> Outcome:

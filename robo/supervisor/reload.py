@@ -17,6 +17,7 @@ class Process(Protocol):
     """A process whose files are watched."""
 
     plan: ProcessPlan
+    """How it is run; another plan holds from its next start on."""
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -26,15 +27,8 @@ class Process(Protocol):
     def wanted(self) -> bool:
         """Whether it is to run."""
 
-    @property
-    def reason(self) -> str:
-        """Why it is in its state."""
-
-    def take_over(self, plan: ProcessPlan) -> None:
-        """Go on by another plan from the next start on."""
-
     async def restart(self, why: str) -> None:
-        """Start it again."""
+        """Start it again; one that is being started again already is left alone."""
 
 
 class Journal(Protocol):
@@ -107,7 +101,7 @@ class Reload:
                 self.take_over(plan)
         for name in touched.keys() - {""}:
             process = self._processes.get(name)
-            if process is not None and process.wanted and not process.reason.startswith("changed"):
+            if process is not None and process.wanted:
                 self._tasks.do(process.restart(f"changed: {', '.join(sorted(touched[name]))}"))
 
     def take_over(self, plan: Plan) -> None:
@@ -123,10 +117,9 @@ class Reload:
     def _update(self, name: str) -> None:
         """Go on with a process by its new plan; it is started again where that makes a difference."""
         process, new = self._processes[name], self._wanted[name]
-        if same(process.plan, new):
-            process.plan = new
-        else:
-            process.take_over(new)
+        is_same = same(process.plan, new)
+        process.plan = new
+        if not is_same:
             self._tasks.do(process.restart("changed: its part of the manifest or of its parameter files"))
 
     async def _come_or_go(self, name: str) -> None:

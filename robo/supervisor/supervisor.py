@@ -271,9 +271,7 @@ class Supervisor:
                     member.excuse_silence(now)
                 if now - self._news.begin > _STARTING:
                     member.measure()
-                why = member.check(now)
-                if why is not None:
-                    self._on_hang(member, why)
+                member.check(now)
             last = now
             self._custody.reap()
             self._memory_kills.look(now)
@@ -282,12 +280,6 @@ class Supervisor:
                 self._tasks.do(asyncio.to_thread(log_space.make_room, *self._log_room))
             if self._reload is not None and not self._stopping.begun:
                 self._reload.look()
-
-    def _on_hang(self, member: Member, why: str) -> None:
-        if member.plan.restart.policy == "never" and not member.plan.required:
-            member.stays_hung(why)
-        else:
-            self._tasks.do(member.end_because(why, ask_where=True))
 
     # -- the end -----------------------------------------------------------------------------------
 

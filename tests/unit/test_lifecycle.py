@@ -13,7 +13,7 @@ from robo.launch.plan import ProcessPlan, ReadyPlan, RestartPlan, StopPlan
 from robo.supervisor.lifecycle import CANNOT_START, FINISHED, Impossible, Lifecycle, Phase, Wish
 from robo.supervisor.restart import Restarts
 from robo.wire.reports import State
-from tests.plans import process_plan
+from tests.plans import node_plan
 
 Policy = Literal["never", "on-failure", "always"]
 POLICIES: list[Policy] = ["never", "on-failure", "always"]
@@ -28,7 +28,7 @@ class World:
         self.sent: list[Signals] = []
         self.shown: list[tuple[State, str]] = []
         self.moves = 0
-        plan = plan if plan is not None else process_plan(restart=NO_JITTER)
+        plan = plan if plan is not None else node_plan(restart=NO_JITTER)
         self.life = Lifecycle(plan, Restarts(plan.restart, chance), lambda: self.now, self)
 
     # What a life needs of its body.
@@ -214,7 +214,7 @@ def test_what_waits_says_for_what() -> None:
 
 
 def test_what_is_not_ready_in_time_has_failed_whatever_its_exit_code() -> None:
-    world = World(process_plan(restart=NO_JITTER, ready=ReadyPlan(timeout=3.0)))
+    world = World(node_plan(restart=NO_JITTER, ready=ReadyPlan(timeout=3.0)))
     world.start()
     assert world.left == 3.0
     world.until_deadline()
@@ -227,7 +227,7 @@ def test_what_is_not_ready_in_time_has_failed_whatever_its_exit_code() -> None:
 
 
 def test_it_may_have_all_the_time_to_become_ready() -> None:
-    assert World(process_plan(ready=ReadyPlan(timeout=0.0))).start().left is None
+    assert World(node_plan(ready=ReadyPlan(timeout=0.0))).start().left is None
 
 
 def test_a_program_that_is_not_there_has_failed_and_is_tried_again() -> None:
@@ -236,7 +236,7 @@ def test_a_program_that_is_not_there_has_failed_and_is_tried_again() -> None:
     world.life.could_not_start("cannot be started: no such file")
     assert world.life.blame == "cannot be started: no such file"
     assert world.shown[-1] == ("restarting", "cannot be started: no such file; starting it again in 0.5 s")
-    never = World(process_plan())
+    never = World(node_plan())
     never.life.needs_are([])
     never.life.could_not_start("cannot be started: no such file")
     assert never.life.phase is Phase.FAILED
@@ -270,7 +270,7 @@ def test_a_program_that_is_not_there_has_failed_and_is_tried_again() -> None:
     ],
 )
 def test_an_end_by_policy(policy: Policy, code: int, words: str, phase: Phase, shown: tuple[State, str]) -> None:
-    world = World(process_plan(restart=RestartPlan(policy=policy, jitter=0.0)))
+    world = World(node_plan(restart=RestartPlan(policy=policy, jitter=0.0)))
     world.become_ready()
     assert world.life.unasked
     world.life.exited(code, words)
@@ -282,7 +282,7 @@ def test_an_end_by_policy(policy: Policy, code: int, words: str, phase: Phase, s
 
 def test_a_crash_loop_is_slowed_down_and_ends_in_a_storm() -> None:
     plan = RestartPlan(policy="on-failure", delay=0.1, max=2, max_delay=0.5, jitter=0.0)
-    world = World(process_plan(restart=plan))
+    world = World(node_plan(restart=plan))
     waits = []
     for _ in range(4):
         world.start().crash()
@@ -298,7 +298,7 @@ def test_a_crash_loop_is_slowed_down_and_ends_in_a_storm() -> None:
 
 def test_what_comes_back_from_a_storm_is_degraded_until_it_has_proved_itself() -> None:
     plan = RestartPlan(policy="on-failure", max=0, reset_after=10.0, jitter=0.0)
-    world = World(process_plan(restart=plan))
+    world = World(node_plan(restart=plan))
     world.start().crash()
     world.until_deadline()
     world.become_ready()
@@ -330,7 +330,7 @@ def test_a_healthy_time_lets_delays_begin_anew() -> None:
 
 
 def test_chance_shortens_a_delay() -> None:
-    world = World(process_plan(restart=RestartPlan(policy="always", delay=2.0, jitter=0.5)), chance=lambda: 0.5)
+    world = World(node_plan(restart=RestartPlan(policy="always", delay=2.0, jitter=0.5)), chance=lambda: 0.5)
     world.become_ready().crash()
     assert world.left == 1.5
 
@@ -356,7 +356,7 @@ def test_what_hangs_is_asked_where_and_killed_and_its_policy_takes_over() -> Non
 
 @pytest.mark.parametrize(("required", "phase"), [(False, Phase.READY), (True, Phase.FAILING)])
 def test_what_would_not_come_back_is_left_alone_unless_the_run_needs_it(required: bool, phase: Phase) -> None:
-    world = in_phase(Phase.READY, process_plan(required=required))
+    world = in_phase(Phase.READY, node_plan(required=required))
     world.life.hung("hangs")
     assert world.life.phase is phase
     assert world.shown[-1] == ("degraded", "hangs")
@@ -383,7 +383,7 @@ def test_a_promise_that_is_kept_badly_is_shown_and_no_more() -> None:
 
 
 def test_a_stop_asks_and_then_insists() -> None:
-    world = in_phase(Phase.READY, process_plan(stop=StopPlan(signal="TERM", timeout=4.0)))
+    world = in_phase(Phase.READY, node_plan(stop=StopPlan(signal="TERM", timeout=4.0)))
     world.life.stop_asked()
     assert (world.sent, world.left) == ([Signals.SIGTERM], 4.0)
     world.until_deadline()
@@ -485,7 +485,7 @@ def test_a_command_ends_a_delay() -> None:
 
 def test_another_plan_holds_from_the_next_start_on() -> None:
     world = in_phase(Phase.READY)
-    world.life.plan = process_plan(ready=ReadyPlan(timeout=7.0))
+    world.life.plan = node_plan(ready=ReadyPlan(timeout=7.0))
     world.life.restart_asked("changed")
     world.crash(0)
     assert world.start().left == 7.0
@@ -541,7 +541,7 @@ class AnyLife(RuleBasedStateMachine):
         chance: float,
     ) -> None:
         restart = RestartPlan(policy=policy, delay=delay, max_delay=max_delay, max=allowed)
-        plan = process_plan(restart=restart, required=required, ready=ReadyPlan(timeout=timeout))
+        plan = node_plan(restart=restart, required=required, ready=ReadyPlan(timeout=timeout))
         self.world = World(plan, lambda: chance)
         self.child = None
         self.must_end = False

@@ -90,7 +90,7 @@ def test_only_what_is_different_is_touched() -> None:
     assert desk.processes.keys() == {"/r1/a", "/r1/b", "/r1/d"}
     assert desk.processes["/r1/a"].asked == []
     assert desk.processes["/r1/a"].plan == moved, "where it stands now"
-    assert desk.processes["/r1/b"].asked == ["take over", RESTARTED]
+    assert desk.processes["/r1/b"].asked == [RESTARTED]
     assert desk.processes["/r1/b"].plan == other
     assert sorted(desk.tried) == ["add /r1/d", "remove /r1/c"]
 
@@ -123,7 +123,7 @@ def test_what_changes_while_it_comes_comes_as_it_is_wanted_last() -> None:
     changed = msgspec.structs.replace(B, args=("--fast",))
     desk.follow((0.0, plan_of(A, B)), (0.5, plan_of(A, changed)))
     assert desk.processes["/r1/b"].plan == changed
-    assert desk.processes["/r1/b"].asked == ["take over", RESTARTED]
+    assert desk.processes["/r1/b"].asked == [RESTARTED]
 
 
 @given(st.lists(st.tuples(st.sampled_from([0.0, 0.3, 1.0, 2.5]), st.sets(st.sampled_from("abcd"))), max_size=6))

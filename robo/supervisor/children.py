@@ -1,0 +1,163 @@
+"""The children of one process, one after the other.
+
+`Lifecycle` decides what is to be done; `Instance` is the child that it is done to. Here the one is told what happens
+to the other.
+"""
+
+import asyncio
+import signal
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Protocol
+
+from robo.launch.plan import ProcessPlan
+from robo.machine.child import describe_exit
+from robo.supervisor import instance
+from robo.supervisor.alarm import Alarm
+from robo.supervisor.changes import Changes
+from robo.supervisor.instance import Instance, MakeChild
+from robo.supervisor.lifecycle import CANNOT_START, Lifecycle, Phase
+from robo.supervisor.restart import Restarts
+from robo.wire.reports import Exit, State
+
+_EXITS = 20
+"""How many ends are remembered."""
+
+
+class Run(instance.Run, Protocol):
+    """What they need of the run that they are part of."""
+
+    changes: Changes
+
+    def unmet(self, plan: ProcessPlan) -> list[str]:
+        """What a process still waits for, in words."""
+
+    def sigkill_hint(self) -> str:
+        """What is to be said of a process that has just been ended by a SIGKILL that nobody here has sent."""
+
+
+class Children:
+    """Starts a child, looks after it, notes its end, and starts the next one, as their life wants it."""
+
+    def __init__(
+        self,
+        plan: ProcessPlan,
+        run: Run,
+        make: MakeChild,
+        clock: Callable[[], float],
+        output: Callable[[str, str], None],
+        changed: Callable[[State], None],
+    ) -> None:
+        """
+        Args:
+            plan: how they are run.
+            run: what they are part of.
+            make: makes a child.
+            clock: the time, s.
+            output: takes what they print, by stream.
+            changed: is told when they are shown in another way, with the state before.
+        """
+        self.life = Lifecycle(plan, Restarts(plan.restart), clock, self)
+        self.present: Instance | None = None
+        """The child that runs, or the last one that ran."""
+        self.exits: deque[Exit] = deque(maxlen=_EXITS)
+        self._run = run
+        self._make = make
+        self._clock = clock
+        self._output = output
+        self._changed = changed
+        self._alarm = Alarm(self.life.elapsed, clock)
+        self._ended_pids: deque[int] = deque(maxlen=_EXITS)
+        """Of the last ones that have ended: their tokens may still be on the way."""
+        self._files: tuple[str, ...] = ()
+        """Of those before the present one."""
+
+    @property
+    def spawning(self) -> bool:
+        """Whether one is just being started."""
+        on_its_way = self.life.phase in (Phase.SPAWNING, Phase.STOPPING, Phase.RESTARTING)
+        return on_its_way and self.present is not None and self.present.pid is None
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The source files of the last one that has told them."""
+        return (self.present.files if self.present is not None else ()) or self._files
+
+    async def live(self) -> None:
+        """Run one child after the other until cancelled."""
+        try:
+            while True:
+                await self._run.changes.until(self._is_to_start)
+                await self._run_once()
+        finally:
+            self._alarm.set(None)
+
+    def notice_token(self, pid: int) -> None:
+        """A node's liveliness token shows; it may be that of a child that has ended."""
+        if self.present is not None and pid not in self._ended_pids:
+            self.present.readiness.see_token()
+
+    def check(self, now: float) -> None:
+        """Look after a child that is ready; called a few times a second."""
+        if self.present is None or not self.present.running or self.life.phase is not Phase.READY:
+            return
+        pulse = self.present.pulse
+        hang, problem = pulse.hang(now), pulse.problem(now)
+        if hang is not None:
+            self.life.hung(hang)
+        else:
+            self.life.checked(problem, pulse.silent_topic(now) if problem is not None else None)
+
+    def _is_to_start(self) -> bool:
+        if self.life.phase is Phase.WAITING:
+            self.life.needs_are(self._run.unmet(self.life.plan))
+        return self.life.phase is Phase.SPAWNING
+
+    async def _run_once(self) -> None:
+        """Start a child, and wait for its end."""
+        self._files = self.files
+        child = Instance(self.life.plan, self._run, self._make, self._output, self._clock)
+        self.present = child
+        why = await child.start()
+        if why is not None:
+            self.exits.append(child.exit(CANNOT_START, why, time.time_ns()))
+            self.life.could_not_start(why)
+            return
+        self.life.spawned()
+        readiness = asyncio.create_task(self._become_ready(child))
+        try:
+            code = await child.wait()
+        finally:
+            readiness.cancel()
+        hint = self._run.sigkill_hint() if code == -signal.SIGKILL and self.life.unasked else ""
+        words = describe_exit(code) + hint
+        if child.pid is not None:
+            self._ended_pids.append(child.pid)
+        self.exits.append(child.exit(code, self.life.blame or words, time.time_ns()))
+        self.life.exited(code, words)
+
+    async def _become_ready(self, child: Instance) -> None:
+        await child.readiness.wait()
+        child.pulse.became_ready(self._clock())
+        self.life.became_ready()
+
+    # What their life asks.
+
+    def send(self, number: signal.Signals) -> None:
+        """Send a signal to the child and its group."""
+        if self.present is not None:
+            self.present.send(number)
+
+    def lacks(self) -> str:
+        """What the child's readiness still waits for, in words."""
+        return self.present.readiness.missing if self.present is not None else ""
+
+    def moved(self) -> None:
+        """There is another phase or another deadline."""
+        self._alarm.set(self.life.deadline)
+        self._run.changes.notify()
+
+    def changed(self, before: State) -> None:
+        """They are shown in another way."""
+        self._changed(before)

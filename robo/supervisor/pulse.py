@@ -1,0 +1,134 @@
+"""The signs of life of one child: its heartbeats, and what comes on the topics that it publishes."""
+
+from collections.abc import Callable, Iterable, Mapping
+
+import msgspec
+
+from robo.supervisor.topic_watch import Flow
+from robo.text.unreadable import UNREADABLE
+from robo.wire.reports import Beat, Input, NodeStatus
+
+BEAT_PERIOD = 1.0
+"""How often nodes give a sign of life, s; more often where the watchdog is shorter than a few of these."""
+
+_FRESH = 3 * BEAT_PERIOD
+"""For how long a rate is shown after the last sign of life, s."""
+
+
+def beat_period(watchdog: float) -> float:
+    """The time between two beats of a node that hangs after `watchdog` s without one; 0 for never, s."""
+    return min(BEAT_PERIOD, watchdog / 4) if watchdog else BEAT_PERIOD
+
+
+class Pulse:
+    """What one child has said of itself since its start. Times are of any clock that does not step back, s."""
+
+    def __init__(
+        self, watchdog: float, publishes: Iterable[str], flow: Callable[[str], Flow | None], now: float
+    ) -> None:
+        """
+        Args:
+            watchdog: after how long without a sign of life it hangs, s; 0 for never.
+            publishes: the topics that it is known to publish, as long as it has not said so itself.
+            flow: what comes on a topic; None where nothing is promised of it.
+            now: when it was started.
+        """
+        self._watchdog = watchdog
+        self._publishes = tuple(publishes)
+        self._flow = flow
+        self._started_at = self._ready_at = self._heard_at = now
+        self._beat: Beat | None = None
+        self._beat_at = now
+        self._late: Beat | None = None
+        """What it says while a callback holds its beat back."""
+        self._rates: tuple[dict[str, float], dict[str, float]] = {}, {}
+        self._input_seen: dict[str, tuple[int, float]] = {}
+
+    def became_ready(self, now: float) -> None:
+        """From now on it is held to its promises."""
+        self._ready_at = self._heard_at = now
+
+    def excuse_silence(self, now: float) -> None:
+        """The supervisor itself has slept: nobody can be blamed for beats that it did not hear."""
+        self._heard_at = now
+
+    def hear(self, data: bytes, now: float) -> Beat | None:
+        """A beat has come; None where it means nothing: a command may write something else there."""
+        try:
+            beat = msgspec.msgpack.decode(data, type=Beat)
+        except UNREADABLE:
+            return None
+        self._late = beat if beat.late else None
+        if beat.late:
+            return beat
+        old, span = self._beat, now - self._beat_at
+        if old is not None and span > 0:
+            self._rates = (
+                _rates(old.status.published, beat.status.published, span),
+                _rates(old.status.received, beat.status.received, span),
+            )
+        for topic, count in beat.status.received.items():
+            if self._input_seen.get(topic, (-1, 0.0))[0] != count:
+                self._input_seen[topic] = (count, now)
+        self._beat, self._beat_at, self._heard_at = beat, now, now
+        return beat
+
+    def hang(self, now: float) -> str | None:
+        """Why it hangs: its beats have ceased."""
+        silent = now - self._heard_at
+        if not self._watchdog or self._beat is None or silent <= self._watchdog:
+            return None
+        running = self._late.status.running if self._late is not None else ""
+        return f"hangs: no sign of life for {silent:.1f} s" + (f"; {running} does not return" if running else "")
+
+    def problem(self, now: float) -> str | None:
+        """Which promise about its topics is not kept."""
+        if now - self._ready_at < 2 * BEAT_PERIOD:
+            return None  # its topics have to come first
+        return next((problem for flow in self._flows() if (problem := flow.problem(now)) is not None), None)
+
+    def silent_topic(self, now: float) -> str | None:
+        """Why it hangs: nothing comes on a topic that it promised, for as long as the watchdog allows."""
+        for flow in self._flows():
+            since = min(flow.silent(now) or 0.0, now - self._ready_at)
+            if self._watchdog and since > self._watchdog:
+                return f"hangs: nothing on {flow.promise.key} for {since:.1f} s"
+        return None
+
+    def rates(self, now: float) -> tuple[dict[str, float], dict[str, float]]:
+        """Messages per second that it publishes and receives, by topic; none where its last word is old."""
+        return self._rates if now - self._heard_at < _FRESH else ({}, {})
+
+    @property
+    def held_up(self) -> NodeStatus | None:
+        """What it says while a callback holds its beat back."""
+        return self._late.status if self._late is not None else None
+
+    @property
+    def callback_errors(self) -> int:
+        """Exceptions that its callbacks raised."""
+        return self._beat.status.callback_errors if self._beat is not None else 0
+
+    def inputs(self, now: float) -> list[Input]:
+        """The topics that it subscribes."""
+        if self._beat is None:
+            return []
+        status = self._beat.status
+        return [
+            Input(
+                topic=topic,
+                received=count,
+                age=round(now - (self._input_seen[topic][1] if count else self._started_at), 3),
+                malformed=status.malformed.get(topic, 0),
+                dropped=status.dropped.get(topic, 0),
+            )
+            for topic, count in status.received.items()
+        ]
+
+    def _flows(self) -> Iterable[Flow]:
+        said = self._beat.status.published if self._beat is not None else {}
+        return (flow for key in said or self._publishes if (flow := self._flow(key)) is not None)
+
+
+def _rates(old: Mapping[str, int], new: Mapping[str, int], span: float) -> dict[str, float]:
+    return {topic: round((count - old.get(topic, 0)) / span, 1) for topic, count in new.items()}

@@ -1,0 +1,115 @@
+"""What a child says of itself: beats, rates, inputs, and when it hangs."""
+
+import msgspec
+import pytest
+
+from robo.supervisor.pulse import Pulse, beat_period
+from robo.supervisor.topic_watch import Flow
+from robo.wire.reports import Beat, NodeStatus
+from tests.plans import topic_plan
+
+
+def status(**changes: object) -> NodeStatus:
+    plain = NodeStatus(node="/r1/base", published={}, received={}, malformed={}, dropped={}, callback_errors=0)
+    return msgspec.structs.replace(plain, **changes)
+
+
+def said(*, late: bool = False, files: list[str] | None = None, **changes: object) -> bytes:
+    return msgspec.msgpack.encode(Beat(status(**changes), late=late, files=files or []))
+
+
+def silent_flow(max_age: float = 0.5) -> Flow:
+    return Flow(topic_plan("r1/odom", max_age=max_age), 0.0)
+
+
+def alive(watchdog: float = 5.0, flow: Flow | None = None) -> Pulse:
+    """The pulse of a node that was started at 0 s, ready at 1 s, and has given a beat at 2 s."""
+    pulse = Pulse(watchdog, (), lambda key: flow if key == "odom" else None, 0.0)
+    pulse.became_ready(1.0)
+    pulse.hear(said(published={"odom": 10}, received={"scan": 4, "map": 0}), 2.0)
+    return pulse
+
+
+@pytest.mark.parametrize(("watchdog", "period"), [(0.0, 1.0), (100.0, 1.0), (4.0, 1.0), (1.0, 0.25)])
+def test_beats_come_often_enough_for_the_watchdog(watchdog: float, period: float) -> None:
+    assert beat_period(watchdog) == period
+
+
+def test_a_node_hangs_when_its_beats_cease() -> None:
+    pulse = alive()
+    assert pulse.hang(7.0) is None
+    assert pulse.hang(7.2) == "hangs: no sign of life for 5.2 s"
+    pulse.hear(said(), 7.3)
+    assert pulse.hang(12.0) is None
+
+
+def test_what_has_never_given_a_beat_does_not_hang() -> None:
+    pulse = Pulse(5.0, (), lambda _: None, 0.0)
+    pulse.became_ready(1.0)
+    pulse.hear(b"\xc1 not a beat", 2.0)
+    pulse.hear(b"\x01", 2.0)
+    assert pulse.hang(100.0) is None
+    assert alive(watchdog=0.0).hang(100.0) is None, "nor does what has no watchdog"
+
+
+def test_the_callback_that_does_not_return_is_named_by_a_late_beat() -> None:
+    pulse = alive()
+    assert pulse.hear(said(late=True, running="work", running_for=3.0), 5.0) is not None
+    assert pulse.held_up is not None
+    assert (pulse.held_up.running, pulse.held_up.running_for) == ("work", 3.0)
+    assert pulse.hang(7.5) == "hangs: no sign of life for 5.5 s; work does not return"
+    pulse.hear(said(), 8.0)
+    assert pulse.held_up is None
+
+
+def test_nobody_is_blamed_while_the_supervisor_slept() -> None:
+    pulse = alive()
+    pulse.excuse_silence(60.0)
+    assert pulse.hang(64.0) is None
+    assert pulse.hang(66.0) == "hangs: no sign of life for 6.0 s"
+
+
+def test_rates_are_counted_between_beats_and_forgotten_when_they_cease() -> None:
+    pulse = alive()
+    assert pulse.rates(2.0) == ({}, {})
+    pulse.excuse_silence(3.9)
+    pulse.hear(said(published={"odom": 110, "new": 3}, received={"scan": 14}), 4.0)
+    assert pulse.rates(4.5) == ({"odom": 50.0, "new": 1.5}, {"scan": 5.0})
+    assert pulse.rates(7.5) == ({}, {})
+
+
+def test_the_age_of_an_input_is_that_of_its_last_message() -> None:
+    pulse = alive()
+    pulse.hear(said(received={"scan": 4, "map": 0}, malformed={"scan": 1}, dropped={"map": 2}, callback_errors=3), 5.0)
+    scan, map_ = pulse.inputs(6.0)
+    assert (scan.topic, scan.received, scan.age, scan.malformed, scan.dropped) == ("scan", 4, 4.0, 1, 0)
+    assert (map_.topic, map_.received, map_.age, map_.dropped) == ("map", 0, 6.0, 2), "since the start"
+    assert pulse.callback_errors == 3
+
+
+def test_a_promise_counts_once_its_topics_had_the_time_to_come() -> None:
+    pulse = alive(flow=silent_flow())
+    assert pulse.problem(2.9) is None
+    assert pulse.problem(3.1) == "nothing on r1/odom for 3.1 s"
+
+
+def test_a_silent_topic_means_a_hang_from_readiness_on() -> None:
+    flow = silent_flow()
+    pulse = alive(watchdog=2.0, flow=flow)
+    assert pulse.silent_topic(2.9) is None
+    assert pulse.silent_topic(3.5) == "hangs: nothing on r1/odom for 2.5 s", "it was not ready before"
+    flow.add(3.6)
+    assert pulse.silent_topic(3.7) is None
+    assert alive(watchdog=0.0, flow=silent_flow()).silent_topic(50.0) is None
+
+
+def test_a_command_is_held_to_what_its_manifest_says_that_it_publishes() -> None:
+    pulse = Pulse(5.0, {"odom": "nav/Odometry"}, lambda _: silent_flow(), 0.0)
+    pulse.became_ready(0.0)
+    assert pulse.problem(4.0) == "nothing on r1/odom for 4.0 s"
+
+
+def test_the_files_of_a_node_come_with_its_first_beat() -> None:
+    beat = Pulse(5.0, (), lambda _: None, 0.0).hear(said(files=["a.py"]), 1.0)
+    assert beat is not None
+    assert beat.files == ["a.py"]
