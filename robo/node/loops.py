@@ -6,7 +6,7 @@ callback holds up neither another node's subscription nor the network.
 
 How a channel and `depth` go together (measured in `benchmarks/`): Zenoh delivers a batch of up to a
 thousand small messages at once. A ring of ten slots would lose most of a batch although the callback
-could keep up, so the ring has room for several (see `endpoints.slots`), and `depth` is enforced here:
+could keep up, so the ring has room for several (see `topics.slots`), and `depth` is enforced here:
 where what has piled up would take a callback longer than `STALE`, it goes on with the newest `depth`.
 """
 
