@@ -61,7 +61,7 @@ def profiles_of(file: Path, given: Mapping[str, object], robot: str | None) -> P
             more[name] = added
             known |= {process.full_name: process for process in added}
             contracts |= switched.contracts
-    types = {full_name: contract.parameters for full_name, contract in contracts.items()}
+    types = {full_name: contract.parameter_types for full_name, contract in contracts.items()}
     return Profiles(always, more, names, types)
 
 

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 import msgspec
 
 import robo_messages
-from robo.launch.contracts import EndpointInfo
 from robo.launch.faults import in_order
 from robo.launch.plan import ProcessPlan, TopicPlan
 from robo.launch.resolve import Resolution
@@ -48,8 +47,8 @@ def ends_of(resolution: Resolution) -> list[TopicEnd]:
     """Every end of every topic, in the order of the plan."""
     ends: list[TopicEnd] = []
     for process in resolution.plan.processes:
-        ends += (_end(process, "pub", e) for e in _declared(resolution, process, "pub"))
-        ends += (_end(process, "sub", e) for e in _declared(resolution, process, "sub"))
+        ends += (_end(process, "pub", *topic) for topic in _declared(resolution, process, "pub"))
+        ends += (_end(process, "sub", *topic) for topic in _declared(resolution, process, "sub"))
     return ends
 
 
@@ -107,17 +106,18 @@ def _split(full_name: str) -> tuple[str, str]:
     return namespace, node
 
 
-def _declared(resolution: Resolution, process: ProcessPlan, kind: EndpointKind) -> Iterable[EndpointInfo]:
-    written = process.publishes if kind == "pub" else process.subscribes
-    yield from (EndpointInfo(topic, type_) for topic, type_ in written.items())
+def _declared(resolution: Resolution, process: ProcessPlan, kind: EndpointKind) -> Iterable[tuple[str, str]]:
+    """The topics of a process with their types, as they are written and as its class declares them."""
+    yield from (process.publishes if kind == "pub" else process.subscribes).items()
     contract = resolution.contracts.get(process.full_name)
     if contract is not None:
-        yield from contract.publishers if kind == "pub" else contract.subscriptions
+        topics = contract.publishers if kind == "pub" else contract.subscriptions
+        yield from ((declared.topic, declared.type) for declared in topics)
 
 
-def _end(process: ProcessPlan, kind: EndpointKind, endpoint: EndpointInfo) -> TopicEnd:
-    key = names.resolve(endpoint.topic, namespace=process.namespace, node=process.name, remappings=process.remap)
-    return TopicEnd(process.full_name, kind, key, endpoint.type, endpoint.topic)
+def _end(process: ProcessPlan, kind: EndpointKind, topic: str, type_name: str) -> TopicEnd:
+    key = names.resolve(topic, namespace=process.namespace, node=process.name, remappings=process.remap)
+    return TopicEnd(process.full_name, kind, key, type_name, topic)
 
 
 def _type_clashes(key: str, ends: Sequence[TopicEnd], resolution: Resolution) -> Iterable[Problem]:
@@ -179,7 +179,7 @@ def _unknown_remaps(resolution: Resolution) -> Iterable[Problem]:
     topics: dict[str, list[str]] = {}
     for process in resolution.plan.processes:
         declared = [*_declared(resolution, process, "pub"), *_declared(resolution, process, "sub")]
-        own = topics[process.full_name] = [endpoint.topic for endpoint in declared]
+        own = topics[process.full_name] = [topic for topic, _ in declared]
         keys = {names.resolve(topic, namespace=process.namespace, node=process.name) for topic in own}
         silent = not own and process.full_name not in resolution.contracts
         for old, origin in resolution.remaps.get(process.full_name, {}).items():

@@ -14,6 +14,7 @@ import msgspec
 
 from robo.errors import ContractError, ParameterError
 from robo.launch.substitution import Word, settled
+from robo.node.contract_data import ContractData
 
 
 class Question(msgspec.Struct, frozen=True):
@@ -23,33 +24,12 @@ class Question(msgspec.Struct, frozen=True):
     values: dict[str, object]
 
 
-class EndpointInfo(msgspec.Struct, frozen=True):
-    """A topic or a service that a node class declares."""
-
-    topic: str
-    type: str
-
-
-class NodeContract(msgspec.Struct, frozen=True, kw_only=True):
-    """A node class's contract as plain data."""
-
-    name: str
-    class_name: str
-    """`module:Class`."""
-    publishers: tuple[EndpointInfo, ...]
-    subscriptions: tuple[EndpointInfo, ...]
-    services: tuple[EndpointInfo, ...]
-    clients: tuple[EndpointInfo, ...]
-    parameters: dict[str, str]
-    """Types by name."""
-
-
 class Answer(msgspec.Struct, frozen=True, kw_only=True):
     """What came of a question."""
 
     error: str | None = None
     """Why there is no contract."""
-    contract: NodeContract | None = None
+    contract: ContractData | None = None
     mistakes: dict[str, str] = {}
     """By name, why a value is refused."""
 
@@ -114,14 +94,14 @@ def _in_child(work: Callable[[], bytes]) -> bytes | None:
 
 
 def _answer(asked: Question, loaded: dict[str, Any]) -> Answer:
-    from robo.node.contract import contract_of
+    from robo.node.contract_text import contract_data
     from robo.node.loading import load_node_class
     from robo.parameters import model as parameters
 
     if asked.service not in loaded:
         try:
             node_class = load_node_class(asked.service)
-            loaded[asked.service] = (node_class, contract_of(node_class))
+            loaded[asked.service] = (node_class, contract_data(node_class))
         except (ContractError, SystemExit) as error:
             loaded[asked.service] = str(error) or "it ends the process"
         except Exception as error:  # what a user has written may raise anything while its contract is made
@@ -131,7 +111,7 @@ def _answer(asked: Question, loaded: dict[str, Any]) -> Answer:
     if isinstance(loaded[asked.service], str):
         return Answer(error=loaded[asked.service])
     node_class, contract = loaded[asked.service]
-    types = {info.name: info.type for info in contract.parameters}
+    types = contract.parameter_types
     mistakes: dict[str, str] = {}
     for name in asked.values.keys() & types:
         try:
@@ -139,27 +119,4 @@ def _answer(asked: Question, loaded: dict[str, Any]) -> Answer:
             parameters.build(node_class.Parameters, {name: value}, contract.name)
         except ParameterError as error:
             mistakes[name] = str(error)
-    return Answer(
-        contract=NodeContract(
-            name=contract.name,
-            class_name=f"{node_class.__module__}:{node_class.__qualname__}",
-            publishers=tuple(EndpointInfo(p.topic, _type_name(p.message_type)) for p in contract.publishers),
-            subscriptions=tuple(EndpointInfo(s.topic, _type_name(s.message_type)) for s in contract.subscriptions),
-            services=tuple(EndpointInfo(s.service, _service_name(s)) for s in contract.services),
-            clients=tuple(EndpointInfo(c.service, _service_name(c)) for c in contract.clients),
-            parameters=types,
-        ),
-        mistakes=mistakes,
-    )
-
-
-def _service_name(declared: Any) -> str:
-    import robo_messages
-
-    return robo_messages.service_type_name(declared.request_type, declared.response_type)
-
-
-def _type_name(message_type: Any) -> str:
-    import robo_messages
-
-    return robo_messages.type_name(message_type)
+    return Answer(contract=contract, mistakes=mistakes)

@@ -20,8 +20,8 @@ def graph_of(resolution: Resolution, ends: Sequence[TopicEnd]) -> Graph:
         nodes.append(graph.Node(process.full_name, contract.class_name if contract is not None else None))
         if contract is not None:
             edges += _system_edges(process)
-            edges += (Edge(process.full_name, "srv", _key(process, s.topic), s.type) for s in contract.services)
-            edges += (Edge(process.full_name, "cli", _key(process, c.topic), c.type) for c in contract.clients)
+            edges += (Edge(process.full_name, "srv", _key(process, s.service), s.type) for s in contract.services)
+            edges += (Edge(process.full_name, "cli", _key(process, c.service), c.type) for c in contract.clients)
     return graph.build(nodes, edges)
 
 

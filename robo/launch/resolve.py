@@ -10,7 +10,6 @@ from pathlib import Path
 import msgspec
 
 from robo.launch import arguments as args
-from robo.launch import contracts
 from robo.launch.draft import Origin
 from robo.launch.faults import ManifestFaults, in_order
 from robo.launch.plan import Plan
@@ -18,6 +17,7 @@ from robo.launch.settle import settle
 from robo.launch.substitution import Broken, Environment, of_process
 from robo.launch.unfold import Unfolding
 from robo.launch.values import Assignment
+from robo.node.contract_data import ContractData
 from robo.parameters.files import ParameterEntry
 from robo.text.tree import Position, Problem
 
@@ -32,7 +32,7 @@ class Resolution(msgspec.Struct, frozen=True, kw_only=True):
     """What is said and reaches nobody."""
     warnings: tuple[Problem, ...]
     """Where parameter files contradict themselves."""
-    contracts: dict[str, contracts.NodeContract]
+    contracts: dict[str, ContractData]
     """By full name, what a node's class promises, where that is known."""
     positions: dict[str, Position]
     """By full name, where the node is written."""

@@ -14,6 +14,7 @@ from robo.launch.plan import ProcessPlan
 from robo.launch.substitution import Complain
 from robo.launch.unfold import Unfolding
 from robo.launch.values import Assignment, Checked
+from robo.node.contract_data import ContractData
 from robo.text.brief import shown
 from robo.text.suggestions import suggest
 from robo.text.tree import Position, Problem
@@ -26,7 +27,7 @@ class Settled(msgspec.Struct, frozen=True, kw_only=True):
     """All, each of another name."""
     processes: Sequence[ProcessPlan]
     """Those that are to be started."""
-    contracts: dict[str, contracts.NodeContract]
+    contracts: dict[str, ContractData]
     """By full name, what a node's class promises, where that is known."""
     loose: list[Problem]
     """What is said and reaches nobody."""

@@ -166,7 +166,7 @@ def check(
 def _declared(node: Checked) -> Mapping[str, str] | None:
     """The node's parameters by name; None where they are not known."""
     contract = node.answer.contract if node.answer is not None else None
-    return None if contract is None else contract.parameters
+    return None if contract is None else contract.parameter_types
 
 
 def _unknown(node: Checked, name: str, mention: Mention, own: Mapping[str, str]) -> Problem:
