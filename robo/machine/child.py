@@ -17,10 +17,13 @@ from robo.machine.output import BUFFER, Budget, pump
 from robo.process.template import HEART
 
 _LAST_LINES = 30
+"""Lines of the end of its stderr that are kept."""
 _DRAIN = 0.3
 """How long an ended process's output may pause before it is taken for complete, s."""
 _LONGEST_BEAT = 1_000_000
+"""How much of a heartbeat is read, bytes."""
 _HEART_BUFFER = 200_000
+"""How much a heartbeat's socket is to hold, bytes."""
 
 
 class Spawned:

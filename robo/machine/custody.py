@@ -3,6 +3,7 @@
 import asyncio
 import shutil
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 from robo.machine import orphans
@@ -41,9 +42,10 @@ class Custody:
         """Collect what nodes have left behind and has ended; to be called a few times a second."""
         orphans.reap(self.spawned)
 
-    async def sweep(self) -> list[int]:
-        """End every process of the run that is still there, and return the process ids."""
-        return await asyncio.to_thread(orphans.sweep, self.run, (self._watchdog.pid,), adopted=True)
+    async def sweep(self, warn: Callable[[str], None]) -> None:
+        """End every process of the run that is still there, and tell of each."""
+        for pid in await asyncio.to_thread(orphans.sweep, self.run, (self._watchdog.pid,), adopted=True):
+            warn(f"ended process {pid}, which a node had left behind")
 
     def release(self) -> None:
         """The run has ended as it should: nobody needs to watch over it any more."""

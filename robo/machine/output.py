@@ -8,18 +8,17 @@ import msgspec
 
 from robo.text.terminal import escaped_json
 
-_LONGEST_LINE = 16_384
-_PARTIAL = 0.3
-"""How long the beginning of a line waits for its end, s."""
-
-_TOLD_WITHIN = 1.0
-"""How long a flood goes on before it is said how much of it was left out, s."""
-
-_BREATH = 0.005
-"""How long what floods is left to itself between two reads, s: reading it must not cost the run a core."""
-
 BUFFER = 262_144
 """How much is read at once, and held by a pipe, bytes."""
+
+_LONGEST_LINE = 16_384
+"""A longer line comes in pieces, bytes."""
+_PARTIAL = 0.3
+"""How long the beginning of a line waits for its end, s."""
+_TOLD_WITHIN = 1.0
+"""How long a flood goes on before it is said how much of it was left out, s."""
+_BREATH = 0.005
+"""How long what floods is left to itself between two reads, s: reading it must not cost the run a core."""
 
 
 class Lines:

@@ -285,11 +285,6 @@ class Supervisor:
 
     async def _end(self) -> None:
         """Leave nothing behind. What goes wrong with one thing keeps no other from its end."""
-
-        async def sweep() -> None:
-            for pid in await self._custody.sweep():
-                self._journal.warn(f"ended process {pid}, which a node had left behind")
-
         steps: list[Callable[[], Coroutine[Any, Any, object] | None]] = [
             self._claim.close,
             self._stopping.stop_all,
@@ -298,7 +293,7 @@ class Supervisor:
             self._router.stop,
             lambda: self.template.close() if self.template is not None else None,
             self._presence.leave,
-            sweep,
+            lambda: self._custody.sweep(self._journal.warn),
             self._custody.release,
             self._custody.remove_folder,
             lambda: self._journal.summarize(self._stopping.failed),
