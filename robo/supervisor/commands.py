@@ -197,7 +197,7 @@ class Commands:
     async def restart(self, request: Request) -> Outcome:
         """Start processes again; done when the new ones are there, or wait for what they need."""
         chosen = self._chosen(request)
-        await self._tasks.all(one.restart("as asked") for one in chosen)
+        await self._tasks.all(one.restart("starting again as asked") for one in chosen)
         return self._outcome(chosen, request)
 
     async def down(self, request: Request) -> Outcome:
