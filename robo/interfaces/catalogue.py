@@ -263,11 +263,11 @@ def _import_declared() -> dict[str, str]:
 @functools.cache
 def _import_group(group: str) -> None:
     """`my_robot/Gripper` may be in `my_robot`, `my_robot.messages` or `my_robot_messages`."""
-    with _importable(os.getcwd()):
-        for module in (group, f"{group}.messages", f"{group}_messages"):
-            with contextlib.suppress(ModuleNotFoundError, ValueError):  # there is none, or its parent is no package
-                if importlib.util.find_spec(module) is not None:
-                    _import(module, f"module {module}, where {group}/… may be,")
+    _make_importable(os.getcwd())
+    for module in (group, f"{group}.messages", f"{group}_messages"):
+        with contextlib.suppress(ModuleNotFoundError, ValueError):  # there is none, or its parent is no package
+            if importlib.util.find_spec(module) is not None:
+                _import(module, f"module {module}, where {group}/… may be,")
 
 
 def _import_file(file: Path) -> None:
@@ -276,18 +276,18 @@ def _import_file(file: Path) -> None:
 
 
 def _import(module: str, what: str) -> None:
-    with _importable(os.getcwd()), contextlib.redirect_stdout(sys.stderr):
+    _make_importable(os.getcwd())
+    with contextlib.redirect_stdout(sys.stderr):
         try:
             importlib.import_module(module)
         except (Exception, SystemExit) as error:  # a user's module may raise anything while it is imported
             raise ContractError(f"{what} cannot be imported: {explained(error)}") from None
 
 
-@contextlib.contextmanager
-def _importable(folder: str) -> Iterator[None]:
+def _make_importable(folder: str) -> None:
+    """From now on: what a module imports later, while it runs, is found there too."""
     if folder not in sys.path:
         sys.path.insert(0, folder)
-    yield
 
 
 @functools.cache
