@@ -52,7 +52,7 @@ def print_messages(
         stream = Stream(session, keys)
         end = time.monotonic() + duration if duration is not None else None
         tell_who_is_waited_for(session, keys, reach)
-        printer = _Printer(options, one_topic=len(keys) == 1 and "*" not in keys[0])
+        printer = Printer(options, one_topic=len(keys) == 1 and "*" not in keys[0])
         shown = came = 0
         try:
             for arrival in stream.until(end):
@@ -72,7 +72,9 @@ def print_messages(
     return complain_of_few(keys, shown, count, duration, more=filtered)
 
 
-class _Printer:
+class Printer:
+    """Prints messages one after the other; `one_topic` where no other can come."""
+
     def __init__(self, options: Options, *, one_topic: bool) -> None:
         self._options = options
         self._one_topic = one_topic
