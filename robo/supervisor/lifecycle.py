@@ -250,7 +250,7 @@ class Lifecycle:
             case Phase.STOPPED | Phase.FAILED | Phase.COMPLETED | Phase.BACKING_OFF:
                 self._transition(Phase.WAITING, self.state, self.reason)
             case Phase.STOPPING:
-                self._transition(Phase.RESTARTING, "restarting", "as asked", self.deadline)
+                self._transition(Phase.RESTARTING, "restarting", "starting again as asked", self.deadline)
             case _:
                 pass  # it does, or will
 

@@ -37,11 +37,11 @@ class Flow:
         while len(self._marks) > 2 and now - self._marks[1][0] >= self._window:
             self._marks.popleft()
 
-    def begin_again(self, now: float) -> None:
-        """Its publisher has just become ready: what was before does not count."""
-        self.last = now
-        self._marks.clear()
-        self._marks.append((now, self.count))
+    def begin_again(self, since: float) -> None:
+        """A publisher has become ready then: that nothing came before is not held against it."""
+        self.last = max(self.last, since)
+        while len(self._marks) > 1 and self._marks[0][0] < since:
+            self._marks.popleft()
 
     def silent(self, now: float) -> float | None:
         """For how long nothing has come, where that is longer than is promised, s."""

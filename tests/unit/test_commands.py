@@ -174,7 +174,10 @@ def test_start_starts_what_does_not_run_and_restart_all() -> None:
     desk["base"].fail()
     assert desk.ask("start", "drive") == Outcome(["/r1/base"])
     assert desk.ask("restart", "drive") == Outcome(["/r1/base", "/r1/lidar"])
-    assert desk.asked() == {"base": ["start", "restart: as asked"], "lidar": ["restart: as asked"]}
+    assert desk.asked() == {
+        "base": ["start", "restart: starting again as asked"],
+        "lidar": ["restart: starting again as asked"],
+    }
 
 
 def test_several_are_stopped_beside_each_other() -> None:

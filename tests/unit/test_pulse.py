@@ -90,7 +90,7 @@ def test_the_age_of_an_input_is_that_of_its_last_message() -> None:
 def test_a_promise_counts_once_its_topics_had_the_time_to_come() -> None:
     pulse = alive(flow=silent_flow())
     assert pulse.problem(2.9) is None
-    assert pulse.problem(3.1) == "nothing on r1/odom for 3.1 s"
+    assert pulse.problem(3.1) == "nothing on r1/odom for 2.1 s"
 
 
 def test_a_silent_topic_means_a_hang_from_readiness_on() -> None:
@@ -113,3 +113,16 @@ def test_the_files_of_a_node_come_with_its_first_beat() -> None:
     beat = Pulse(5.0, (), lambda _: None, 0.0).hear(said(files=["a.py"]), 1.0)
     assert beat is not None
     assert beat.files == ["a.py"]
+
+
+def test_that_nothing_came_before_it_was_ready_is_not_held_against_it() -> None:
+    flow = Flow(topic_plan("r1/odom", min_rate=0.2), 0.0)  # one in 5 s: looked at over 15 s
+    flow.add(1.0)
+    for second in range(60):
+        flow.mark(float(second))
+    pulse = Pulse(5.0, (), lambda key: flow if key == "odom" else None, 57.0)
+    pulse.became_ready(58.0)
+    pulse.hear(said(published={"odom": 0}), 59.0)
+    assert flow.problem(60.5) == "nothing on r1/odom for 59.5 s"
+    assert pulse.problem(60.5) is None, "it has been ready for 2.5 s"
+    assert pulse.problem(73.5) == "nothing on r1/odom for 15.5 s"

@@ -106,7 +106,7 @@ def test_a_dry_run_starts_nothing_and_tells_all_faults_as_data() -> None:
     assert said("up", "mine.yaml", "site:=x", "--dry-run")[0] == 0
     code, text = said("up", "mine.yaml", "--dry-run", "--json")
     assert code == 1
-    assert "site" in json.loads(text)["faults"][0]["text"]
+    assert "site" in json.loads(text)["faults"][0]["message"]
     plan = json.loads(said("up", "mine.yaml", "site:=x", "--dry-run", "--json")[1])
     assert [process["name"] for process in plan["processes"]] == ["base", "user"]
 
