@@ -67,8 +67,8 @@ def draft(
     own = [layer for layer in layers if not layer.of_group]
     plain = merged(keys_of(ProcessPlan), _of_one_program(layers))
     said = values_of(keys_of(ProcessPlan), {"name": Scalar(default_name, own[0].position)} | plain, complain)
-    if "name" not in said:
-        return None
+    is_named = "name" in said  # else its other mistakes are told all the same
+    said.setdefault("name", default_name)
     namespace = within(_last_namespace(own), place.namespace, complain)
     remap = _remap(layers, complain)
     renamed = {old: new for old, (new, _) in remap.items()}
@@ -93,6 +93,8 @@ def draft(
         source=own[0].position,
     )
     needs = [layer.needs for layer in own if layer.needs is not None]
+    if not is_named:
+        return None
     return Draft(
         plan=plan,
         key=key,

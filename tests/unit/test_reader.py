@@ -88,7 +88,7 @@ groups:
       b: 5
 """
     )
-    assert {line.split(" ")[0] for line in mistakes} == {"1:1:", "2:7:", "4:3:", "6:14:", "8:19:", "8:36:", "9:10:"}
+    assert {line.split(" ")[0] for line in mistakes} == {"1:1:", "2:7:", "4:3:", "6:14:", "8:19:", "8:35:", "9:10:"}
     assert len(mistakes) == 7
 
 
