@@ -14,6 +14,9 @@ changes go through `_transition`, which replaces the deadline too: at most one t
 | stopping | is being ended, or on its way | it has ended: stopped |
 | backing off | | the delay is over: waiting |
 | stopped, failed, completed | | a command starts it: waiting |
+
+A command to stop leads to stopping where there is a child, else to stopped; one to restart leads to restarting, else
+to waiting. What has failed or completed is still shown so after a command to stop; it is only not wanted any more.
 """
 
 import math

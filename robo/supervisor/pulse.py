@@ -41,14 +41,12 @@ class Pulse:
         self._beat_at = now
         self._late: Beat | None = None
         """What it says while a callback holds its beat back."""
-        self._is_held_to_promises = False
         self._rates: tuple[dict[str, float], dict[str, float]] = {}, {}
         self._input_seen: dict[str, tuple[int, float]] = {}
 
     def became_ready(self, now: float) -> None:
         """From now on it is held to its promises."""
         self._ready_at = self._heard_at = now
-        self._is_held_to_promises = False
 
     def excuse_silence(self, now: float) -> None:
         """The supervisor itself has slept: nobody can be blamed for beats that it did not hear."""
@@ -87,18 +85,15 @@ class Pulse:
         """Which promise about its topics is not kept."""
         if now - self._ready_at < 2 * BEAT_PERIOD:
             return None  # its topics have to come first
-        if not self._is_held_to_promises:
-            self._is_held_to_promises = True
-            for flow in self._flows():
-                flow.begin_again(self._ready_at)
-        return next((problem for flow in self._flows() if (problem := flow.problem(now)) is not None), None)
+        problems = (flow.problem(now, self._ready_at) for flow in self._flows())
+        return next((problem for problem in problems if problem is not None), None)
 
     def silent_topic(self, now: float) -> str | None:
         """Why it hangs: nothing comes on a topic that it promised, for as long as the watchdog allows."""
         for flow in self._flows():
-            since = min(flow.silent(now) or 0.0, now - self._ready_at)
-            if self._watchdog and since > self._watchdog:
-                return f"hangs: nothing on {flow.promise.key} for {since:.1f} s"
+            silent = flow.silent(now, self._ready_at) or 0.0
+            if self._watchdog and silent > self._watchdog:
+                return f"hangs: nothing on {flow.promise.key} for {silent:.1f} s"
         return None
 
     def rates(self, now: float) -> tuple[dict[str, float], dict[str, float]]:

@@ -1,5 +1,6 @@
 """Whether promises about topics are kept: the supervisor counts the messages of the topics concerned."""
 
+import math
 import time
 from collections import deque
 from collections.abc import Iterable
@@ -37,25 +38,29 @@ class Flow:
         while len(self._marks) > 2 and now - self._marks[1][0] >= self._window:
             self._marks.popleft()
 
-    def begin_again(self, since: float) -> None:
-        """A publisher has become ready then: that nothing came before is not held against it."""
-        self.last = max(self.last, since)
-        while len(self._marks) > 1 and self._marks[0][0] < since:
-            self._marks.popleft()
+    def silent(self, now: float, since: float = -math.inf) -> float | None:
+        """For how long nothing has come, where that is longer than is promised, s.
 
-    def silent(self, now: float) -> float | None:
-        """For how long nothing has come, where that is longer than is promised, s."""
-        promise, age = self.promise, now - self.last
+        Args:
+            now: the time.
+            since: when its publisher became ready: silence before that does not count.
+        """
+        promise, age = self.promise, now - max(self.last, since)
         limit = promise.max_age if promise.max_age is not None else self._window if promise.min_rate else None
         return age if limit is not None and age > limit else None
 
-    def problem(self, now: float) -> str | None:
-        """Which promise is not kept."""
+    def problem(self, now: float, since: float = -math.inf) -> str | None:
+        """Which promise is not kept.
+
+        Args:
+            now: the time.
+            since: when its publisher became ready: what was before that does not count.
+        """
         promise = self.promise
-        silent = self.silent(now)
+        silent = self.silent(now, since)
         if silent is not None:
             return f"nothing on {promise.key} for {silent:.1f} s"
-        begin, before = self._marks[0]
+        begin, before = next((mark for mark in self._marks if mark[0] >= since), (now, self.count))
         if promise.min_rate is not None and now - begin >= self._window:
             rate = (self.count - before) / (now - begin)
             if rate < promise.min_rate * _TOLERANCE:

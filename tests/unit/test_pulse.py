@@ -90,7 +90,7 @@ def test_the_age_of_an_input_is_that_of_its_last_message() -> None:
 def test_a_promise_counts_once_its_topics_had_the_time_to_come() -> None:
     pulse = alive(flow=silent_flow())
     assert pulse.problem(2.9) is None
-    assert pulse.problem(3.1) == "nothing on r1/odom for 2.1 s"
+    assert pulse.problem(3.1) == "nothing on r1/odom for 2.1 s", "since it was ready"
 
 
 def test_a_silent_topic_means_a_hang_from_readiness_on() -> None:
@@ -101,6 +101,38 @@ def test_a_silent_topic_means_a_hang_from_readiness_on() -> None:
     flow.add(3.6)
     assert pulse.silent_topic(3.7) is None
     assert alive(watchdog=0.0, flow=silent_flow()).silent_topic(50.0) is None
+
+
+def test_a_slow_topic_has_its_time_after_a_restart() -> None:
+    flow = Flow(topic_plan("r1/odom", min_rate=0.5), 0.0)
+    pulse = Pulse(5.0, {"odom": ""}, lambda _: flow, 70.0)
+    pulse.became_ready(70.0)
+    problems = {}
+    for quarter in range(4 * 90):
+        now = quarter / 4
+        is_down, is_slow = 50 <= now < 71, now >= 80
+        if now % (4 if is_slow else 2) == 1 and not is_down:
+            flow.add(now)
+        flow.mark(now)
+        if now >= 70:
+            problems[now] = pulse.problem(now)
+    assert not any(problem for now, problem in problems.items() if now < 80), "the time without a publisher counts not"
+    assert problems[89.0] == "r1/odom comes at 0.3 Hz, promised are 0.5"
+
+
+def test_a_publisher_that_comes_back_does_not_excuse_another() -> None:
+    flow = Flow(topic_plan("r1/odom", max_age=1.0), 0.0)
+    old, new = (Pulse(5.0, {"odom": ""}, lambda _: flow, begin) for begin in (0.0, 10.0))
+    old.became_ready(0.0)
+    new.became_ready(10.0)
+    assert new.problem(12.5) == "nothing on r1/odom for 2.5 s"
+    assert old.problem(12.5) == "nothing on r1/odom for 12.5 s"
+
+
+def test_a_promise_that_is_longer_than_the_watchdog_is_waited_for() -> None:
+    pulse = alive(watchdog=2.0, flow=silent_flow(max_age=8.0))
+    assert pulse.silent_topic(8.9) is None
+    assert pulse.silent_topic(9.1) == "hangs: nothing on r1/odom for 8.1 s"
 
 
 def test_a_command_is_held_to_what_its_manifest_says_that_it_publishes() -> None:
