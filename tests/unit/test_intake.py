@@ -3,6 +3,7 @@
 import math
 import struct
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -89,7 +90,7 @@ class Clocks:
 def clocks(monkeypatch: pytest.MonkeyPatch) -> Iterator[Clocks]:
     made = Clocks()
     monkeypatch.setattr(module, "monotonic_ns", made.monotonic_ns)
-    monkeypatch.setattr("time.time_ns", made.time_ns)
+    monkeypatch.setattr("robo.node.intake.time", SimpleNamespace(time_ns=made.time_ns))
     yield made
     monkeypatch.undo()
 
