@@ -26,6 +26,10 @@ _FAREWELL = 0.05
 """How long the end of a run waits, s: the answer leaves before the network does."""
 
 
+Verb = Callable[[LogsRequest], Coroutine[Any, Any, object]]
+"""One that is not `logs` looks at the names alone."""
+
+
 class Process(Protocol):
     """A process that can be asked and told."""
 
@@ -140,19 +144,15 @@ class Commands:
         self._sites = sites
         self._unmet = unmet
 
-    def verbs(self) -> dict[str, Callable[[LogsRequest], Coroutine[Any, Any, object]]]:
-        """What each verb does."""
-        return {
-            "ps": self.ps,
-            "why": self.why,
-            "events": self.events,
-            "logs": self.logs,
-            "sites": self.sites,
-            "stop": self.stop,
-            "start": self.start,
-            "restart": self.restart,
-            "down": self.down,
-        }
+    @property
+    def tells(self) -> dict[str, Verb]:
+        """What only tells, by verb."""
+        return {"ps": self.ps, "why": self.why, "events": self.events, "logs": self.logs, "sites": self.sites}
+
+    @property
+    def acts(self) -> dict[str, Verb]:
+        """What does something, by verb."""
+        return {"stop": self.stop, "start": self.start, "restart": self.restart, "down": self.down}
 
     # -- what only tells -------------------------------------------------------------------------
 

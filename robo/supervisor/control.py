@@ -6,13 +6,14 @@ what is done is done for a query on exactly its key. `@robo/<robot>/events` carr
 """
 
 import asyncio
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Coroutine, Mapping
 from typing import Any
 
 import msgspec
 import zenoh
 
 from robo.errors import RoboError, RunError, UsageError
+from robo.supervisor.commands import Verb
 from robo.text.levels import level_of
 from robo.text.unreadable import UNREADABLE
 from robo.wire import codec
@@ -23,12 +24,6 @@ from robo.wire.reports import COMMAND_LIMIT, Event, LogRecord, LogsRequest
 _LARGEST = 100_000
 """A longer request is refused, bytes."""
 
-READING = ("ps", "why", "events", "logs", "sites")
-"""The verbs that only tell."""
-
-Verb = Callable[[LogsRequest], Coroutine[Any, Any, object]]
-"""One that is not `logs` looks at the names alone."""
-
 
 class Control:
     """Answers for one run, from its asyncio loop."""
@@ -37,25 +32,33 @@ class Control:
         self,
         session: zenoh.Session,
         robot: str,
-        verbs: Mapping[str, Verb],
+        tells: Mapping[str, Verb],
+        acts: Mapping[str, Verb],
         loop: asyncio.AbstractEventLoop,
         limit: float = COMMAND_LIMIT,
     ) -> None:
-        """`verbs` are called in the loop; a RoboError of theirs is the answer. One gets `limit` seconds."""
-        self._verbs = verbs
+        """
+        Args:
+            session: the network.
+            robot: what the run is called.
+            tells: what only tells, by verb; it answers queries with wildcards, too.
+            acts: what does something, by verb; for a query on exactly its key.
+            loop: where verbs are called. A RoboError of theirs is the answer.
+            limit: how long one may take, s; then it is given up.
+        """
+        self._verbs = {**tells, **acts}
         self._loop = loop
         self._limit = limit
         self._events = session.declare_publisher(event_key(robot), encoding=f"{codec.MSGPACK};supervisor/Event")
         self._output = session.declare_publisher(log_key(robot), encoding=f"{codec.MSGPACK};supervisor/LogRecord")
         self._followed = False
         self._listener = self._output.declare_matching_listener(self._notice)
-        keys = {verb: control_key(robot, verb) for verb in verbs}
         self._queries = QueryLoop(
             session,
             control_key(robot, "*"),
             self._answer,
-            acts=[key for verb, key in keys.items() if verb not in READING],
-            tells=[key for verb, key in keys.items() if verb in READING],
+            acts=[control_key(robot, verb) for verb in acts],
+            tells=[control_key(robot, verb) for verb in tells],
         )
         self._queries.start()
 

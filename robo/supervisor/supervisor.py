@@ -173,7 +173,8 @@ class Supervisor:
             self._stopping.finish(1)
             return
         self._topics = TopicWatch(session, promises(self._plan.topics, [m.plan for m in self._members.values()]))
-        self._journal.audience = Control(session, self._robot, self._commands.verbs(), asyncio.get_running_loop())
+        tells, acts = self._commands.tells, self._commands.acts
+        self._journal.audience = Control(session, self._robot, tells, acts, asyncio.get_running_loop())
         self._presence.show()
         self._news.up()
         self._tasks.tend(self._presence.settle(), "the claim of names")

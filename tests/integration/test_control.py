@@ -29,7 +29,7 @@ def control(session: zenoh.Session) -> Iterator[list[LogsRequest]]:
     loop = asyncio.new_event_loop()
     runner = threading.Thread(target=loop.run_forever)
     runner.start()
-    Control(session, "r1", {"logs": logs}, loop)
+    Control(session, "r1", {"logs": logs}, {}, loop)
     yield asked
     loop.call_soon_threadsafe(loop.stop)
     runner.join()
@@ -105,7 +105,7 @@ def test_what_takes_too_long_is_given_up_and_told(session: zenoh.Session, other:
     runner = threading.Thread(target=loop.run_forever)
     runner.start()
     try:
-        Control(session, "r1", {"stop": stop}, loop, limit=0.05)
+        Control(session, "r1", {}, {"stop": stop}, loop, limit=0.05)
         (reply,) = other.get(control_key("r1", "stop"), timeout=10.0)
         assert read_fault(reply) == Fault("RunError", "not done within 0.05 s")
         assert given_up.wait(10.0), "nobody waits for it any more"

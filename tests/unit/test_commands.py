@@ -10,7 +10,7 @@ import pytest
 from robo.errors import NodeNotFound, RoboError, RunError, UsageError
 from robo.machine.log_files import Filter
 from robo.supervisor.commands import Address, Commands
-from robo.supervisor.control import READING, read_request
+from robo.supervisor.control import read_request
 from robo.supervisor.tasks import Tasks
 from robo.wire.reports import Event, LogRecord, LogsRequest, Outcome, Request, Site
 from tests.processes import FakeJournal, FakeProcess, FakeStopping, process_plan
@@ -58,7 +58,8 @@ class Desk:
         commands = Commands(
             address, self.processes, self.journal, Sites(), tasks, self.stopping, lambda plan: [*plan.needs]
         )
-        self.verbs = commands.verbs()
+        self.tells, self.acts = commands.tells, commands.acts
+        self.verbs = {**self.tells, **self.acts}
 
     def __getitem__(self, name: str) -> FakeProcess:
         return self.processes[f"/r1/{name}"]
@@ -76,8 +77,14 @@ class Desk:
         return {process.label: process.asked for process in self.processes.values() if process.asked}
 
 
-def test_every_verb_of_the_control_keys_is_there() -> None:
-    assert set(Desk().verbs) == {*READING, "stop", "start", "restart", "down"}
+def test_what_tells_touches_no_process_and_may_be_asked_of_all() -> None:
+    desk = Desk()
+    assert set(desk.tells) == {"ps", "why", "events", "logs", "sites"}
+    assert set(desk.acts) == {"stop", "start", "restart", "down"}, "these answer to exactly their key"
+    for verb in desk.tells:
+        desk.ask(verb)
+    assert desk.asked() == {}
+    assert desk.stopping.codes == []
 
 
 # -- which processes names mean ------------------------------------------------------------------

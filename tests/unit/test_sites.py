@@ -2,8 +2,9 @@
 
 import pytest
 
-from robo.supervisor.sites import is_among
+from robo.supervisor.sites import Sites, is_among
 from robo.wire.admin import Link, RouterSession
+from tests.processes import FakeJournal
 
 
 @pytest.mark.parametrize(
@@ -22,3 +23,16 @@ from robo.wire.admin import Link, RouterSession
 )
 def test_a_site_is_known_by_its_link(endpoint: str, whatami: str, dst: str, reached: bool) -> None:
     assert is_among(endpoint, [RouterSession("a1", whatami, [Link(dst=dst)])]) is reached
+
+
+def test_a_site_that_is_not_reached_is_told_once_and_remembered() -> None:
+    journal = FakeJournal()
+    sites = Sites("r1", ["tcp/10.0.0.5:7447", "tcp/10.0.0.6:7447"], journal)
+    sites.note({"tcp/10.0.0.5:7447": ConnectionRefusedError(), "tcp/127.0.0.1:7447": TimeoutError()})
+    sites.note({"tcp/10.0.0.5:7447": ConnectionRefusedError()})
+    (warning,) = journal.warned
+    assert warning.startswith("tcp/10.0.0.5:7447 is not reached: ")
+    assert warning.endswith("; the robot runs without it, and links to it when it answers")
+    lost, unknown = sites.all.values()
+    assert (lost.robot, lost.reached, bool(lost.reason)) == ("r1", False, True)
+    assert (unknown.reached, unknown.reason) == (False, ""), "nobody has tried it so far"

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo.errors import NodeNotFound, UsageError
-from robo.launch.plan import RestartPlan, TopicPlan
+from robo.launch.plan import ReadyPlan, RestartPlan, TopicPlan
 from robo.machine import log_files
 from robo.machine.log_files import Filter, LogFiles, RunInfo, record
 from robo.machine.memory_kills import MemoryKills, oom_kills
@@ -20,11 +20,12 @@ from robo.machine.output import Budget, Lines, pump
 from robo.supervisor.reload import FileWatch
 from robo.supervisor.restart import Restarts
 from robo.supervisor.timing import Started, critical_path
-from robo.supervisor.topic_watch import Flow
+from robo.supervisor.topic_watch import Flow, promises
 from robo.text.terminal import escaped_json
 from robo.text.tree import Position
 from robo.tools import logs
 from robo.wire.reports import LogRecord, ProcessName
+from tests.processes import process_plan
 
 # -- restarts ------------------------------------------------------------------------------------
 
@@ -333,6 +334,22 @@ def test_an_age_that_is_kept_and_one_that_is_not() -> None:
     assert flow.flows(1.1)
     assert flow.problem(1.4) is None
     assert flow.problem(1.6) == "nothing on r1/scan for 0.6 s"
+
+
+def test_topics_are_watched_for_what_is_promised_and_for_whoever_waits() -> None:
+    here = Position("m.yaml", 1, 1)
+    kept = TopicPlan(key="r1/scan", min_rate=10.0, source=here)
+    waited_for = TopicPlan(key="r1/map", source=here)
+    found = promises(
+        [
+            kept,
+            waited_for,
+            TopicPlan(key="r1/plain", max_rate=5.0, source=here),
+            TopicPlan(key="r1/gps", max_age=1.0, external=True, source=here),
+        ],
+        [process_plan("/r1/nav", ready=ReadyPlan(topics=("r1/map", "r1/scan")))],
+    )
+    assert [(one.key, one.min_rate, one.max_age) for one in found] == [("r1/scan", 10.0, None), ("r1/map", None, None)]
 
 
 # -- timing and changed files ------------------------------------------------------------------------
