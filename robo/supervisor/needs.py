@@ -69,7 +69,7 @@ def unmet(plan: ProcessPlan, processes: Mapping[str, Process], elsewhere: Collec
     for name, until in plan.needs.items():
         need = processes.get(name)
         if need is None and name not in elsewhere:
-            found.append(f"{names.within(robot, name)} {until}, on another host")
+            found.append(f"{names.label(robot, name)} {until}, on another host")
         if need is not None and not need.reached(until):
             hopeless = "" if need.may_reach(until) else f", which is {need.state}"
             found.append(f"{need.label} {until}{hopeless}")

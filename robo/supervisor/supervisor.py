@@ -182,7 +182,7 @@ class Supervisor:
         self._tasks.tend(self._look_after(), "the run")
 
     def _make(self, plan: ProcessPlan) -> None:
-        self._members[plan.full_name] = Member(plan, names.within(self._robot, plan.full_name), self)
+        self._members[plan.full_name] = Member(plan, names.label(self._robot, plan.full_name), self)
 
     def _begin_life(self, name: str) -> None:
         self._lives[name] = self._tasks.tend(self._members[name].live(), name)
@@ -235,7 +235,7 @@ class Supervisor:
             self._make(plan)
             self._begin_life(plan.full_name)
         else:
-            self._journal.warn(f"{names.within(self._robot, plan.full_name)} is not started: {taken}")
+            self._journal.warn(f"{names.label(self._robot, plan.full_name)} is not started: {taken}")
         return taken is None
 
     async def remove(self, name: str) -> None:
@@ -321,7 +321,7 @@ def run(plan: Plan, router: Network, options: Options | None = None) -> int:
         The exit code for the command.
     """
     options = options or Options()
-    console = Console(sorted({names.within(plan.robot, p.full_name) for p in plan.processes}))
+    console = Console(sorted({names.label(plan.robot, p.full_name) for p in plan.processes}))
     return asyncio.run(_run(plan, router, console, options))
 
 

@@ -118,7 +118,7 @@ def _named(session: zenoh.Session, target: Target, words: Sequence[str]) -> list
     for word in words:
         meant = [s.node for s in there if ProcessName(target.part, s.node, s.group).is_meant(word)]
         if not meant:
-            known = [names.within(target.part, status.node) for status in there]
+            known = [names.label(target.part, status.node) for status in there]
             raise NodeNotFound(f"robot {target.part} has no node or group {word}; {suggest(word, known)}")
         found += meant
     return list(dict.fromkeys(found))

@@ -125,8 +125,8 @@ def split(full_name: str) -> tuple[str, str]:
     return namespace, name
 
 
-def within(namespace: str, full_name: str) -> str:
-    """A full name as it is called within a namespace: without it, where it is in there."""
+def label(namespace: str, full_name: str) -> str:
+    """What a node is called in a robot's output: its full name, without the robot's namespace if it is in there."""
     return full_name.strip("/").removeprefix(f"{namespace.strip('/')}/")
 
 

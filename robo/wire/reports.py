@@ -22,7 +22,7 @@ class ProcessName(NamedTuple):
     @property
     def label(self) -> str:
         """Its name in the output: without the robot's namespace."""
-        return names.within(self.robot, self.node)
+        return names.label(self.robot, self.node)
 
     def is_meant(self, word: str) -> bool:
         """Whether a word means it: its full name, its name with or without namespace, a group or namespace of it."""

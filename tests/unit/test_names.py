@@ -139,6 +139,6 @@ def test_other_keys_are_no_tokens(key: str) -> None:
 
 
 def test_names_within_a_namespace() -> None:
-    assert names.within("r1", "/r1/tracker") == "tracker"
-    assert names.within("r1", "/r1/arm/camera") == "arm/camera"
-    assert names.within("r1", "/r10/tracker") == "r10/tracker"
+    assert names.label("r1", "/r1/tracker") == "tracker"
+    assert names.label("r1", "/r1/arm/camera") == "arm/camera"
+    assert names.label("r1", "/r10/tracker") == "r10/tracker"
