@@ -15,7 +15,7 @@ from robo.text.tree import Position
 from robo.wire import names
 
 
-class Waiting(msgspec.Struct, frozen=True):
+class Dependent(msgspec.Struct, frozen=True):
     """A process and all that it needs."""
 
     full_name: str
@@ -25,7 +25,7 @@ class Waiting(msgspec.Struct, frozen=True):
 
 
 def resolve(
-    waiting: Sequence[Waiting],
+    waiting: Sequence[Dependent],
     by_key: Mapping[tuple[str, str], Sequence[str]],
     left_out: Collection[str],
     complain: Complain,

@@ -13,14 +13,14 @@ from robo.launch.find import manifest_meant
 from robo.launch.plan import ProcessPlan
 from robo.launch.substitution import Complain
 from robo.launch.unfold import Unfolding
-from robo.launch.values import Assignment, Checked
+from robo.launch.values import Assignment, NodeFacts
 from robo.node.contract_data import ContractData
 from robo.text.brief import shown
 from robo.text.suggestions import suggest
 from robo.text.tree import Position, Problem
 
 
-class Settled(msgspec.Struct, frozen=True, kw_only=True):
+class Settlement(msgspec.Struct, frozen=True, kw_only=True):
     """The processes of a launch."""
 
     drafts: Sequence[Draft]
@@ -35,7 +35,7 @@ class Settled(msgspec.Struct, frozen=True, kw_only=True):
 
 def settle(
     unfolded: Unfolding, file: Path, groups: Collection[str], assignments: Sequence[Assignment], host: str | None
-) -> Settled:
+) -> Settlement:
     """The processes of what a manifest unfolds to.
 
     Args:
@@ -49,7 +49,7 @@ def settle(
     drafts = _unique(unfolded.drafts, complain)
     _check_groups(groups, unfolded.groups, file, complain)
     _check_host(host, file, drafts, complain)
-    waiting = [needs.Waiting(d.plan.full_name, d.plan.namespace, d.needs) for d in drafts]
+    waiting = [needs.Dependent(d.plan.full_name, d.plan.namespace, d.needs) for d in drafts]
     by_key: dict[tuple[str, str], list[str]] = {}
     for draft in drafts:
         by_key.setdefault((draft.plan.namespace, draft.key), []).append(draft.plan.full_name)
@@ -57,13 +57,13 @@ def settle(
     values.assign(assignments, [(d.plan.name, d.plan.full_name, d.mentions) for d in drafts], unfolded.problems)
     answers = _ask(drafts, complain)
     loose: list[Problem] = []
-    checked = [Checked(d.plan.full_name, d.mentions, answers.get(d.plan.full_name)) for d in drafts]
+    checked = [NodeFacts(d.plan.full_name, d.mentions, answers.get(d.plan.full_name)) for d in drafts]
     settings = values.check(checked, unfolded.problems, loose)
     processes = [
         msgspec.structs.replace(draft.plan, settings=own, needs=needed[draft.plan.full_name])
         for draft, own in zip(drafts, settings, strict=True)
     ]
-    return Settled(
+    return Settlement(
         drafts=drafts,
         processes=_chosen(processes, groups, host),
         contracts={name: answer.contract for name, answer in answers.items() if answer.contract is not None},

@@ -114,7 +114,7 @@ def gather(
     return found, tuple(read)
 
 
-class Checked(msgspec.Struct, frozen=True):
+class NodeFacts(msgspec.Struct, frozen=True):
     """What is to be known of a node to check its parameters."""
 
     full_name: str
@@ -124,7 +124,7 @@ class Checked(msgspec.Struct, frozen=True):
 
 
 def check(
-    nodes: Sequence[Checked], problems: list[Problem], loose: list[Problem]
+    nodes: Sequence[NodeFacts], problems: list[Problem], loose: list[Problem]
 ) -> list[dict[str, tuple[Setting, ...]]]:
     """The settings of each node's parameters.
 
@@ -163,13 +163,13 @@ def check(
     return settled
 
 
-def _declared(node: Checked) -> Mapping[str, str] | None:
+def _declared(node: NodeFacts) -> Mapping[str, str] | None:
     """The node's parameters by name; None where they are not known."""
     contract = node.answer.contract if node.answer is not None else None
     return None if contract is None else contract.parameter_types
 
 
-def _unknown(node: Checked, name: str, mention: Mention, own: Mapping[str, str]) -> Problem:
+def _unknown(node: NodeFacts, name: str, mention: Mention, own: Mapping[str, str]) -> Problem:
     return Problem(mention.name_at, f"{node.full_name} has no parameter {shown(name)}; {suggest(name, own, 'it has')}")
 
 
