@@ -73,7 +73,7 @@ def draft(
     remap = _remap(layers, complain)
     renamed = {old: new for old, (new, _) in remap.items()}
     env = _env(layers, complain)
-    mentions, read = values.gather(layers, namespace, said["name"], files, complain)
+    mentions, read = values.gather(layers if is_named else (), namespace, said["name"], files, complain)
     plan = ProcessPlan(
         **_with_defaults(said, plain, namespace, renamed),
         namespace=namespace,
