@@ -32,7 +32,7 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True):
     """Whether there is one. False says that nobody is to look for obstacles; everything else still counts."""
 
 
-class Seen(msgspec.Struct, frozen=True, kw_only=True):
+class Situation(msgspec.Struct, frozen=True, kw_only=True):
     """What is known at the moment of a decision; ages by the receiver's monotonic clock, s."""
 
     command: Twist | None = None
@@ -63,26 +63,26 @@ OVERSPEED = 1.1
 """A measured speed beyond this multiple of `max_speed` means that the base does not obey."""
 
 
-def decide(seen: Seen, limits: Limits) -> Decision:
+def decide(situation: Situation, limits: Limits) -> Decision:
     """Pass a command on, slow it down, or stop."""
-    scan, command = seen.scan, seen.command
-    if seen.emergency_stop:
+    scan, command = situation.scan, situation.command
+    if situation.emergency_stop:
         return _stop("emergency_stop", "emergency stop, until reset_emergency_stop is called")
     if limits.laser:
         if scan is None:
             return _stop("no_scan", "no laser scan so far")
-        if not seen.scan_age <= limits.scan_timeout:  # so that NaN is stale too
-            return _stop("stale_scan", f"the last laser scan is {seen.scan_age:.2f} s old")
+        if not situation.scan_age <= limits.scan_timeout:  # so that NaN is stale too
+            return _stop("stale_scan", f"the last laser scan is {situation.scan_age:.2f} s old")
         if not is_usable(scan):
             return _stop("invalid_scan", "the laser scan holds no valid range")
     if command is None:
         return _stop("no_command", "no command so far")
     if not is_finite(command):
         return _stop("invalid_command", "the command holds NaN or an infinity")
-    if not seen.command_age <= limits.command_timeout:
-        return _stop("stale_command", f"the last command is {seen.command_age:.2f} s old")
-    if seen.speed is not None and not seen.speed <= limits.max_speed * OVERSPEED:
-        return _stop("overspeed", f"measured {seen.speed:.2f} m/s, more than max_speed = {limits.max_speed:g} m/s")
+    if not situation.command_age <= limits.command_timeout:
+        return _stop("stale_command", f"the last command is {situation.command_age:.2f} s old")
+    if situation.speed is not None and not situation.speed <= limits.max_speed * OVERSPEED:
+        return _stop("overspeed", f"measured {situation.speed:.2f} m/s, more than max_speed = {limits.max_speed:g} m/s")
     speed = math.hypot(command.linear.x, command.linear.y)
     if speed == 0.0:
         return Decision("clear", "clear", "no linear motion", command)  # a turn on the spot hits nothing

@@ -10,7 +10,7 @@ from robo import READ_ONLY, MessageInfo, Node, NotKept, Publisher, Unit, service
 from robo.node.clock import Clock
 from robo_messages import DiagnosticStatus, KeyValue, LaserScan, Message, Odometry, Trigger, Twist
 from robo_services.arrivals import Arrivals, Newest
-from robo_services.safety import Action, Decision, Limits, Seen, decide
+from robo_services.safety import Action, Decision, Limits, Situation, decide
 
 M = TypeVar("M", bound=Message)
 
@@ -147,7 +147,7 @@ class SafetyMonitor(Node):
         p = self.parameters
         if not p.use_sim_time:
             self._arrivals.tick(self._wall.monotonic(), 1.0 / p.rate)
-        seen = Seen(
+        situation = Situation(
             command=self._command.message,
             command_age=self._command.age(now),
             scan=self._scan.message,
@@ -164,9 +164,9 @@ class SafetyMonitor(Node):
             command_timeout=p.command_timeout,
             laser=p.laser,
         )
-        decision = decide(seen, limits)
+        decision = decide(situation, limits)
         # Whoever receives it counts its age from when it was commanded: timeouts of a chain do not add up.
-        self.command.publish(decision.twist, 0.0 if decision.action == "stop" else seen.command_age)
+        self.command.publish(decision.twist, 0.0 if decision.action == "stop" else situation.command_age)
         self._report(decision, now)
 
     def _report(self, decision: Decision, now: float) -> None:

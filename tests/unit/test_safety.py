@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo_messages import LaserScan, Twist, Vector3
-from robo_services.safety import Decision, Limits, Seen, decide, nearest_in_sector
+from robo_services.safety import Decision, Limits, Situation, decide, nearest_in_sector
 
 LIMITS = Limits(
     min_distance=0.3, warning_distance=0.5, max_speed=1.0, sector=2.0, scan_timeout=0.25, command_timeout=0.5
@@ -27,8 +27,8 @@ def drive(x: float = 0.4, y: float = 0.0, turn: float = 0.0) -> Twist:
 
 
 def decided(command: Twist | None = None, sees: LaserScan | None = None, **changes: object) -> Decision:
-    seen = Seen(command=command or drive(), command_age=0.01, scan=sees or scan(), scan_age=0.01, speed=0.0)
-    return decide(msgspec.structs.replace(seen, **changes), LIMITS)
+    situation = Situation(command=command or drive(), command_age=0.01, scan=sees or scan(), scan_age=0.01, speed=0.0)
+    return decide(msgspec.structs.replace(situation, **changes), LIMITS)
 
 
 def test_a_free_way() -> None:
@@ -59,21 +59,21 @@ DOUBTS = pytest.mark.parametrize(
 @DOUBTS
 def test_a_base_without_a_laser_is_stopped_by_all_but_obstacles(changes: dict[str, object], reason: str) -> None:
     blind = msgspec.structs.replace(LIMITS, laser=False)
-    seen = Seen(command=drive(2.0), command_age=0.01, speed=0.0)
-    decision = decide(seen, blind)
+    situation = Situation(command=drive(2.0), command_age=0.01, speed=0.0)
+    decision = decide(situation, blind)
     assert (decision.action, decision.reason, decision.twist) == ("clear", "no_laser", drive(1.0))
-    near = msgspec.structs.replace(seen, scan=scan(rest=0.1), scan_age=0.01)
+    near = msgspec.structs.replace(situation, scan=scan(rest=0.1), scan_age=0.01)
     assert decide(near, blind).action == "clear"
     if not reason.endswith("_scan"):
-        stopped = decide(msgspec.structs.replace(seen, **changes), blind)
+        stopped = decide(msgspec.structs.replace(situation, **changes), blind)
         assert (stopped.action, stopped.reason) == ("stop", reason)
-    assert decide(msgspec.structs.replace(seen, emergency_stop=True), blind).reason == "emergency_stop"
+    assert decide(msgspec.structs.replace(situation, emergency_stop=True), blind).reason == "emergency_stop"
 
 
 @DOUBTS
 def test_doubt_stops_and_says_why(changes: dict[str, object], reason: str) -> None:
-    seen = Seen(command=drive(), command_age=0.01, scan=scan(), scan_age=0.01, speed=0.0)
-    decision = decide(msgspec.structs.replace(seen, **changes), LIMITS)
+    situation = Situation(command=drive(), command_age=0.01, scan=scan(), scan_age=0.01, speed=0.0)
+    decision = decide(msgspec.structs.replace(situation, **changes), LIMITS)
     assert (decision.action, decision.reason, decision.twist) == ("stop", reason, Twist())
     assert decision.text
 
