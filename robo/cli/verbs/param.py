@@ -65,7 +65,13 @@ def param_set(
     set_values(node, words, reach)
 
 
-@verb(verbs, "describe", "robo param describe safety_monitor", "robo param describe safety_monitor rate")
+@verb(
+    verbs,
+    "describe",
+    "robo param describe safety_monitor",
+    "robo param describe safety_monitor rate",
+    short_help="Print type, range, unit, default and description.",
+)
 def param_describe(reach: Reach, node: NodeName, names: Names = None, json: Json = False) -> None:
     """Print type, range, unit, default and description."""
     from robo.cli.views.param import print_descriptions
