@@ -116,8 +116,8 @@ def _unwrapped(annotation: Any) -> tuple[Sequence[object], Any]:
 def _form_of(type_: Any, meta: Meta) -> Form:
     if type_ is bool:
         return A_FLAG
-    if type_ in (int, float):
-        return a_number(meta.ge or 0, meta.le if meta.le is not None else MOST, whole=type_ is int)
+    if type_ in (int, float) and meta.ge is not None:  # none may be as small as it likes
+        return a_number(meta.ge, meta.le if meta.le is not None else MOST, whole=type_ is int)
     if type_ is str:
         return A_TEXT
     if get_origin(type_) is Literal:

@@ -203,8 +203,12 @@ def test_a_type_that_says_no_form_has_to_be_given_one() -> None:
     class Odd(msgspec.Struct):
         parts: Annotated[dict[str, int], Meta(description="Of what.")] = {}
 
-    with pytest.raises(TypeError, match="say the form of"):
-        keys_of(Odd)
+    class Bottomless(msgspec.Struct):
+        depth: Annotated[float, Meta(description="How deep.")] = 0.0
+
+    for part in (Odd, Bottomless):
+        with pytest.raises(TypeError, match="say the form of"):
+            keys_of(part)
 
 
 def test_keys_of_another_struct_are_plain() -> None:
