@@ -119,7 +119,11 @@ class Children:
         self._files = self.files
         child = Instance(self.life.plan, self._run, self._make, self._output, self._clock)
         self.present = child
-        why = await child.start()
+        try:
+            why = await child.start()
+        except Exception as error:  # a mistake of robo's own: this life is over, and nobody is to wait for the child
+            self.life.could_not_start(f"cannot be started: {error!r}")
+            raise
         if why is not None:
             self.exits.append(child.exit(CANNOT_START, why, time.time_ns()))
             self.life.could_not_start(why)

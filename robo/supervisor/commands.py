@@ -9,6 +9,7 @@ import msgspec
 from robo.errors import NodeNotFound, RunError
 from robo.launch.plan import ProcessPlan
 from robo.machine.log_files import SUPERVISOR, Filter
+from robo.supervisor.lifecycle import STARTING_AGAIN
 from robo.text.suggestions import suggest
 from robo.wire.reports import (
     Event,
@@ -197,7 +198,7 @@ class Commands:
     async def restart(self, request: Request) -> Outcome:
         """Start processes again; done when the new ones are there, or wait for what they need."""
         chosen = self._chosen(request)
-        await self._tasks.all(one.restart("starting again as asked") for one in chosen)
+        await self._tasks.all(one.restart(STARTING_AGAIN) for one in chosen)
         return self._outcome(chosen, request)
 
     async def down(self, request: Request) -> Outcome:

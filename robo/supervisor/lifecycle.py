@@ -32,6 +32,9 @@ from robo.wire.reports import State
 CANNOT_START = 127
 """The exit code of a process that could not even be started, as shells have it."""
 
+STARTING_AGAIN = "starting again as asked"
+"""Why a process is ended that somebody wants to run anew."""
+
 
 class Phase(Enum):
     """How far a process has come."""
@@ -253,7 +256,7 @@ class Lifecycle:
             case Phase.STOPPED | Phase.FAILED | Phase.COMPLETED | Phase.BACKING_OFF:
                 self._transition(Phase.WAITING, self.state, self.reason)
             case Phase.STOPPING:
-                self._transition(Phase.RESTARTING, "restarting", "starting again as asked", self.deadline)
+                self._transition(Phase.RESTARTING, "restarting", STARTING_AGAIN, self.deadline)
             case _:
                 pass  # it does, or will
 

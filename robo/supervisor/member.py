@@ -11,7 +11,7 @@ from robo.machine.child import Child
 from robo.supervisor import children
 from robo.supervisor.children import Children
 from robo.supervisor.instance import MakeChild
-from robo.supervisor.lifecycle import Phase
+from robo.supervisor.lifecycle import STARTING_AGAIN, Phase
 from robo.supervisor.readiness import says_more_than_a_start
 from robo.supervisor.restart import Restarts
 from robo.wire.reports import Exit, Explanation, ProcessStatus, State
@@ -211,12 +211,15 @@ class Member:
     async def start(self) -> None:
         """Start it, if it does not run; returns when the process is there, or waits for what it needs."""
         begun = self._life.starts
-        self._life.start_asked()
+        if self.running or self.spawning:
+            self._life.start_asked()
+        else:  # one that has just died, and whose end is not noted yet, is to run too
+            self._life.restart_asked(STARTING_AGAIN)
         up = (Phase.STARTING, Phase.READY)
         await self._run.changes.until(lambda: self._life.phase in up or self._has_started_since(begun))
 
     async def restart(self, why: str) -> None:
-        """End it, if it runs, and start it again at once; returns when the new process is there."""
+        """End it, if it runs, and start it again at once; returns when the new process is there, or waits."""
         begun = self._life.starts
         self._life.restart_asked(why)
         await self._run.changes.until(lambda: self._has_started_since(begun))
@@ -231,7 +234,8 @@ class Member:
         self._life.run_ends()
 
     def _has_started_since(self, begun: int) -> bool:
-        return self._life.starts != begun or not self.wanted or bool(self._run.unmet(self.plan))
+        waits = self._life.phase is Phase.WAITING and bool(self._run.unmet(self.plan))
+        return self._life.starts != begun or not self.wanted or waits
 
     def send(self, number: signal.Signals) -> None:
         """Send a signal to the process and its group."""

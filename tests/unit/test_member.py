@@ -7,6 +7,7 @@ from collections.abc import Callable, Coroutine, Mapping, Sequence
 from typing import Any
 
 import msgspec
+import pytest
 
 from robo.launch.plan import ProcessPlan, ReadyPlan, RestartPlan, StopPlan
 from robo.machine.child import Spawned
@@ -55,12 +56,16 @@ class FakeChild:
         assert cwd == self._run.cwd
         self.command = command
         await self._run.may_spawn.wait()
+        if self._run.defect is not None:
+            raise self._run.defect
         if self._run.missing is not None:
             raise FileNotFoundError(2, "No such file or directory", self._run.missing)
         self.pid = PID + len(self._run.made)
 
     async def wait(self) -> int:
-        return await self._code
+        code = await self._code
+        await self._run.drained.wait()
+        return code
 
     def send(self, number: signal.Signals) -> None:
         if number != signal.SIGCONT and self.running:
@@ -81,6 +86,11 @@ class FakeRun:
         self.template: Template | None = None
         self.may_spawn = asyncio.Event()
         self.may_spawn.set()
+        self.drained = asyncio.Event()
+        """Whether the output of a child that has ended is complete."""
+        self.drained.set()
+        self.defect: Exception | None = None
+        """A mistake of robo's own in a start."""
         self.obeyed = {signal.SIGINT, signal.SIGKILL}
         self.missing: str | None = None
         self.waits_for: list[str] = []
@@ -251,6 +261,19 @@ def test_a_program_that_is_not_there() -> None:
     play(scene)
 
 
+def test_what_cannot_be_started_for_a_mistake_of_robo_itself_holds_up_no_end() -> None:
+    async def scene() -> None:
+        run = FakeRun()
+        run.defect = RuntimeError("a mistake")
+        with pytest.raises(RuntimeError, match="a mistake"):
+            await run.life
+        assert not run.member.spawning
+        run.member.retire()
+        await run.member.stop()
+
+    play(scene)
+
+
 def test_a_stop_returns_when_the_process_has_ended() -> None:
     async def scene() -> None:
         run = FakeRun(stop=StopPlan(signal="TERM", timeout=0.02))
@@ -324,6 +347,38 @@ def test_what_was_stopped_is_started_by_a_command() -> None:
         assert [*wishes, run.member.wanted] == [False, True]
         await run.member.start()
         assert len(run.made) == 2, "it runs already"
+
+    play(scene)
+
+
+def test_what_has_just_died_is_started_by_a_command() -> None:
+    async def scene() -> None:
+        run = FakeRun()
+        await run.until_state("ready")
+        run.drained.clear()
+        run.child.end(1)
+        start = asyncio.create_task(run.member.start())
+        await asyncio.sleep(0.1)
+        run.drained.set()
+        await start
+        assert run.member.running
+        assert len(run.made) == 2
+
+    play(scene)
+
+
+def test_a_restart_does_not_return_before_the_old_process_has_ended() -> None:
+    async def scene() -> None:
+        run = FakeRun()
+        run.obeyed = set()
+        await run.until_state("ready")
+        run.waits_for = ["base ready"]
+        restart = asyncio.create_task(run.member.restart("as asked"))
+        await asyncio.sleep(0.1)
+        assert not restart.done()
+        run.child.end(0)
+        await restart
+        assert not run.member.running
 
     play(scene)
 
