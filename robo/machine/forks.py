@@ -68,7 +68,10 @@ class Template:
         Returns:
             None where it has to be started in another way.
         """
-        data = msgspec.msgpack.encode((words, environment))
+        try:
+            data = msgspec.msgpack.encode((words, environment))
+        except UnicodeEncodeError:  # a variable of the user's that is not UTF-8, which a process may have all the same
+            return None
         async with self._turn:
             if not self.usable or len(data) > LARGEST:
                 return None
