@@ -90,7 +90,6 @@ class Supervisor:
             custody: the run's processes and its folder.
         """
         self._robot = robot = plan.robot
-        self._plan = plan
         self._custody = custody
         self._timing = options.timing
         begun = options.begun
@@ -121,7 +120,7 @@ class Supervisor:
         self._commands = Commands(address, self._members, journal, self._sites, tasks, self._stopping, self.unmet)
         read = options.reload
         self._reload = Reload(plan, read, self._members, journal, tasks, self) if read is not None else None
-        self._topics: TopicWatch | None = None
+        self._topics = TopicWatch(promises(plan.topics, plan.processes))
         for one in plan.processes:
             self._make(one)
 
@@ -172,7 +171,7 @@ class Supervisor:
             self._journal.warn(f"the robot's router cannot be reached: {error}")
             self._stopping.finish(1)
             return
-        self._topics = TopicWatch(session, promises(self._plan.topics, [m.plan for m in self._members.values()]))
+        self._topics.begin(session)
         tells, acts = self._commands.tells, self._commands.acts
         self._journal.audience = Control(session, self._robot, tells, acts, asyncio.get_running_loop())
         self._presence.show()
@@ -203,7 +202,7 @@ class Supervisor:
 
     def flow(self, key: str) -> Flow | None:
         """What comes on a topic that is watched."""
-        return self._topics.flows.get(key) if self._topics is not None else None
+        return self._topics.flows.get(key)
 
     def sigkill_hint(self) -> str:
         """What is to be said of a process that has just been ended by a SIGKILL that nobody here has sent."""
@@ -265,8 +264,7 @@ class Supervisor:
         while True:
             await asyncio.sleep(_TICK)
             now = time.monotonic()
-            for flow in self._topics.flows.values() if self._topics is not None else ():
-                flow.mark(now)
+            self._topics.mark(now)
             for member in self._members.values():
                 if now - last > 4 * _TICK:
                     member.excuse_silence(now)

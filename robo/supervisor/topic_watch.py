@@ -27,6 +27,11 @@ class Flow:
         self._window = max(_WINDOW, 3.0 / promise.min_rate if promise.min_rate else 0.0)
         self._marks: deque[tuple[float, int]] = deque([(now, 0)])
 
+    def begin(self, now: float) -> None:
+        """The watch begins: what was before does not count."""
+        self.last = now
+        self._marks = deque([(now, self.count)])
+
     def add(self, now: float) -> None:
         """A message has come."""
         self.count += 1
@@ -88,14 +93,24 @@ def promises(topics: Iterable[TopicPlan], processes: Iterable[ProcessPlan]) -> l
 
 
 class TopicWatch:
-    """The flows of all topics that somebody has promised something of, or waits for."""
+    """The flows of all topics that somebody has promised something of, or waits for; nothing comes before `begin`."""
 
-    def __init__(self, session: zenoh.Session, promises: list[TopicPlan]) -> None:
-        self.flows: dict[str, Flow] = {}
+    def __init__(self, promises: Iterable[TopicPlan]) -> None:
+        now = time.monotonic()
+        self.flows = {promise.key: Flow(promise, now) for promise in promises}
+        """By key."""
         self._subscribers: list[object] = []
-        for promise in promises:
-            flow = self.flows[promise.key] = Flow(promise, time.monotonic())
-            self._subscribers.append(session.declare_subscriber(promise.key, partial(_count, flow)))
+
+    def begin(self, session: zenoh.Session) -> None:
+        """Begin to count what comes."""
+        for key, flow in self.flows.items():
+            flow.begin(time.monotonic())
+            self._subscribers.append(session.declare_subscriber(key, partial(_count, flow)))
+
+    def mark(self, now: float) -> None:
+        """Remember how much has come; called a few times a second."""
+        for flow in self.flows.values():
+            flow.mark(now)
 
 
 def _count(flow: Flow, _: zenoh.Sample) -> None:

@@ -339,6 +339,7 @@ groups:
       base: {{service: robo_services.diff_drive_sim, ready: {{topics: [odom]}}, needs: {{file: ready}}}}
       last: {{service: robo_services.position_tracker, needs: {{base: ready}}}}
       never: {{run: [sleep, "600"], ready: {{log: hello, timeout: 0.5}}, restart: never}}
+      deaf: {{run: [sleep, "600"], ready: {{topics: [nothing], timeout: 0.5}}, restart: never}}
 """
 
 
@@ -356,6 +357,7 @@ def test_readiness_by_port_probe_and_data_and_its_limit(endpoint: str, tmp_path:
     )
     with robo("up", file, "--robot-name", "r1", "--listen", endpoint) as launch:
         launch.wait_for("never not ready within 0.5 s: no line of its output holds 'hello'")
+        launch.wait_for("deaf not ready within 0.5 s: r1/nothing does not come as promised")
         state_becomes(endpoint, "/r1/last", lambda s: s["state"] == "ready", "the chain is ready")
         lines = run_robo("events", "--json", "--no-follow", "--connect", endpoint).stdout.splitlines()
         ready = [e["node"] for e in map(json.loads, lines) if e["event"] == "ready"]
