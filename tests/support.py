@@ -176,14 +176,23 @@ class Running:
         return psutil.Process(self.process.pid).children(recursive=True)
 
     def child(self, part: str) -> psutil.Process:
-        """The child whose command line holds a text."""
-        for process in self.children():
-            try:
-                if any(part in word for word in process.cmdline()):
-                    return process
-            except psutil.Error:  # it is just ending
-                continue
-        raise AssertionError(f"no child process of {part!r}")
+        """The child whose command line holds a text.
+
+        A look that falls into the end of a child's parent misses it: its line of parents is broken until it has its
+        new one.
+        """
+        found: list[psutil.Process] = []
+
+        def seen() -> bool:
+            for process in self.children():
+                with suppress(psutil.Error):  # it is just ending
+                    if any(part in word for word in process.cmdline()):
+                        found.append(process)
+                        return True
+            return False
+
+        eventually(seen, f"a child process of {part!r}")
+        return found[0]
 
 
 class Command(Running):
