@@ -10,7 +10,7 @@ from robo.launch import values
 from robo.launch.forms import is_name, text_of
 from robo.launch.language import Written, fill, keys_of, merged, values_of
 from robo.launch.layers import Layer
-from robo.launch.manifest import Need, Topic
+from robo.launch.manifest import Need, TopicPromise
 from robo.launch.plan import ProcessPlan, ReadyPlan, TopicPlan
 from robo.launch.substitution import Complain, Scope
 from robo.launch.values import Files, Mention
@@ -183,7 +183,7 @@ def _text(entry: Entry, complain: Complain) -> str | None:
     return text_of(entry.value, complain) if isinstance(entry.value, Scalar) else None
 
 
-def promise(topic: Topic, scope: Scope, namespace: str, complain: Complain) -> TopicPlan | None:
+def promise(topic: TopicPromise, scope: Scope, namespace: str, complain: Complain) -> TopicPlan | None:
     """What is promised of a topic; None where its name is not valid."""
     if not is_name(topic.name, topic.position, complain):
         return None

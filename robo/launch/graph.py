@@ -17,7 +17,7 @@ def graph_of(resolution: Resolution, ends: Sequence[TopicEnd]) -> Graph:
     nodes = []
     for process in resolution.plan.processes:
         contract = resolution.contracts.get(process.full_name)
-        nodes.append(graph.Node(process.full_name, contract.class_name if contract is not None else None))
+        nodes.append(graph.GraphNode(process.full_name, contract.class_name if contract is not None else None))
         if contract is not None:
             edges += _system_edges(process)
             edges += (Edge(process.full_name, "srv", _key(process, s.service), s.type) for s in contract.services)

@@ -10,7 +10,7 @@ import msgspec
 
 from robo.launch.forms import beside_manifest
 from robo.launch.language import Written, fill, keys_of
-from robo.launch.manifest import Need, Node, ParameterSource, Settings, Variable
+from robo.launch.manifest import Need, NodeEntry, ParameterSource, Settings, Variable
 from robo.launch.plan import ProcessPlan
 from robo.launch.substitution import Complain, Scope
 from robo.text.tree import Entry, Items, Map, Position, Scalar, Tree
@@ -43,9 +43,9 @@ def layer_of(settings: Settings, scope: Scope, complain: Complain) -> Layer:
         env=[_variable(variable, scope) for variable in settings.env if scope.holds(variable, complain)],
         namespace=_scalar(settings.namespace, scope) if settings.namespace is not None else None,
         position=settings.position,
-        of_group=not isinstance(settings, Node),
+        of_group=not isinstance(settings, NodeEntry),
     )
-    if not isinstance(settings, Node):
+    if not isinstance(settings, NodeEntry):
         return found
     needs = settings.needs
     return msgspec.structs.replace(

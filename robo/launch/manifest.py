@@ -135,7 +135,7 @@ class Settings(Guarded, frozen=True, kw_only=True):
         return self.replicas is not None or self.for_each is not None
 
 
-class Node(Settings, frozen=True, kw_only=True):
+class NodeEntry(Settings, frozen=True, kw_only=True):
     """A process to start, or in an `override` what is different about one."""
 
     key: str
@@ -173,12 +173,12 @@ class Include(Guarded, frozen=True, kw_only=True):
         None
     )
     override: Annotated[
-        tuple[Node, ...], named("override"), Meta(description="By the name of a node, what is different here.")
+        tuple[NodeEntry, ...], named("override"), Meta(description="By the name of a node, what is different here.")
     ] = ()
     position: Position
 
 
-class Topic(msgspec.Struct, frozen=True, kw_only=True):
+class TopicPromise(msgspec.Struct, frozen=True, kw_only=True):
     """What is promised of a topic."""
 
     name: str
@@ -199,7 +199,7 @@ class Group(Settings, frozen=True, kw_only=True):
         named_values(SCALAR),
         Meta(description="Values for the arguments of the included manifests."),
     ] = ()
-    nodes: Annotated[tuple[Node, ...], named("node"), Meta(description="Processes to start.")] = ()
+    nodes: Annotated[tuple[NodeEntry, ...], named("node"), Meta(description="Processes to start.")] = ()
     groups: Annotated[
         "tuple[Group, ...]",
         named("group"),
@@ -210,7 +210,7 @@ class Group(Settings, frozen=True, kw_only=True):
         SOME_TEXTS,
         Meta(description="The hosts that it runs on, where a robot has several: robo up --host NAME."),
     ] = None
-    topics: Annotated[tuple[Topic, ...], named("topic"), Meta(description="What is promised of topics.")] = ()
+    topics: Annotated[tuple[TopicPromise, ...], named("topic"), Meta(description="What is promised of topics.")] = ()
     plain: Annotated[Written, KeysOf(ProcessPlan, of_groups=True)] = NOTHING
 
 
@@ -232,14 +232,14 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
         named("group"),
         Meta(description="Nodes that share settings and can be started by themselves."),
     ] = ()
-    topics: Annotated[tuple[Topic, ...], named("topic"), Meta(description="What is promised of topics.")] = ()
+    topics: Annotated[tuple[TopicPromise, ...], named("topic"), Meta(description="What is promised of topics.")] = ()
 
 
 PARTS: dict[str, type[msgspec.Struct]] = {
     "arg": Arg,
     "group": Group,
-    "node": Node,
-    "override": Node,
+    "node": NodeEntry,
+    "override": NodeEntry,
     "include": Include,
     "topic": TopicPlan,
     "params_item": ParameterSource,

@@ -21,9 +21,9 @@ from robo.launch.manifest import (
     Include,
     Manifest,
     Need,
-    Node,
+    NodeEntry,
     ParameterSource,
-    Topic,
+    TopicPromise,
     Variable,
 )
 from robo.launch.plan import NEEDS, TopicPlan, Until
@@ -167,11 +167,11 @@ class _Reader:
             tree = Map(tuple(e for e in tree if e.key not in ("replicas", "for_each")), tree.position)
         return self.keys(part, tree, what)
 
-    def node(self, entry: Entry) -> Node | None:
+    def node(self, entry: Entry) -> NodeEntry | None:
         what = f"node {shown(entry.key)}"
         tree = self.map_of(entry, f"{what}, which has a service or a run")
         if tree is None:  # others may need it: it is there, though nothing is known of it
-            return Node(key=entry.key, tree=Map((), entry.value.position), position=entry.position)
+            return NodeEntry(key=entry.key, tree=Map((), entry.value.position), position=entry.position)
         keys = {part.key for part in tree}
         if not keys & {"service", "run"}:
             if not any(closest(key, ("service", "run")) for key in keys):  # else the misspelt key is named already
@@ -180,15 +180,15 @@ class _Reader:
         elif {"service", "run"} <= keys:
             run = tree.get("run") if _has(tree, "run") else None
             self.complain((run or tree).position, f"{what} has both a service and a run; keep one")
-        return Node(key=entry.key, tree=tree, position=entry.position, **self.settings(Node, tree, what))
+        return NodeEntry(key=entry.key, tree=tree, position=entry.position, **self.settings(NodeEntry, tree, what))
 
-    def override(self, entry: Entry) -> Node | None:
+    def override(self, entry: Entry) -> NodeEntry | None:
         """What is different about a node of an included manifest."""
         what = f"override of {shown(entry.key)}"
         tree = self.map_of(entry, what)
         if tree is None:
             return None
-        return Node(key=entry.key, tree=tree, position=entry.position, **self.settings(Node, tree, what))
+        return NodeEntry(key=entry.key, tree=tree, position=entry.position, **self.settings(NodeEntry, tree, what))
 
     def needs(self, tree: Tree) -> tuple[Need, ...] | None:
         """`needs: {position_tracker: ready}`, a list of names, or one name."""
@@ -238,9 +238,9 @@ class _Reader:
             return None
         return Include(position=tree.position, **values)
 
-    def topic(self, entry: Entry) -> Topic:
+    def topic(self, entry: Entry) -> TopicPromise:
         promise = part_of(TopicPlan).read(entry.value, "topic", self) or Map((), entry.value.position)
-        return Topic(name=entry.key, promise={e.key: e.value for e in promise}, position=entry.position)
+        return TopicPromise(name=entry.key, promise={e.key: e.value for e in promise}, position=entry.position)
 
     def params(self, tree: Tree) -> tuple[ParameterSource, ...]:
         """A file, a map of values, or a list of files and maps."""

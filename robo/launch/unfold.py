@@ -16,7 +16,7 @@ from robo.launch.find import find_manifest
 from robo.launch.forms import scalars
 from robo.launch.language import keys_of
 from robo.launch.layers import Layer, layer_of
-from robo.launch.manifest import MOST_PROCESSES, Group, Include, Manifest, Node, Settings
+from robo.launch.manifest import MOST_PROCESSES, Group, Include, Manifest, NodeEntry, Settings
 from robo.launch.plan import TopicPlan
 from robo.launch.reader import read
 from robo.launch.substitution import Environment, Scope, Shared, known, told
@@ -43,11 +43,11 @@ class _Override(msgspec.Struct, frozen=True):
     """What an include changes about the nodes of its file."""
 
     without: Mapping[str, Position]
-    nodes: Mapping[str, Node]
+    nodes: Mapping[str, NodeEntry]
     scope: Scope
     used: set[str]
 
-    def changes(self, node: Node) -> bool:
+    def changes(self, node: NodeEntry) -> bool:
         """Whether it says something of a node."""
         return node.key in self.nodes or node.key in self.without
 
@@ -262,7 +262,7 @@ class Unfolding:
 
     # -- nodes -------------------------------------------------------------------------------------
 
-    def _node(self, node: Node, scope: Scope, context: _Context) -> None:
+    def _node(self, node: NodeEntry, scope: Scope, context: _Context) -> None:
         if any(node.key in override.without for override in context.overrides):
             self._leave_out(node, context)
             return
@@ -277,7 +277,7 @@ class Unfolding:
                 self._check_names(node.tree, inner)
                 self._leave_out(node, context)
 
-    def _draft(self, node: Node, scope: Scope, context: _Context) -> None:
+    def _draft(self, node: NodeEntry, scope: Scope, context: _Context) -> None:
         index = scope.values["index"] if node.looped else None
         layers = [*context.layers, layer_of(node, scope, self.complain)]
         for override in context.overrides:
@@ -329,7 +329,7 @@ class Unfolding:
             self._leave_out_group(group, self._scope(manifest, {}), context)
         self._stack.pop()
 
-    def _leave_out(self, node: Node, context: _Context) -> None:
+    def _leave_out(self, node: NodeEntry, context: _Context) -> None:
         self.left_out.add(node.key)
         for override in context.overrides:
             if override.changes(node):

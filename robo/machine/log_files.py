@@ -53,7 +53,7 @@ def record(node: str, stream: str, text: str) -> LogRecord:
     return LogRecord(time=time.time_ns(), node=node, message=text[6:], level=level, stream=stream)
 
 
-class Filter:
+class LogFilter:
     """Which records are wanted. A line of stderr without a level belongs to the record before it: a traceback."""
 
     def __init__(self, *, since: int = 0, least: str | None = None) -> None:

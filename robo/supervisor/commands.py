@@ -8,7 +8,7 @@ import msgspec
 
 from robo.errors import NodeNotFound, RunError
 from robo.launch.plan import ProcessPlan
-from robo.machine.log_files import SUPERVISOR, Filter
+from robo.machine.log_files import SUPERVISOR, LogFilter
 from robo.supervisor.lifecycle import STARTING_AGAIN
 from robo.text.suggestions import suggest
 from robo.wire.reports import (
@@ -73,7 +73,7 @@ class Journal(Protocol):
     def events(self, nodes: set[str] | None = None) -> list[Event]:
         """What has happened, in order: all of it, or what has to some nodes, by full name."""
 
-    def lines(self, wanted: Filter, labels: set[str] | None = None, newest: int | None = None) -> list[LogRecord]:
+    def lines(self, wanted: LogFilter, labels: set[str] | None = None, newest: int | None = None) -> list[LogRecord]:
         """What was printed, in order: by all, or by some processes; the newest of it, or all that is kept."""
 
 
@@ -174,7 +174,7 @@ class Commands:
         """What was printed; the supervisor's own lines are `robo`'s."""
         labels = {one.label for name in request.names for one in self._meant(name)}
         labels |= {SUPERVISOR} & {*request.names}
-        wanted = Filter(since=request.since, least=request.level)
+        wanted = LogFilter(since=request.since, least=request.level)
         return self._journal.lines(wanted, labels if request.names else None, request.lines)
 
     async def sites(self, _: Request) -> list[Site]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Protocol
 
 from robo.launch.plan import ProcessPlan
-from robo.machine.log_files import SUPERVISOR, Filter, record
+from robo.machine.log_files import SUPERVISOR, LogFilter, record
 from robo.supervisor.restart import Restarts
 from robo.wire.reports import Event, Exit, LogRecord
 
@@ -153,7 +153,7 @@ class Journal:
         return [event for event in self._events if nodes is None or event.node in nodes]
 
     def lines(
-        self, wanted: Filter, labels: Collection[str] | None = None, newest: int | None = None
+        self, wanted: LogFilter, labels: Collection[str] | None = None, newest: int | None = None
     ) -> list[LogRecord]:
         """What was printed, in order.
 

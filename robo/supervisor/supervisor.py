@@ -53,7 +53,7 @@ _TICK = 0.25
 """How often it is looked after all that runs, s."""
 
 
-class Options(msgspec.Struct, frozen=True, kw_only=True):
+class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     """How a run differs from a plain one."""
 
     log_level: str | None = None
@@ -77,7 +77,7 @@ class Supervisor:
         router: Network,
         console: Console,
         environment: Mapping[str, str],
-        options: Options,
+        options: RunOptions,
         custody: Custody,
     ) -> None:
         """
@@ -307,7 +307,7 @@ class Supervisor:
                 self._journal.warn_of(error)
 
 
-def run(plan: Plan, router: Network, options: Options | None = None) -> int:
+def run(plan: Plan, router: Network, options: RunOptions | None = None) -> int:
     """Run a plan in the foreground until it ends or is interrupted.
 
     Args:
@@ -318,12 +318,12 @@ def run(plan: Plan, router: Network, options: Options | None = None) -> int:
     Returns:
         The exit code for the command.
     """
-    options = options or Options()
+    options = options or RunOptions()
     console = Console(sorted({names.label(plan.robot, p.full_name) for p in plan.processes}))
     return asyncio.run(_run(plan, router, console, options))
 
 
-async def _run(plan: Plan, router: Network, console: Console, options: Options) -> int:
+async def _run(plan: Plan, router: Network, console: Console, options: RunOptions) -> int:
     custody = Custody.begin(options.begun.run_id if options.begun is not None else new_run_id())
     environment = {**base_environment(), RUN_VARIABLE: custody.run}
     if options.log_level is not None:

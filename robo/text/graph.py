@@ -16,7 +16,7 @@ SYSTEM_TYPES = frozenset({"system/Log", "system/ParameterEvent", "system/Clock"}
 """Types of the topics that every node has; nobody needs to be at their other end."""
 
 
-class Node(msgspec.Struct, frozen=True, order=True):
+class GraphNode(msgspec.Struct, frozen=True, order=True):
     """A node."""
 
     name: str
@@ -25,7 +25,7 @@ class Node(msgspec.Struct, frozen=True, order=True):
     """`module:Class`; None for a command that is no node class."""
 
 
-class Topic(msgspec.Struct, frozen=True, order=True):
+class GraphTopic(msgspec.Struct, frozen=True, order=True):
     """A topic and its ends."""
 
     key: str
@@ -37,7 +37,7 @@ class Topic(msgspec.Struct, frozen=True, order=True):
     """A dead end, two types: what to look at."""
 
 
-class Service(msgspec.Struct, frozen=True, order=True):
+class GraphService(msgspec.Struct, frozen=True, order=True):
     """A service and its ends."""
 
     key: str
@@ -51,9 +51,9 @@ class Service(msgspec.Struct, frozen=True, order=True):
 class Graph(msgspec.Struct, frozen=True):
     """Who is connected with whom; everything sorted."""
 
-    nodes: list[Node]
-    topics: list[Topic]
-    services: list[Service]
+    nodes: list[GraphNode]
+    topics: list[GraphTopic]
+    services: list[GraphService]
 
 
 EndpointKind = Literal["pub", "sub", "srv", "cli"]
@@ -91,7 +91,7 @@ class _Ends:
         return [f"type clash: {', '.join(self.types())}"] if len(self._types) > 1 else []
 
 
-def build(nodes: Iterable[Node], edges: Iterable[Edge]) -> Graph:
+def build(nodes: Iterable[GraphNode], edges: Iterable[Edge]) -> Graph:
     """The graph of nodes and the ends that they have."""
     topics: dict[str, _Ends] = {}
     services: dict[str, _Ends] = {}
@@ -105,21 +105,21 @@ def build(nodes: Iterable[Node], edges: Iterable[Edge]) -> Graph:
     )
 
 
-def _topic(key: str, ends: _Ends) -> Topic:
+def _topic(key: str, ends: _Ends) -> GraphTopic:
     types, publishers, subscribers = ends.types(), ends.nodes("pub"), ends.nodes("sub")
     problems = ends.clash()
     if not types or not SYSTEM_TYPES.issuperset(types):
         problems += ["nobody publishes it"] if not publishers else []
         problems += ["nobody subscribes it"] if not subscribers else []
-    return Topic(key, types, publishers, subscribers, problems)
+    return GraphTopic(key, types, publishers, subscribers, problems)
 
 
-def _service(key: str, ends: _Ends) -> Service:
+def _service(key: str, ends: _Ends) -> GraphService:
     servers = ends.nodes("srv")
     problems = ends.clash()
     problems += ["nobody serves it"] if not servers else []
     problems += [f"served by {len(servers)} nodes"] if len(servers) > 1 else []
-    return Service(key, ends.types(), servers, ends.nodes("cli"), problems)
+    return GraphService(key, ends.types(), servers, ends.nodes("cli"), problems)
 
 
 def without_system(graph: Graph) -> Graph:

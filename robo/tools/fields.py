@@ -65,7 +65,7 @@ class Field:
         return value
 
 
-class Filter:
+class FieldFilter:
     """A condition on messages: `linear.x > 0.1 and header.frame_id == 'odom'`."""
 
     def __init__(self, text: str) -> None:

@@ -11,11 +11,11 @@ from robo.wire.keys import NodeToken
 
 def running(session: zenoh.Session, timeout: float = 1.0) -> Graph:
     """Nodes, topics and services, with the ends that any Zenoh client has on topics that no node knows."""
-    nodes: list[graph.Node] = []
+    nodes: list[graph.GraphNode] = []
     edges: list[Edge] = []
     for token in tokens(session, timeout):
         if isinstance(token, NodeToken):
-            nodes.append(graph.Node(token.full_name, token.class_name))
+            nodes.append(graph.GraphNode(token.full_name, token.class_name))
         else:
             edges.append(Edge(token.full_name, token.kind, token.topic, token.type_name))
     known = {edge.key for edge in edges}

@@ -25,7 +25,7 @@ _PERIOD = 0.1
 """How often files are looked at for more, s."""
 
 
-class Run(msgspec.Struct, frozen=True):
+class LoggedRun(msgspec.Struct, frozen=True):
     """A run whose logs are kept."""
 
     folder: Path
@@ -43,7 +43,7 @@ class Run(msgspec.Struct, frozen=True):
         return [process.label for process in self.processes]
 
 
-def list_runs(robot: str | None = None, base: Path | None = None) -> list[Run]:
+def list_runs(robot: str | None = None, base: Path | None = None) -> list[LoggedRun]:
     """The runs that are kept, oldest first: all, or those of a robot and those that have it as a part."""
     found = []
     for file in (base or log_base()).glob("*/*/run.json"):
@@ -51,18 +51,18 @@ def list_runs(robot: str | None = None, base: Path | None = None) -> list[Run]:
             info = msgspec.json.decode(file.read_bytes(), type=RunInfo)
         except (OSError, *UNREADABLE):
             continue  # cut short, or being removed
-        run = Run(file.parent, info)
+        run = LoggedRun(file.parent, info)
         if robot is None or info.robot == robot or any(one.is_within(robot) for one in run.processes):
             found.append(run)
     return sorted(found, key=lambda run: run.info.begin)
 
 
-def live_runs(base: Path | None = None) -> list[Run]:
+def live_runs(base: Path | None = None) -> list[LoggedRun]:
     """The runs of this user on this machine that are not over."""
     return [run for run in list_runs(base=base) if supervisor_lives(run.info.run)]
 
 
-def find_run(robot: str | None, name: str | None, base: Path | None = None) -> Run:
+def find_run(robot: str | None, name: str | None, base: Path | None = None) -> LoggedRun:
     """The run that somebody means: by the name of its folder or its id, else the latest of those that go on, or of all.
 
     Raises:
@@ -121,7 +121,7 @@ def begin_of(text: str, now: Callable[[], float] = time.time) -> int:
         raise UsageError(f"--since {text}: write 30s, 10m, 2h, 1d or a time such as 2026-11-21T18:30") from None
 
 
-def read(run: Run, labels: set[str]) -> Iterator[LogRecord]:
+def read(run: LoggedRun, labels: set[str]) -> Iterator[LogRecord]:
     """All records of a run, in order of time; of all processes where no labels are given."""
     files: dict[str, list[Path]] = {}
     for path in run.folder.glob("*.jsonl*"):
@@ -135,7 +135,7 @@ def read(run: Run, labels: set[str]) -> Iterator[LogRecord]:
 class Follower:
     """The records that come after the moment in which it was made."""
 
-    def __init__(self, run: Run, labels: set[str]) -> None:
+    def __init__(self, run: LoggedRun, labels: set[str]) -> None:
         self._folder = run.folder
         self._wanted = {f"{name.replace('/', '.')}.jsonl" for name in labels}
         self._places: dict[Path, tuple[int, int]] = {}

@@ -12,7 +12,7 @@ from robo.text.graph import SYSTEM_TYPES
 from robo.text.suggestions import closest
 from robo.tools import nodes, runs
 from robo.wire import admin, discovery
-from robo.wire.admin import Link, Router
+from robo.wire.admin import RouterInfo, RouterLink
 from robo.wire.discovery import hostname
 from robo.wire.keys import VERBS, EndpointKind, EndpointToken, NodeToken
 from robo.wire.reports import NodeStatus
@@ -38,16 +38,16 @@ class NodeOnNet(msgspec.Struct, frozen=True):
     """How far its clock is ahead of this machine's, s, give or take half the latency."""
 
 
-class Network(msgspec.Struct, frozen=True):
+class NetworkView(msgspec.Struct, frozen=True):
     """What is seen of the network from here."""
 
     host: str
     zid: str
-    links: list[Link]
+    links: list[RouterLink]
     """To routers, as this process has them."""
     latency: float | None
     """To the nearest router and back, s."""
-    routers: list[Router]
+    routers: list[RouterInfo]
     nodes: list[NodeOnNet]
     names: dict[str, str]
     """What is known of Zenoh ids: the node or router that has it."""
@@ -61,7 +61,7 @@ class Reason(msgspec.Struct, frozen=True):
     text: str
 
 
-def look(session: zenoh.Session, timeout: float) -> Network:
+def look(session: zenoh.Session, timeout: float) -> NetworkView:
     """Ask routers and nodes who they are linked to."""
     routers = admin.routers(session, timeout)
     tokens = nodes.list_nodes(session, timeout)
@@ -74,10 +74,10 @@ def look(session: zenoh.Session, timeout: float) -> Network:
         names.setdefault(one.zid, f"supervisor of {one.robot}{f' on {one.part}' if one.part else ''}")
     own = str(session.zid())
     found = [_node(session, token, status.get(token.full_name), names, timeout) for token in tokens]
-    return Network(
+    return NetworkView(
         hostname(),
         own,
-        [Link(str(link.src), str(link.dst)) for link in session.info.links()],
+        [RouterLink(str(link.src), str(link.dst)) for link in session.info.links()],
         _latency(session, timeout),
         routers,
         found,
@@ -138,7 +138,9 @@ def _latency(session: zenoh.Session, timeout: float) -> float | None:
     return best
 
 
-def _problems(routers: Sequence[Router], found: Sequence[NodeOnNet], status: Mapping[str, NodeStatus]) -> Iterable[str]:
+def _problems(
+    routers: Sequence[RouterInfo], found: Sequence[NodeOnNet], status: Mapping[str, NodeStatus]
+) -> Iterable[str]:
     for node in found:
         if not node.zid:
             yield f"{node.node} is there and does not answer: robo why {node.node}"
@@ -229,7 +231,7 @@ def _linked(session: zenoh.Session, a: NodeToken, b: NodeToken, timeout: float) 
         yield Reason(False, text)
 
 
-def _joined(routers: Mapping[str, Router], begin: set[str]) -> set[str]:
+def _joined(routers: Mapping[str, RouterInfo], begin: set[str]) -> set[str]:
     """The routers that can be reached from some."""
     reached, todo = set(begin), list(begin)
     while todo:

@@ -77,7 +77,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     topics: list[TopicFigures]
 
 
-class Flow:
+class Traffic:
     """What has come on one topic. Pure: who tells it of messages tells it the time."""
 
     def __init__(self, key: str, publishers: int = 1) -> None:
@@ -135,7 +135,7 @@ class Watch:
         self._namespace = namespace
         self._timeout = timeout
         self._stream = Stream(session, [f"{namespace}/**" if namespace else "**"])
-        self._flows: dict[str, Flow] = {}
+        self._flows: dict[str, Traffic] = {}
         self._publishers: dict[str, int] = {}
         self._begin = time.monotonic()
         self._usage: dict[int, psutil.Process] = {}
@@ -145,7 +145,7 @@ class Watch:
         while (arrival := self._stream.get(until)) is not None:
             flow = self._flows.get(arrival.key)
             if flow is None:
-                flow = self._flows[arrival.key] = Flow(arrival.key, self._publishers.get(arrival.key, 1))
+                flow = self._flows[arrival.key] = Traffic(arrival.key, self._publishers.get(arrival.key, 1))
             behind = (time.time_ns() - arrival.arrived) * 1e-9
             now = time.monotonic()
             flow.add(arrival, now - max(0.0, behind))
@@ -162,7 +162,7 @@ class Watch:
         found = []
         for key in sorted({*filter(self._is_wanted, known), *self._flows}):
             topic = known.get(key) or topics.Topic(key, "", [], [], [])
-            flow = self._flows.setdefault(key, Flow(key, len(topic.publishers)))
+            flow = self._flows.setdefault(key, Traffic(key, len(topic.publishers)))
             found.append(flow.figures(topic, interval, now))
             if key not in known and not found[-1].count:
                 del self._flows[key]

@@ -15,7 +15,7 @@ _ENDS: dict[str, EndpointKind] = {"publisher": "pub", "subscriber": "sub"}
 """Kinds of ends by the words of Zenoh's keys."""
 
 
-class Link(msgspec.Struct, frozen=True):
+class RouterLink(msgspec.Struct, frozen=True):
     """A connection between two processes, as one of them sees it."""
 
     src: str = ""
@@ -29,10 +29,10 @@ class RouterSession(msgspec.Struct, frozen=True):
     zid: str
     whatami: str
     """`router`, `peer` or `client`."""
-    links: list[Link]
+    links: list[RouterLink]
 
 
-class Router(msgspec.Struct, frozen=True):
+class RouterInfo(msgspec.Struct, frozen=True):
     """A Zenoh router."""
 
     zid: str
@@ -63,7 +63,7 @@ def declared(session: zenoh.Session, timeout: float) -> Iterator[tuple[EndpointK
                     yield kind, key, zid
 
 
-def routers(session: zenoh.Session, timeout: float) -> list[Router]:
+def routers(session: zenoh.Session, timeout: float) -> list[RouterInfo]:
     """The routers of the network, sorted by name."""
     found = []
     for reply in session.get("@/*/router", timeout=timeout):
@@ -72,7 +72,7 @@ def routers(session: zenoh.Session, timeout: float) -> list[Router]:
         told = _read(reply.ok, _Router)
         name = told.metadata.get("name") if isinstance(told.metadata, dict) else None
         version = told.version.partition("-")[0].removeprefix("v")
-        found.append(Router(told.zid, str(name or ""), version, told.locators, _sessions(told)))
+        found.append(RouterInfo(told.zid, str(name or ""), version, told.locators, _sessions(told)))
     return sorted(found, key=lambda router: (router.name, router.zid))
 
 
@@ -96,7 +96,7 @@ class _Declared(msgspec.Struct):
 class _Session(msgspec.Struct):
     peer: str = ""
     whatami: str = ""
-    links: list[Link] = []
+    links: list[RouterLink] = []
 
 
 class _Router(msgspec.Struct):

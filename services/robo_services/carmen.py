@@ -67,7 +67,7 @@ class Scan(msgspec.Struct, frozen=True):
     """m, over 180° from right to left."""
 
 
-class Malformed(msgspec.Struct, frozen=True):
+class MalformedLog(msgspec.Struct, frozen=True):
     """A line that is cut short or makes no sense."""
 
     line: int
@@ -80,7 +80,7 @@ class Rewritten(msgspec.Struct, frozen=True):
     line: int
 
 
-Record = Motion | Scan | Malformed | Rewritten
+Record = Motion | Scan | MalformedLog | Rewritten
 
 
 def read(path: str | Path) -> Iterator[Record]:
@@ -102,11 +102,11 @@ def read(path: str | Path) -> Iterator[Record]:
         yield from records(_lines(stream))
 
 
-def records(lines: Iterable[bytes | Malformed]) -> Iterator[Record]:
+def records(lines: Iterable[bytes | MalformedLog]) -> Iterator[Record]:
     """The records of lines, numbered from 1."""
     first = True
     for number, line in enumerate(lines, start=1):
-        if isinstance(line, Malformed):
+        if isinstance(line, MalformedLog):
             yield line
             continue
         fields = line.split()
@@ -116,7 +116,7 @@ def records(lines: Iterable[bytes | Malformed]) -> Iterator[Record]:
         try:
             record = _odom(number, fields) if fields[0] == b"ODOM" else _flaser(number, fields)
         except _Bad as reason:
-            record = Malformed(number, str(reason))
+            record = MalformedLog(number, str(reason))
         # Exactly 0: real logs also hold times like 1e-42, which rounding would turn into 0 as well.
         if isinstance(record, Motion) and float(fields[7]) == 0.0 and not first:
             record = Rewritten(number)
@@ -151,14 +151,14 @@ class _Bad(Exception):
     pass
 
 
-def _lines(stream: Iterable[bytes]) -> Iterator[bytes | Malformed]:
+def _lines(stream: Iterable[bytes]) -> Iterator[bytes | MalformedLog]:
     number = 0
     try:
         for line in stream:
             number += 1
             yield line
     except (EOFError, zlib.error, gzip.BadGzipFile, OSError) as error:
-        yield Malformed(number + 1, f"the file is cut short or damaged here ({error})")
+        yield MalformedLog(number + 1, f"the file is cut short or damaged here ({error})")
 
 
 def _odom(line: int, fields: list[bytes]) -> Motion:

@@ -82,7 +82,7 @@ class CarmenPlayer(Node):
         match record:
             case carmen.Rewritten(line):
                 self._rewritten.append(line)
-            case carmen.Malformed(line, reason):
+            case carmen.MalformedLog(line, reason):
                 self._malformed.append(line)
                 if len(self._malformed) <= MOST_NAMED:
                     self.logger.warning("line %d is skipped: %s", line, reason)

@@ -31,7 +31,7 @@ MOST_IN_DOUBT = 50
 """After so many in a row that fit to nothing the newest is where it begins anew: nobody stays blind for ever."""
 
 
-class Limits(msgspec.Struct, frozen=True):
+class BaseLimits(msgspec.Struct, frozen=True):
     """What the base can do."""
 
     max_linear_velocity: float
@@ -55,7 +55,7 @@ class Fix(NamedTuple):
     """When that was heard by the receiver's monotonic clock, s."""
 
 
-class Step(NamedTuple):
+class Motion(NamedTuple):
     """A position that is believed."""
 
     x: float
@@ -69,7 +69,7 @@ class Step(NamedTuple):
 class Judged(NamedTuple):
     """What becomes of one message."""
 
-    steps: Sequence[Step] = ()
+    steps: Sequence[Motion] = ()
     """What is believed now: nothing, the message, or also those that had waited."""
     doubt: str = ""
     """Why the message is not believed, or not yet."""
@@ -97,7 +97,7 @@ class OdometryTrack:
         self._waiting: list[Fix] = []
         self._in_doubt = 0
 
-    def take(self, fix: Fix | None, limits: Limits) -> Judged:
+    def take(self, fix: Fix | None, limits: BaseLimits) -> Judged:
         """Judge the next message.
 
         Args:
@@ -120,13 +120,13 @@ class OdometryTrack:
             return self._begin_anew(self._last, limits)
         return Judged(doubt=_why(self._last, fix, limits))
 
-    def _believe(self, fix: Fix, driven: float) -> Step:
+    def _believe(self, fix: Fix, driven: float) -> Motion:
         self._last = fix
         self._waiting.clear()
         self._in_doubt = 0
-        return Step(fix.x, fix.y, driven)
+        return Motion(fix.x, fix.y, driven)
 
-    def _begin_anew(self, last: Fix, limits: Limits) -> Judged:
+    def _begin_anew(self, last: Fix, limits: BaseLimits) -> Judged:
         waited = list(self._waiting)
         self.left_out -= len(waited)
         way = _way(last, waited[0])
@@ -136,13 +136,13 @@ class OdometryTrack:
         return Judged(steps, jump=0.0 if drove else way)
 
 
-def _follows(a: Fix, b: Fix, limits: Limits) -> bool:
+def _follows(a: Fix, b: Fix, limits: BaseLimits) -> bool:
     """Whether the base can have come from `a` to `b`, as far as one message is believed."""
     by_stamps = b.stamp - a.stamp
     return _in_reach(a, b, limits, max(b.arrived - a.arrived, by_stamps if by_stamps <= LONGEST else 0.0))
 
 
-def _in_reach(a: Fix, b: Fix, limits: Limits, seconds: float) -> bool:
+def _in_reach(a: Fix, b: Fix, limits: BaseLimits, seconds: float) -> bool:
     time = max(seconds, LEAST) * MARGIN
     turn = abs(angle_difference(b.yaw, a.yaw))
     return _way(a, b) <= limits.max_linear_velocity * time and turn <= limits.max_angular_velocity * time
@@ -156,7 +156,7 @@ def _way(a: Fix, b: Fix) -> float:
     return math.hypot(b.x - a.x, b.y - a.y)
 
 
-def _why(a: Fix, b: Fix, limits: Limits) -> str:
+def _why(a: Fix, b: Fix, limits: BaseLimits) -> str:
     turn = abs(angle_difference(b.yaw, a.yaw))
     return (
         f"{_way(a, b):.4g} m and {turn:.2f} rad in {max(_elapsed(a, b), 0.0):.3f} s, beyond max_linear_velocity = "

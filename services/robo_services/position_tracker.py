@@ -7,7 +7,7 @@ from msgspec import Meta
 import robo
 from robo import KEEP_ALL, Node, Publisher, Unit, service, subscribe, timer
 from robo_messages import Odometry, Point, Trigger
-from robo_services.odometry import Limits, OdometryTrack, fix_of
+from robo_services.odometry import BaseLimits, OdometryTrack, fix_of
 
 TOLD_EVERY = 60.0
 """How often the same doubt is told at most, s."""
@@ -45,7 +45,7 @@ class PositionTracker(Node):
     def on_odometry(self, odometry: Odometry) -> None:
         """Add the step from the last position."""
         p = self.parameters
-        limits = Limits(p.max_linear_velocity, p.max_angular_velocity)
+        limits = BaseLimits(p.max_linear_velocity, p.max_angular_velocity)
         judged = self._track.take(fix_of(odometry, self.clock.monotonic()), limits)
         for step in judged.steps:
             self._total += step.driven

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo_services import carmen
-from robo_services.carmen import LogError, Malformed, Motion, Record, Rewritten, Scan
+from robo_services.carmen import LogError, MalformedLog, Motion, Record, Rewritten, Scan
 from robo_services.carmen_player import line_ranges
 from robo_services.planar import yaw_from_quaternion
 from tests import room_log
@@ -57,7 +57,7 @@ def test_time_zero_is_kept_at_the_start_only() -> None:
 )
 def test_a_bad_line_is_named_and_the_rest_goes_on(line: str, reason: str) -> None:
     first, bad, last = read(ODOM, line, ODOM)
-    assert isinstance(bad, Malformed)
+    assert isinstance(bad, MalformedLog)
     assert bad.line == 2
     assert reason in bad.reason
     assert isinstance(first, Motion)
@@ -102,9 +102,9 @@ def test_a_gzip_file_that_is_cut_short_plays_up_to_the_cut(tmp_path: Path) -> No
     path.write_bytes(packed[: len(packed) // 2])
     *good, last = carmen.read(path)
     assert len(good) > 1000
-    assert isinstance(last, Malformed)
+    assert isinstance(last, MalformedLog)
     assert "cut short" in last.reason
-    assert sum(isinstance(record, Malformed) for record in good) <= 1
+    assert sum(isinstance(record, MalformedLog) for record in good) <= 1
 
 
 def test_a_log_that_is_not_there() -> None:
@@ -132,7 +132,7 @@ def test_the_log_of_a_real_robot(intel_log: Path) -> None:
     assert len(motions) == 13_700
     assert sum(isinstance(r, Rewritten) for r in records) == 841
     assert sum(isinstance(r, Scan) for r in records) == 910
-    assert sum(isinstance(r, Malformed) for r in records) == 0
+    assert sum(isinstance(r, MalformedLog) for r in records) == 0
     driven = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(motions))
     assert driven == pytest.approx(534.082, abs=0.001)
 

@@ -14,7 +14,7 @@ from robo.launch.graph import graph_of
 from robo.launch.language import keys_of
 from robo.launch.manifest import Manifest
 from robo.launch.schema import manifest_schema, parts
-from robo.text.graph import Topic
+from robo.text.graph import GraphTopic
 from robo.text.tree import plain
 from robo.text.yaml_tree import parse
 
@@ -169,7 +169,7 @@ def test_the_graph_of_a_plan() -> None:
     graph = graph_of(resolution, ends_of(resolution))
     assert [node.name for node in graph.nodes] == ["/r1/source", "/r1/tracker"]
     topics = {topic.key: topic for topic in graph.topics}
-    assert topics["r1/odom"] == Topic("r1/odom", ["nav/Odometry"], ["/r1/source"], ["/r1/tracker"], [])
+    assert topics["r1/odom"] == GraphTopic("r1/odom", ["nav/Odometry"], ["/r1/source"], ["/r1/tracker"], [])
     assert topics["r1/log"].publishers == ["/r1/tracker"], "a command is no node of robo's"
     assert [service.key for service in graph.services] == ["r1/reset_distance"]
 

@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from robo.errors import NodeNotFound, RoboError, RunError, UsageError
-from robo.machine.log_files import Filter
+from robo.machine.log_files import LogFilter
 from robo.supervisor.commands import Address, Commands
 from robo.supervisor.control import read_request
 from robo.supervisor.tasks import Tasks
@@ -33,7 +33,7 @@ class Journal(FakeJournal):
         self.asked.append(nodes)
         return []
 
-    def lines(self, wanted: Filter, labels: set[str] | None = None, newest: int | None = None) -> list[LogRecord]:
+    def lines(self, wanted: LogFilter, labels: set[str] | None = None, newest: int | None = None) -> list[LogRecord]:
         self.asked += [labels, newest]
         line = LogRecord(time=5, node="base", message="x", level="INFO")
         return [line] if wanted.wants(line) else []

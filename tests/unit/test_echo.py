@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import yaml
 
-from robo.cli.views.echo import Options, Printer
+from robo.cli.views.echo import EchoOptions, Printer
 from robo.errors import UsageError
 from robo.samples.records import Received
 from robo.samples.stream import Arrival
@@ -28,7 +28,7 @@ def received(
 
 
 def shown(capsys: pytest.CaptureFixture[str], *messages: Received, one_topic: bool = True, **options: Any) -> list[str]:
-    printer = Printer(Options(**options), one_topic=one_topic)
+    printer = Printer(EchoOptions(**options), one_topic=one_topic)
     for message in messages:
         printer.show(message)
     return capsys.readouterr().out.splitlines()
@@ -86,7 +86,7 @@ def test_a_table_of_two_types_is_refused(capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_a_filter_leaves_out_and_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    printer = Printer(Options(condition="pose.x > 1", fields=["pose.x"]), one_topic=True)
+    printer = Printer(EchoOptions(condition="pose.x > 1", fields=["pose.x"]), one_topic=True)
     assert printer.show(received())
     assert not printer.show(received({"pose": {"x": 0.5}}))
     assert capsys.readouterr() == ("1.5\n", "")
@@ -96,7 +96,7 @@ def test_a_field_that_is_not_there_ends_one_topic_and_is_told_once_of_many(capsy
     with pytest.raises(UsageError, match=r"r1/odom \(nav/Odometry\): "):
         shown(capsys, received(), fields=["pose.z"])
     others = received({"z": 1}, key="r1/other"), received({"z": 2}, key="r1/other")
-    printer = Printer(Options(fields=["pose.x"]), one_topic=False)
+    printer = Printer(EchoOptions(fields=["pose.x"]), one_topic=False)
     assert [printer.show(one) for one in (*others, received())] == [False, False, True]
     out, told = capsys.readouterr()
     assert out == "1.5\n"

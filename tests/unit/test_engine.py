@@ -8,7 +8,7 @@ from urllib.parse import unquote
 import pytest
 
 from robo.errors import EngineError
-from robo.export.compose.engine import Container, Engine, Event
+from robo.export.compose.engine import Container, ContainerEvent, Engine
 from tests.played_engine import playing
 
 ABSENT = b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n"
@@ -40,8 +40,8 @@ def test_an_engine_tells_what_happens_to_the_containers_of_a_project(tmp_path: P
         assert next(events) is None
         assert "mine" in unquote(played.asked.get())
         played.happens("always", "kill 9", "die")
-        assert next(events) == Event("always", "the always one", "kill", "9")
-        assert next(events) == Event("always", "the always one", "die")
+        assert next(events) == ContainerEvent("always", "the always one", "kill", "9")
+        assert next(events) == ContainerEvent("always", "the always one", "die")
         played.ends()
         with pytest.raises(EngineError, match="has ended"):
             next(events)

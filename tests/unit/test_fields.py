@@ -5,7 +5,7 @@ import math
 import pytest
 
 from robo.errors import UsageError
-from robo.tools.fields import Field, Filter, Missing, cell, flattened, truncated
+from robo.tools.fields import Field, FieldFilter, Missing, cell, flattened, truncated
 
 MESSAGE = {
     "header": {"frame_id": "odom", "stamp": {"sec": 3}},
@@ -58,7 +58,7 @@ def test_what_is_missing_is_told(path: str, text: str) -> None:
 
 def test_a_long_filter_is_not_echoed_whole() -> None:
     with pytest.raises(UsageError) as error:
-        Filter(f"{'ok and ' * 1_000} !")
+        FieldFilter(f"{'ok and ' * 1_000} !")
     assert "cannot read '!'" in str(error.value)
     assert len(str(error.value)) < 300
 
@@ -74,7 +74,7 @@ def test_a_long_filter_is_not_echoed_whole() -> None:
     ],
 )
 def test_a_filter_decides(text: str, holds: bool) -> None:
-    assert Filter(text).holds(MESSAGE) is holds
+    assert FieldFilter(text).holds(MESSAGE) is holds
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_a_filter_decides(text: str, holds: bool) -> None:
 )
 def test_a_filter_that_makes_no_sense_is_told_with_its_place(text: str, message: str) -> None:
     with pytest.raises(UsageError, match=message) as caught:
-        Filter(text).holds(MESSAGE)
+        FieldFilter(text).holds(MESSAGE)
     assert str(caught.value).endswith("^")
 
 

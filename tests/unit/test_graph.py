@@ -3,10 +3,10 @@
 import msgspec
 import pytest
 
-from robo.text.graph import FORMATS, Edge, Graph, Node, Topic, build, draw, without_system
+from robo.text.graph import FORMATS, Edge, Graph, GraphNode, GraphTopic, build, draw, without_system
 from robo.tools.graph import of_robot
 
-NODES = [Node("/r1/a", "m:A"), Node("/r1/b", "m:B"), Node("/r2/c", None)]
+NODES = [GraphNode("/r1/a", "m:A"), GraphNode("/r1/b", "m:B"), GraphNode("/r2/c", None)]
 EDGES = [
     Edge("/r1/a", "pub", "r1/odom", "nav/Odometry"),
     Edge("/r1/b", "sub", "r1/odom", "nav/Odometry"),
@@ -90,4 +90,4 @@ def test_mermaid_and_dot_have_an_arrow_for_each_end() -> None:
 
 def test_json_is_the_graph_itself(graph: Graph) -> None:
     assert msgspec.json.decode(draw(graph, "json"), type=Graph) == graph
-    assert graph.topics[4] == Topic("r1/lost", ["std/Bool"], ["/r1/a"], [], ["nobody subscribes it"])
+    assert graph.topics[4] == GraphTopic("r1/lost", ["std/Bool"], ["/r1/a"], [], ["nobody subscribes it"])

@@ -5,13 +5,13 @@ import os
 import pytest
 
 from robo.launch.plan import LogPlan
-from robo.machine.log_files import Filter
+from robo.machine.log_files import LogFilter
 from robo.supervisor import journal
 from robo.supervisor.journal import Journal
 from robo.wire.reports import Event, LogRecord
 from tests.processes import FakeAudience, FakeProcess, last_exit, process_plan
 
-ALL = Filter()
+ALL = LogFilter()
 
 
 class Console:
@@ -131,7 +131,7 @@ def test_lines_are_found_by_process_level_and_number(desk: Desk) -> None:
         desk.journal.output(noisy(name=name), "stdout", f"of {name}")
     desk.journal.warn("slow")
     assert [one.message for one in desk.journal.lines(ALL, {"a"})] == ["of a", "of a"]
-    assert [one.message for one in desk.journal.lines(Filter(least="warn"))] == ["slow"]
+    assert [one.message for one in desk.journal.lines(LogFilter(least="warn"))] == ["slow"]
     assert [one.message for one in desk.journal.lines(ALL, None, 2)] == ["of a", "slow"]
     assert desk.journal.lines(ALL, None, 0) == []
     assert desk.journal.lines(ALL, set()) == []

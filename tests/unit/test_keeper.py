@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo.errors import EngineError
-from robo.export.compose.engine import Container, Event
+from robo.export.compose.engine import Container, ContainerEvent
 from robo.export.compose.keeper import DELAY, Keeper, Kills
 
 
@@ -20,7 +20,7 @@ class FakeEngine:
         self.started: list[str] = []
         self._events = events
 
-    def events(self, project: str) -> Iterator[Event | None]:
+    def events(self, project: str) -> Iterator[ContainerEvent | None]:
         assert project == "mine"
         yield None
         yield from map(happening, self._events)
@@ -35,10 +35,10 @@ class FakeEngine:
         return container != "going"
 
 
-def happening(line: str) -> Event:
+def happening(line: str) -> ContainerEvent:
     """`web kill 9`, `web die`: what happens to a container."""
     container, action, *signal = line.split()
-    return Event(container, f"the {container}", action, signal[0] if signal else None)
+    return ContainerEvent(container, f"the {container}", action, signal[0] if signal else None)
 
 
 def kept(engine: FakeEngine, ready_file: Path | None = None, *, at_once: bool = True) -> tuple[list[str], list[float]]:

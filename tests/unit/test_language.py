@@ -27,7 +27,7 @@ from robo.launch.language import (
     short_of,
     values_of,
 )
-from robo.launch.manifest import PARTS, Group, Node
+from robo.launch.manifest import PARTS, Group, NodeEntry
 from robo.launch.plan import LogPlan, ProcessPlan, ReadyPlan, RestartPlan, StopPlan, TopicPlan
 from robo.launch.reader import read as read_manifest
 from robo.launch.schema import SPECIAL, manifest_schema, parts
@@ -228,7 +228,7 @@ def test_keys_of_another_struct_are_plain() -> None:
 
 
 def test_a_node_says_all_keys_of_the_plan_and_a_group_those_that_are_for_all() -> None:
-    assert keys_of(ProcessPlan).keys() <= keys_of(Node).keys()
+    assert keys_of(ProcessPlan).keys() <= keys_of(NodeEntry).keys()
     assert keys_of(Group).keys() & keys_of(ProcessPlan).keys() == {"restart", "log", "args"}
     assert not keys_of(Group)["args"].plain, "arguments of its includes, not words of a command"
 

@@ -7,9 +7,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo_messages import Header, Odometry, Point, Pose, PoseWithCovariance, Quaternion, Time
-from robo_services.odometry import AGREEING, LEAST, MARGIN, MOST_IN_DOUBT, Fix, Limits, OdometryTrack, Step, fix_of
+from robo_services.odometry import (
+    AGREEING,
+    LEAST,
+    MARGIN,
+    MOST_IN_DOUBT,
+    BaseLimits,
+    Fix,
+    Motion,
+    OdometryTrack,
+    fix_of,
+)
 
-LIMITS = Limits(max_linear_velocity=1.0, max_angular_velocity=2.0)
+LIMITS = BaseLimits(max_linear_velocity=1.0, max_angular_velocity=2.0)
 PERIOD = 0.02
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
@@ -24,7 +34,7 @@ def drive(count: int, speed: float = 0.9, start: float = 0.0, x: float = 0.0) ->
     return [Fix(x + speed * PERIOD * i, 0.0, 0.0, 1000 + time, time) for i, time in enumerate(times)]
 
 
-def believed(track: OdometryTrack, fixes: list[Fix | None]) -> list[Step]:
+def believed(track: OdometryTrack, fixes: list[Fix | None]) -> list[Motion]:
     return [step for fix in fixes for step in track.take(fix, LIMITS).steps]
 
 
@@ -92,7 +102,7 @@ def test_who_believes_nothing_for_long_begins_anew() -> None:
     track = OdometryTrack()
     believed(track, [*drive(3)])
     jumping = [Fix(1e3 * i, 0.0, 0.0, 0.0, 0.0) for i in range(1, MOST_IN_DOUBT + 1)]
-    assert believed(track, [*jumping]) == [Step(1e3 * MOST_IN_DOUBT, 0.0, 0.0)]
+    assert believed(track, [*jumping]) == [Motion(1e3 * MOST_IN_DOUBT, 0.0, 0.0)]
     assert track.left_out == MOST_IN_DOUBT - 1
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from robo.launch.manifest import Group, Manifest, Node
+from robo.launch.manifest import Group, Manifest, NodeEntry
 from robo.launch.reader import read
 from robo.text.tree import Entry, Items, Map, Position, Problem, Scalar, Tree, plain
 
@@ -22,7 +22,7 @@ def group(text: str) -> tuple[Group, list[str]]:
     return found.groups[0], mistakes
 
 
-def node(text: str) -> tuple[Node, list[str]]:
+def node(text: str) -> tuple[NodeEntry, list[str]]:
     found, mistakes = manifest(f"groups: {{g: {{nodes: {{a: {{run: x, {text}}}}}}}}}")
     return found.groups[0].nodes[0], mistakes
 

@@ -3,7 +3,7 @@
 import pytest
 
 from robo.supervisor.sites import Sites, is_among
-from robo.wire.admin import Link, RouterSession
+from robo.wire.admin import RouterLink, RouterSession
 from tests.processes import FakeJournal
 
 
@@ -22,7 +22,7 @@ from tests.processes import FakeJournal
     ],
 )
 def test_a_site_is_known_by_its_link(endpoint: str, whatami: str, dst: str, reached: bool) -> None:
-    assert is_among(endpoint, [RouterSession("a1", whatami, [Link(dst=dst)])]) is reached
+    assert is_among(endpoint, [RouterSession("a1", whatami, [RouterLink(dst=dst)])]) is reached
 
 
 def test_a_site_that_is_not_reached_is_told_once_and_remembered() -> None:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from robo.errors import NodeNotFound, UsageError
 from robo.launch.plan import ReadyPlan, RestartPlan, TopicPlan
 from robo.machine import log_files
-from robo.machine.log_files import Filter, LogFiles, RunInfo, record
+from robo.machine.log_files import LogFiles, LogFilter, RunInfo, record
 from robo.machine.memory_kills import MemoryKills, oom_kills
 from robo.machine.output import Budget, Lines, pump
 from robo.supervisor.reload import FileWatch
@@ -275,7 +275,7 @@ def test_a_robot_of_a_fleet_has_the_logs_of_the_run_that_it_is_part_of(tmp_path:
 
 
 def test_a_traceback_belongs_to_its_error() -> None:
-    wanted = Filter(least="error")
+    wanted = LogFilter(least="error")
     records = [
         LogRecord(time=1, node="a", message="fine", level="INFO"),
         LogRecord(time=2, node="a", message="callback raised", level="ERROR"),

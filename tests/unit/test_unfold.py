@@ -10,7 +10,7 @@ from robo.launch import unfold
 from robo.launch.arguments import COMMAND_LINE, Given
 from robo.launch.draft import Draft
 from robo.launch.layers import Layer, layer_of
-from robo.launch.manifest import Node
+from robo.launch.manifest import NodeEntry
 from robo.launch.plan import LogPlan, ProcessPlan, ReadyPlan, RestartPlan, StopPlan
 from robo.launch.reader import read
 from robo.launch.substitution import Broken, Scope, Shared, of_process
@@ -411,4 +411,4 @@ def test_a_draft_is_none_where_its_name_is_not_valid() -> None:
 
 
 def test_a_node_knows_whether_there_may_be_several() -> None:
-    assert not Node(key="a", tree=Map((), Position("m.yaml", 1, 1)), position=Position("m.yaml", 1, 1)).looped
+    assert not NodeEntry(key="a", tree=Map((), Position("m.yaml", 1, 1)), position=Position("m.yaml", 1, 1)).looped

@@ -10,10 +10,10 @@ from typer.testing import CliRunner
 
 from robo.cli.app import app
 from robo.cli.launch import up
-from robo.cli.launch.request import Request
+from robo.cli.launch.request import UpRequest
 from robo.cli.options import words_of
 
-EVERYTHING = Request(
+EVERYTHING = UpRequest(
     words=["mine.yaml", "control", "speed:=2"],
     robot_name="r2",
     param=["driver.pin:=3", "rate:=[1, 2]"],
@@ -30,11 +30,11 @@ EVERYTHING = Request(
 
 
 @pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch) -> list[Request]:
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[UpRequest]:
     """The requests that command lines come to, in place of runs."""
-    found: list[Request] = []
+    found: list[UpRequest] = []
 
-    def run_up(request: Request, _: object) -> int:
+    def run_up(request: UpRequest, _: object) -> int:
         found.append(request)
         return 0
 
@@ -56,14 +56,14 @@ def begun(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Sequence[str], str, boo
 
 
 def test_every_field_is_an_option_but_the_words() -> None:
-    for name, annotation in get_type_hints(Request, include_extras=True).items():
+    for name, annotation in get_type_hints(UpRequest, include_extras=True).items():
         said = [about for about in get_args(annotation) if isinstance(about, (OptionInfo, ArgumentInfo))]
         assert len(said) == 1, name
         assert isinstance(said[0], ArgumentInfo) == (name == "words")
 
 
-def test_the_words_of_a_request_say_the_same_request(asked: list[Request]) -> None:
-    for request in (EVERYTHING, Request(detach=True), Request(show_args=True, json=True)):
+def test_the_words_of_a_request_say_the_same_request(asked: list[UpRequest]) -> None:
+    for request in (EVERYTHING, UpRequest(detach=True), UpRequest(show_args=True, json=True)):
         words = [*(request.words or ()), *words_of(request)]
         assert CliRunner().invoke(app, ["up", *words]).exit_code == 0
         assert asked.pop() == request

@@ -10,7 +10,7 @@ from robo.cli.views.runs import explained
 from robo.cli.views.top import render, shares
 from robo.samples.stream import Arrival
 from robo.text.chart import Chart
-from robo.tools.top import Flow, NodeFigures, Snapshot, TopicFigures
+from robo.tools.top import NodeFigures, Snapshot, TopicFigures, Traffic
 from robo.tools.topics import Topic
 from robo.wire.codec import Attachment
 from robo.wire.reports import Explanation, Input, ProcessStatus
@@ -23,7 +23,7 @@ def arrival(number: int, size: int = 100) -> Arrival:
 
 
 def test_a_flow_has_rate_bandwidth_age_and_loss() -> None:
-    flow = Flow("r1/odom")
+    flow = Traffic("r1/odom")
     for number in (1, 2, 3, 6, 7, 8, 9, 10):
         flow.add(arrival(number), number * 0.1)
     figures = flow.figures(TOPIC, 1.0, 1.05)
@@ -35,11 +35,11 @@ def test_a_flow_has_rate_bandwidth_age_and_loss() -> None:
 
 
 def test_what_never_came_or_has_no_pace_is_not_stale() -> None:
-    flow = Flow("r1/odom")
+    flow = Traffic("r1/odom")
     assert flow.figures(TOPIC, 1.0, 100.0).age is None
     flow.add(arrival(1), 100.0)
     assert not flow.figures(TOPIC, 1.0, 1000.0).stale
-    slow = Flow("r1/odom")
+    slow = Traffic("r1/odom")
     for number in range(1, 5):
         slow.add(arrival(number), number * 10.0)
     assert not slow.figures(TOPIC, 1.0, 80.0).stale, "ten seconds are its pace"

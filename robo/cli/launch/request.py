@@ -8,7 +8,7 @@ from robo.cli import completion
 from robo.cli.options import Connect, Listen, NetworkConfig, RobotName
 
 
-class Request(NamedTuple):
+class UpRequest(NamedTuple):
     """What to start, and how. From its fields follow the options of `robo up`, and the words of `robo up -d`."""
 
     words: Annotated[

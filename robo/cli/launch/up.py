@@ -7,7 +7,7 @@ from pathlib import Path
 from robo.cli.json_text import document
 from robo.cli.launch import show
 from robo.cli.launch.background import notify_starter, start_in_background
-from robo.cli.launch.request import Request
+from robo.cli.launch.request import UpRequest
 from robo.cli.launch.words import assignment, manifest_file, split_words
 from robo.cli.options import words_of
 from robo.errors import RoboError, UnreadableFile, UsageError
@@ -23,7 +23,7 @@ from robo.text.files import read_text
 from robo.text.tree import Problem
 
 
-def run_up(request: Request, begun: HeadStart | None) -> int:
+def run_up(request: UpRequest, begun: HeadStart | None) -> int:
     """Do what `robo up` was asked to.
 
     Args:
@@ -70,7 +70,7 @@ def run_up(request: Request, begun: HeadStart | None) -> int:
         raise UsageError(f"{found.plan.manifest} starts nothing with these arguments")
     if request.detach:
         return _start_in_background(request, found.plan.robot)
-    options = supervisor.Options(
+    options = supervisor.RunOptions(
         log_level=request.log_level,
         timing=request.timing,
         reload=_reading_again(read) if request.watch else None,
@@ -80,7 +80,7 @@ def run_up(request: Request, begun: HeadStart | None) -> int:
     return supervisor.run(found.plan, network, options)
 
 
-def _check_options(request: Request) -> None:
+def _check_options(request: UpRequest) -> None:
     """Refuse what does not go together.
 
     Raises:
@@ -94,7 +94,7 @@ def _check_options(request: Request) -> None:
         levels.level_of(request.log_level)
 
 
-def _show_arguments(file: Path, name: str, request: Request) -> int:
+def _show_arguments(file: Path, name: str, request: UpRequest) -> int:
     problems: list[Problem] = []
     try:
         manifest = reader.read(read_text(file), file, problems)
@@ -107,14 +107,14 @@ def _show_arguments(file: Path, name: str, request: Request) -> int:
     return 0
 
 
-def _refuse(problems: tuple[Problem, ...], request: Request) -> int:
+def _refuse(problems: tuple[Problem, ...], request: UpRequest) -> int:
     if not request.json:
         raise ManifestFaults(problems)
     print(document({"faults": faults.as_data(problems)}))
     return faults.exit_code(problems)
 
 
-def _start_in_background(request: Request, robot: str) -> int:
+def _start_in_background(request: UpRequest, robot: str) -> int:
     """Have another process do the same: here is known already that the manifest is fine, and which robot it is."""
     same = request._replace(robot_name=robot, detach=False, wait=False)
     return start_in_background([*(request.words or ()), *words_of(same)], robot, wait=request.wait)

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import typer
 
 from robo.cli import completion
-from robo.cli.launch.request import Request
+from robo.cli.launch.request import UpRequest
 from robo.cli.options import Json
 from robo.cli.reach import Reach
 from robo.cli.tree import Section
@@ -35,7 +35,7 @@ Names = Annotated[
     "robo up --connect tcp/site.example:7447 --network-config config/uplink.yaml",
     short_help="Start a robot, in the foreground or with -d in the background.",
 )
-def up(request: Request) -> int:
+def up(request: UpRequest) -> int:
     """Start a robot and keep it in the foreground until Ctrl-C, or in the background.
 
     MANIFEST is looked for as a path, then in ./launch, then among those that ship with robo

@@ -104,10 +104,10 @@ def topic_echo(
     Exit code: 0 fine, 1 the --duration was over before --count messages, or any, were printed, 2 words that make no
     sense.
     """
-    from robo.cli.views.echo import Options, print_messages
+    from robo.cli.views.echo import EchoOptions, print_messages
 
     form = only_one(json=json, csv=csv, yaml=yaml) or "text"
-    options = Options(form=form, fields=field or (), condition=filter_, truncate=truncate)
+    options = EchoOptions(form=form, fields=field or (), condition=filter_, truncate=truncate)
     return print_messages(keys, reach, options, count=1 if once else count, duration=duration)
 
 
@@ -154,9 +154,9 @@ def topic_pub(
     Exit code: 0 published, 1 the data or a line are no message of the type or the topic has a publisher, 2 words that
     make no sense.
     """
-    from robo.cli.views.pub import Options, publish
+    from robo.cli.views.pub import PubOptions, publish
 
-    options = Options(rate, times, once, wait_for_subscriber, force, beside)
+    options = PubOptions(rate, times, once, wait_for_subscriber, force, beside)
     return publish(key, type_name, data, reach, options)
 
 

@@ -16,10 +16,10 @@ from robo.errors import UsageError
 from robo.samples.records import Received, read
 from robo.samples.stream import Stream
 from robo.text.terminal import visible
-from robo.tools.fields import Field, Filter, Missing, cell, flattened, truncated
+from robo.tools.fields import Field, FieldFilter, Missing, cell, flattened, truncated
 
 
-class Options:
+class EchoOptions:
     """What of messages is printed, and how."""
 
     def __init__(
@@ -32,12 +32,12 @@ class Options:
         """
         self.form = form
         self.fields = [Field(path) for path in fields]
-        self.filter = Filter(condition) if condition is not None else None
+        self.filter = FieldFilter(condition) if condition is not None else None
         self.truncate = truncate
 
 
 def print_messages(
-    names: Sequence[str], reach: Reach, options: Options, *, count: int | None, duration: float | None
+    names: Sequence[str], reach: Reach, options: EchoOptions, *, count: int | None, duration: float | None
 ) -> int:
     """Print messages until there were enough, the time is over, or Ctrl-C.
 
@@ -75,7 +75,7 @@ def print_messages(
 class Printer:
     """Prints messages one after the other; `one_topic` where no other can come."""
 
-    def __init__(self, options: Options, *, one_topic: bool) -> None:
+    def __init__(self, options: EchoOptions, *, one_topic: bool) -> None:
         self._options = options
         self._one_topic = one_topic
         self._lacking: set[str] = set()

@@ -14,7 +14,7 @@ from robo.cli.printing import note, print_json, print_table
 from robo.cli.reach import Reach
 from robo.environment import CONNECT_VARIABLE
 from robo.errors import RoboError
-from robo.machine.log_files import Filter, log_base
+from robo.machine.log_files import LogFilter, log_base
 from robo.supervisor.console import Console
 from robo.tools import logs, runs
 from robo.wire.reports import LogRecord, LogsRequest
@@ -48,13 +48,13 @@ class Wanted(NamedTuple):
     level: str | None = None
     json: bool = False
 
-    def filter(self) -> Filter:
+    def filter(self) -> LogFilter:
         """What decides.
 
         Raises:
             UsageError: a time or a level makes no sense.
         """
-        return Filter(since=self.begin(), least=self.level)
+        return LogFilter(since=self.begin(), least=self.level)
 
     def begin(self) -> int:
         """The earliest time, ns since the epoch."""
@@ -75,7 +75,7 @@ def print_logs(wanted: Wanted, reach: Reach, run: str | None) -> None:
         _print_from_files(wanted, chosen, reach.namespace if chosen.info.robot != reach.robot else "")
 
 
-def _print_from_files(wanted: Wanted, chosen: logs.Run, part: str) -> None:
+def _print_from_files(wanted: Wanted, chosen: logs.LoggedRun, part: str) -> None:
     wants = wanted.filter().wants
     labels = logs.labels_meant(wanted.nodes, chosen.processes, part)
     printer = _Printer(wanted, sorted(labels) or chosen.labels)
@@ -95,7 +95,7 @@ def _print_from_files(wanted: Wanted, chosen: logs.Run, part: str) -> None:
             printer.show_coming(one for one in stream.coming() if (not labels or one.node in labels) and wants(one))
 
 
-def _where_files_lack(chosen: logs.Run) -> tuple[str, zenoh.Session | None]:
+def _where_files_lack(chosen: logs.LoggedRun) -> tuple[str, zenoh.Session | None]:
     """Why a run that goes on cannot write its files just now, and a session with it; else an empty text and None."""
     if not supervisor_lives(chosen.info.run, unknown=False):
         return "", None
@@ -175,7 +175,7 @@ def show(record: LogRecord, console: Console, *, json: bool) -> None:
         console.line(record.node, text, at=record.time / 1e9)
 
 
-def _info(run: logs.Run) -> dict[str, object]:
+def _info(run: logs.LoggedRun) -> dict[str, object]:
     info = run.info
     begin = time.strftime("%Y-%m-%dT%H:%M:%S%z", time.localtime(info.begin / 1e9))
     return {"robot": info.robot, "manifest": info.manifest, "begin": begin, "pid": info.pid, "nodes": info.nodes}

@@ -8,7 +8,7 @@ from robo.cli.reach import Reach
 from robo.errors import UsageError
 from robo.text import colours
 from robo.tools import net
-from robo.tools.net import Network
+from robo.tools.net import NetworkView
 
 
 def print_network(names: Sequence[str], reach: Reach, *, json: bool) -> int:
@@ -43,7 +43,7 @@ def print_network(names: Sequence[str], reach: Reach, *, json: bool) -> int:
     return 1 if seen.problems else 0
 
 
-def _print(seen: Network, reach: Reach) -> None:
+def _print(seen: NetworkView, reach: Reach) -> None:
     print_line(f"this machine is {seen.host}; round trip to the router {_milliseconds(seen.latency)}")
     for link in seen.links:
         print_line(f"  {link.src} → {link.dst}")

@@ -27,7 +27,7 @@ _PROGRESS_PERIOD = 0.2
 """How often the number of messages is told, s."""
 
 
-class Options(NamedTuple):
+class PubOptions(NamedTuple):
     """How messages are published."""
 
     rate: float | None = None
@@ -61,7 +61,7 @@ class Options(NamedTuple):
         return sender
 
 
-def publish(key: str, type_name: str | None, data: str | None, reach: Reach, options: Options) -> int:
+def publish(key: str, type_name: str | None, data: str | None, reach: Reach, options: PubOptions) -> int:
     """Publish what the words of a command line say: one message, or with `-` among them the lines of standard input.
 
     Returns:
@@ -89,7 +89,7 @@ def publish(key: str, type_name: str | None, data: str | None, reach: Reach, opt
     return 0
 
 
-def _publish_one(key: str, type_name: str, text: str, reach: Reach, options: Options) -> None:
+def _publish_one(key: str, type_name: str, text: str, reach: Reach, options: PubOptions) -> None:
     """Publish a message so many times, or until Ctrl-C."""
     message = _message(type_name, text)
     stamped = "now" in text or "auto" in text
@@ -111,7 +111,7 @@ def _publish_one(key: str, type_name: str, text: str, reach: Reach, options: Opt
             count.end()
 
 
-def _publish_lines(key: str | None, type_name: str | None, reach: Reach, options: Options) -> int:
+def _publish_lines(key: str | None, type_name: str | None, reach: Reach, options: PubOptions) -> int:
     """Publish what standard input says, line by line, as it comes or at a rate."""
     if type_name is not None:
         _type(type_name)  # a mistake in it is told before anything is read
@@ -135,7 +135,7 @@ def _publish_lines(key: str | None, type_name: str | None, reach: Reach, options
 
 
 class _Lines:
-    def __init__(self, session: zenoh.Session, reach: Reach, options: Options) -> None:
+    def __init__(self, session: zenoh.Session, reach: Reach, options: PubOptions) -> None:
         self._session = session
         self._reach = reach
         self._options = options

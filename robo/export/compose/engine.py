@@ -27,7 +27,7 @@ _NOTHING_TO_DO = (304, 404, 409)
 """It runs already, it is gone, it is about to go."""
 
 
-class Event(msgspec.Struct, frozen=True):
+class ContainerEvent(msgspec.Struct, frozen=True):
     """Something that happened to a container."""
 
     container: str
@@ -57,7 +57,7 @@ class Engine:
     def __init__(self, path: Path) -> None:
         self._path = path
 
-    def events(self, project: str) -> Iterator[Event | None]:
+    def events(self, project: str) -> Iterator[ContainerEvent | None]:
         """What happens to the containers of a Compose project from now on; first None, once the engine tells."""
         filters = {
             "type": ["container"],
@@ -69,7 +69,7 @@ class Engine:
             for line in answer:
                 told = msgspec.json.decode(line, type=_Told)
                 about = told.actor.attributes
-                yield Event(told.actor.id, about.get(SERVICE, ""), told.action, about.get("signal"))
+                yield ContainerEvent(told.actor.id, about.get(SERVICE, ""), told.action, about.get("signal"))
         raise EngineError(f"the engine at {self._path} has ended")
 
     def container(self, container: str) -> Container | None:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Protocol
 
 from robo.errors import EngineError
-from robo.export.compose.engine import Container, Event
+from robo.export.compose.engine import Container, ContainerEvent
 
 DELAY = 1.0
 """From a kill to the start, s: whoever kills the whole project, or removes what they have killed, means it."""
@@ -29,7 +29,7 @@ class Kills:
     def __init__(self) -> None:
         self._signals: dict[str, set[str | None]] = {}
 
-    def shows(self, event: Event) -> bool:
+    def shows(self, event: ContainerEvent) -> bool:
         """Whether with this event a container has been killed."""
         if event.action == "kill":
             self._signals.setdefault(event.container, set()).add(event.signal)
@@ -41,7 +41,7 @@ class Kills:
 class Containers(Protocol):
     """What the keeper needs of an engine; each raises EngineError where it cannot be had."""
 
-    def events(self, project: str) -> Iterator[Event | None]:
+    def events(self, project: str) -> Iterator[ContainerEvent | None]:
         """What happens to the containers of a project; first None, once it is told."""
 
     def container(self, container: str) -> Container | None:
@@ -100,7 +100,7 @@ class Keeper:
                 # Beside the events: what happens in the meantime is not missed.
                 self._later(DELAY, partial(self._revive, event))
 
-    def _revive(self, killed: Event) -> None:
+    def _revive(self, killed: ContainerEvent) -> None:
         try:
             found = self._engine.container(killed.container)
             if found is None or found.running:
