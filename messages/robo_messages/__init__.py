@@ -5,8 +5,14 @@ This package depends on msgspec alone, so a client that only wants to read a top
 >>> from robo_messages import Twist, Vector3, decode, encode
 >>> decode(encode(Twist(linear=Vector3(x=0.5))), Twist).linear.x
 0.5
+
+The types that most nodes do without are imported when they are asked for, here or by name.
 """
 
+import importlib
+from typing import TYPE_CHECKING
+
+from robo_messages import _registry
 from robo_messages._registry import (
     Message,
     UnknownType,
@@ -53,25 +59,118 @@ from robo_messages.services import Empty, SetBool, Trigger, halves_of, service_t
 from robo_messages.std import Bool, Duration, Header, String, Time
 from robo_messages.system import Clock, Log, Parameter, ParameterEvent
 
+if TYPE_CHECKING:
+    from robo_messages.geometry_more import (
+        Accel,
+        AccelStamped,
+        Point32,
+        PointStamped,
+        Polygon,
+        PolygonStamped,
+        PoseArray,
+        PoseWithCovarianceStamped,
+        QuaternionStamped,
+        TwistWithCovarianceStamped,
+        Vector3Stamped,
+        Wrench,
+        WrenchStamped,
+    )
+    from robo_messages.std_arrays import (
+        ByteMultiArray,
+        Float32MultiArray,
+        Float64MultiArray,
+        Int8MultiArray,
+        Int16MultiArray,
+        Int32MultiArray,
+        Int64MultiArray,
+        MultiArrayDimension,
+        MultiArrayLayout,
+        UInt8MultiArray,
+        UInt16MultiArray,
+        UInt32MultiArray,
+        UInt64MultiArray,
+    )
+    from robo_messages.std_numbers import (
+        Byte,
+        Char,
+        ColorRGBA,
+        Float32,
+        Float64,
+        Int8,
+        Int16,
+        Int32,
+        Int64,
+        UInt8,
+        UInt16,
+        UInt32,
+        UInt64,
+    )
+    from robo_messages.visualization import (
+        Marker,
+        MarkerArray,
+        MeshFile,
+        UVCoordinate,
+    )
+
+_LATER = {
+    "robo_messages.geometry_more": (
+        "Accel AccelStamped Point32 PointStamped Polygon PolygonStamped PoseArray PoseWithCovarianceStamped "
+        "QuaternionStamped TwistWithCovarianceStamped Vector3Stamped Wrench WrenchStamped"
+    ),
+    "robo_messages.std_arrays": (
+        "ByteMultiArray Float32MultiArray Float64MultiArray Int8MultiArray Int16MultiArray Int32MultiArray "
+        "Int64MultiArray MultiArrayDimension MultiArrayLayout UInt8MultiArray UInt16MultiArray UInt32MultiArray "
+        "UInt64MultiArray"
+    ),
+    "robo_messages.std_numbers": (
+        "Byte Char ColorRGBA Float32 Float64 Int8 Int16 Int32 Int64 UInt8 UInt16 UInt32 UInt64"
+    ),
+    "robo_messages.visualization": "Marker MarkerArray MeshFile UVCoordinate",
+}
+"""Modules that are imported when one of their types is asked for: most nodes save the time and the memory."""
+
 __all__ = [
+    "Accel",
+    "AccelStamped",
     "BatteryState",
     "Bool",
+    "Byte",
+    "ByteMultiArray",
+    "Char",
     "Clock",
+    "ColorRGBA",
     "CompressedImage",
     "DiagnosticArray",
     "DiagnosticStatus",
     "Duration",
     "Empty",
+    "Float32",
+    "Float32MultiArray",
+    "Float64",
+    "Float64MultiArray",
     "Header",
     "Image",
     "Imu",
+    "Int8",
+    "Int8MultiArray",
+    "Int16",
+    "Int16MultiArray",
+    "Int32",
+    "Int32MultiArray",
+    "Int64",
+    "Int64MultiArray",
     "JointState",
     "Joy",
     "KeyValue",
     "LaserScan",
     "Log",
     "MapMetaData",
+    "Marker",
+    "MarkerArray",
+    "MeshFile",
     "Message",
+    "MultiArrayDimension",
+    "MultiArrayLayout",
     "NavSatFix",
     "NavSatStatus",
     "OccupancyGrid",
@@ -80,12 +179,19 @@ __all__ = [
     "ParameterEvent",
     "Path",
     "Point",
+    "Point32",
     "PointCloud2",
     "PointField",
+    "PointStamped",
+    "Polygon",
+    "PolygonStamped",
     "Pose",
+    "PoseArray",
     "PoseStamped",
     "PoseWithCovariance",
+    "PoseWithCovarianceStamped",
     "Quaternion",
+    "QuaternionStamped",
     "Range",
     "SetBool",
     "String",
@@ -96,8 +202,21 @@ __all__ = [
     "Twist",
     "TwistStamped",
     "TwistWithCovariance",
+    "TwistWithCovarianceStamped",
+    "UInt8",
+    "UInt8MultiArray",
+    "UInt16",
+    "UInt16MultiArray",
+    "UInt32",
+    "UInt32MultiArray",
+    "UInt64",
+    "UInt64MultiArray",
+    "UVCoordinate",
     "UnknownType",
     "Vector3",
+    "Vector3Stamped",
+    "Wrench",
+    "WrenchStamped",
     "decode",
     "decode_json",
     "encode",
@@ -110,3 +229,20 @@ __all__ = [
     "type_name",
     "type_names",
 ]
+
+_module_of = {name: module for module, names in _LATER.items() for name in names.split()}
+_registry.import_later(
+    {f"{module.rpartition('.')[2].partition('_')[0]}/{name}": module for name, module in _module_of.items()}
+)
+
+if not TYPE_CHECKING:  # a type checker is to find just the names above
+
+    def __getattr__(name: str) -> type[Message]:
+        module = _module_of.get(name)
+        if module is None:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = found = getattr(importlib.import_module(module), name)
+        return found
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *_module_of})

@@ -1,7 +1,8 @@
 """The two-way table of message types and their names, and what can be done knowing only a name."""
 
+import importlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 import msgspec
@@ -20,6 +21,8 @@ M = TypeVar("M", bound=Message)
 
 _by_name: dict[str, type[Message]] = {}
 _by_type: dict[type[Message], str] = {}
+_later: dict[str, str] = {}
+"""Names whose module is imported when one of them is asked for."""
 
 
 class UnknownType(LookupError):
@@ -42,16 +45,19 @@ def message(name: str) -> Callable[[type[M]], type[M]]:
 
     def register(cls: type[M]) -> type[M]:
         other = _by_name.get(name)
-        if other is not None and (other.__module__, other.__qualname__) != (
-            cls.__module__,
-            cls.__qualname__,
-        ):
-            raise ValueError(f"message name {name!r} belongs to {other.__module__}.{other.__qualname__}")
+        owner = (other.__module__, other.__qualname__) if other is not None else (_later.get(name), type_name)
+        if owner[0] is not None and owner != (cls.__module__, cls.__qualname__):
+            raise ValueError(f"message name {name!r} belongs to {owner[0]}.{owner[1]}")
         _by_name[name] = cls
         _by_type[cls] = name
         return cls
 
     return register
+
+
+def import_later(modules: Mapping[str, str]) -> None:
+    """Register names of types with the modules that say them, which are imported when one is looked up."""
+    _later.update(modules)
 
 
 def type_name(cls: type[Message]) -> str:
@@ -75,19 +81,21 @@ def find_type(name: str) -> type[Message]:
     Raises:
         UnknownType: no class is registered under it; names what comes close.
     """
+    if name not in _by_name and name in _later:
+        importlib.import_module(_later[name])
     try:
         return _by_name[name]
     except KeyError:
         import difflib
 
-        close = difflib.get_close_matches(name, _by_name, n=1)
+        close = difflib.get_close_matches(name, type_names(), n=1)
         hint = f"; did you mean {close[0]}?" if close else ""
         raise UnknownType(f"no message type is named {name!r}{hint}") from None
 
 
 def type_names() -> list[str]:
-    """Every registered name, sorted."""
-    return sorted(_by_name)
+    """Every registered name, sorted. Looking at them imports nothing."""
+    return sorted({*_by_name, *_later})
 
 
 _encoder = msgspec.msgpack.Encoder()

@@ -77,7 +77,8 @@ def _read(value: object, info: inspect.Type, where: str, mistakes: list[str]) ->
     ):
         return float(value)
     if not _fits(value, info):
-        mistakes.append(f"{where}: expected {_name(info)}, got {_value_text(value)}")
+        expected = "int of 64 bits" if isinstance(info, inspect.IntType) and _too_long(value) else _name(info)
+        mistakes.append(f"{where}: expected {expected}, got {_value_text(value)}")
     return value
 
 
@@ -127,12 +128,18 @@ def _fits(value: object, info: inspect.Type) -> bool:
         if not isinstance(value, kinds) or isinstance(value, bool):
             return False
         return (
-            (info.ge is None or value >= info.ge)
+            not _too_long(value)
+            and (info.ge is None or value >= info.ge)
             and (info.gt is None or value > info.gt)
             and (info.le is None or value <= info.le)
             and (info.lt is None or value < info.lt)
         )
     return True
+
+
+def _too_long(value: object) -> bool:
+    """Whether MessagePack has no such integer."""
+    return isinstance(value, int) and not -(2**63) <= value < 2**64
 
 
 def _name(info: inspect.Type) -> str:

@@ -1,5 +1,7 @@
 """Message types as ROS writes them: the text of a `.msg` or `.srv` file."""
 
+from typing import Any, get_args, get_type_hints
+
 from msgspec import inspect
 
 import robo_messages
@@ -12,6 +14,7 @@ _PACKAGES = {
     "nav": "nav_msgs",
     "sensor": "sensor_msgs",
     "diagnostic": "diagnostic_msgs",
+    "visualization": "visualization_msgs",
     "system": "rcl_interfaces",
 }
 _ELSEWHERE = {
@@ -42,8 +45,7 @@ def ros_text(name: str) -> str:
 def _message(type_: type[Message]) -> list[str]:
     interface = catalogue.describe(type_)
     lines = [f"# {line}".rstrip() for line in interface.description.splitlines()]
-    signed = any(value < 0 for value in interface.constants.values())
-    lines += [f"{'int8' if signed else 'uint8'} {key}={value}" for key, value in interface.constants.items()]
+    lines += [f"{kind} {key}={interface.constants[key]}" for key, kind in _constant_types(type_, interface).items()]
     info = inspect.type_info(type_)
     assert isinstance(info, inspect.StructType)
     for field, said in zip(info.fields, interface.fields, strict=True):
@@ -51,6 +53,19 @@ def _message(type_: type[Message]) -> list[str]:
             lines.append(f"# {said.description}")
         lines.append(f"{_type(field.type)} {field.encode_name}{_default(said.default, field.type)}")
     return lines
+
+
+def _constant_types(type_: type[Message], interface: catalogue.Interface) -> dict[str, str]:
+    """The constants with their types: the one that is said, else one byte with or without sign."""
+    byte = "int8" if any(value < 0 for value in interface.constants.values()) else "uint8"
+    hints = get_type_hints(type_, include_extras=True)
+    return {key: _said(get_args(hints[key])) or byte for key in interface.constants}
+
+
+def _said(said: tuple[Any, ...]) -> str | None:
+    """What the type within a ClassVar is called in ROS; None for a plain one."""
+    info = inspect.type_info(said[0])
+    return str(info.extra["ros"]) if isinstance(info, inspect.Metadata) and info.extra else None
 
 
 def _type(info: inspect.Type) -> str:

@@ -88,4 +88,5 @@ def test_where_nothing_answers_there_is_nothing_and_no_error(monkeypatch: pytest
 def test_types_need_no_network() -> None:
     assert completion.types("geometry/Tw") == [
         *("geometry/Twist", "geometry/TwistStamped", "geometry/TwistWithCovariance"),
+        "geometry/TwistWithCovarianceStamped",
     ]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import robo_messages
 from robo.interfaces import catalogue, ros_text
 from robo_messages import LaserScan, UnknownType
 
@@ -184,3 +185,63 @@ def test_a_type_is_described_with_units_and_constants() -> None:
 def test_types_as_ros_writes_them(name: str, lines: list[str]) -> None:
     text = ros_text.ros_text(name).splitlines()
     assert [line for line in lines if line not in text] == []
+
+
+NUMBERS = {
+    "Byte": "byte", "Char": "char", "Float32": "float32", "Float64": "float64", "Int8": "int8", "Int16": "int16",
+    "Int32": "int32", "Int64": "int64", "UInt8": "uint8", "UInt16": "uint16", "UInt32": "uint32", "UInt64": "uint64",
+}  # fmt: skip
+HEADER = "std_msgs/Header header"
+SHAPES = {
+    **{f"std/{name}": [f"{kind} data"] for name, kind in NUMBERS.items()},
+    **{
+        f"std/{name}MultiArray": ["std_msgs/MultiArrayLayout layout", f"{kind}[] data"]
+        for name, kind in NUMBERS.items()
+        if name != "Char"
+    },
+    "std/Empty": [],
+    "std/MultiArrayLayout": ["std_msgs/MultiArrayDimension[] dim", "uint32 data_offset"],
+    "std/MultiArrayDimension": ["string label", "uint32 size", "uint32 stride"],
+    "std/ColorRGBA": ["float32 r", "float32 g", "float32 b", "float32 a"],
+    "geometry/Point32": ["float32 x", "float32 y", "float32 z"],
+    "geometry/PointStamped": [HEADER, "geometry_msgs/Point point"],
+    "geometry/Polygon": ["geometry_msgs/Point32[] points"],
+    "geometry/PolygonStamped": [HEADER, "geometry_msgs/Polygon polygon"],
+    "geometry/PoseArray": [HEADER, "geometry_msgs/Pose[] poses"],
+    "geometry/PoseWithCovarianceStamped": [HEADER, "geometry_msgs/PoseWithCovariance pose"],
+    "geometry/TwistWithCovarianceStamped": [HEADER, "geometry_msgs/TwistWithCovariance twist"],
+    "geometry/Vector3Stamped": [HEADER, "geometry_msgs/Vector3 vector"],
+    "geometry/QuaternionStamped": [HEADER, "geometry_msgs/Quaternion quaternion"],
+    "geometry/Wrench": ["geometry_msgs/Vector3 force", "geometry_msgs/Vector3 torque"],
+    "geometry/WrenchStamped": [HEADER, "geometry_msgs/Wrench wrench"],
+    "geometry/Accel": ["geometry_msgs/Vector3 linear", "geometry_msgs/Vector3 angular"],
+    "geometry/AccelStamped": [HEADER, "geometry_msgs/Accel accel"],
+    "visualization/UVCoordinate": ["float32 u", "float32 v"],
+    "visualization/MeshFile": ["string filename", "uint8[] data"],
+    "visualization/MarkerArray": ["visualization_msgs/Marker[] markers"],
+    "visualization/Marker": [
+        "int32 ARROW=0", "int32 CUBE=1", "int32 SPHERE=2", "int32 CYLINDER=3", "int32 LINE_STRIP=4",
+        "int32 LINE_LIST=5", "int32 CUBE_LIST=6", "int32 SPHERE_LIST=7", "int32 POINTS=8",
+        "int32 TEXT_VIEW_FACING=9", "int32 MESH_RESOURCE=10", "int32 TRIANGLE_LIST=11", "int32 ARROW_STRIP=12",
+        "int32 ADD=0", "int32 MODIFY=0", "int32 DELETE=2", "int32 DELETEALL=3",
+        HEADER, "string ns", "int32 id", "int32 type", "int32 action", "geometry_msgs/Pose pose",
+        "geometry_msgs/Vector3 scale", "std_msgs/ColorRGBA color", "builtin_interfaces/Duration lifetime",
+        "bool frame_locked", "geometry_msgs/Point[] points", "std_msgs/ColorRGBA[] colors",
+        "string texture_resource", "sensor_msgs/CompressedImage texture",
+        "visualization_msgs/UVCoordinate[] uv_coordinates", "string text", "string mesh_resource",
+        "visualization_msgs/MeshFile mesh_file", "bool mesh_use_embedded_materials",
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_the_fields_of_these_types_are_all_of_ros_in_its_order(name: str) -> None:
+    lines = [line for line in ros_text.ros_text(name).splitlines() if not line.startswith("#")]
+    assert lines == SHAPES[name]
+
+
+def test_all_types_that_are_imported_later_are_compared_with_ros() -> None:
+    later = {
+        name for name in robo_messages.type_names() if robo_messages.find_type(name).__module__ in robo_messages._LATER
+    }
+    assert later <= set(SHAPES)

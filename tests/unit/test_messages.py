@@ -9,6 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import robo_messages
+from robo.errors import MessageError
+from robo.interfaces.message_input import message_of
 from robo.interfaces.ros_text import ros_text
 from robo_messages import (
     BatteryState,
@@ -174,6 +176,72 @@ def test_a_package_adds_types_of_its_own() -> None:
         robo_messages.message("geometry/Twist")(Gripper)
     with pytest.raises(ValueError, match="group/Type"):
         robo_messages.message("Gripper")
+
+
+def run(code: str) -> str:
+    """What a fresh Python prints."""
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+
+
+def test_types_that_most_nodes_do_without_are_imported_when_they_are_asked_for() -> None:
+    code = (
+        "import sys, robo_messages\n"
+        "loaded = lambda: [name.partition('.')[2] for name in sys.modules if name.startswith('robo_messages.')\n"
+        "                  and name in robo_messages._LATER]\n"
+        "'std/Float64' in robo_messages.type_names(), dir(robo_messages), robo_messages.json_schema('geometry/Twist')\n"
+        "print(loaded())\n"
+        "robo_messages.find_type('geometry/PoseArray')\n"
+        "print(loaded())\n"
+        "from robo_messages import Float64\n"
+        "print(loaded(), robo_messages.type_name(Float64), robo_messages.Float64 is Float64)\n"
+    )
+    assert run(code).splitlines() == [
+        "[]", "['geometry_more']", "['geometry_more', 'std_numbers'] std/Float64 True",
+    ]  # fmt: skip
+
+
+def test_what_is_imported_later_is_what_its_modules_say() -> None:
+    names = {name for module in robo_messages._LATER.values() for name in module.split()}
+    assert names <= set(robo_messages.__all__)
+    for module, types in robo_messages._LATER.items():
+        there = {
+            cls.__name__ for cls in map(robo_messages.find_type, robo_messages.type_names()) if cls.__module__ == module
+        }
+        assert there == set(types.split())
+    assert {name for name in robo_messages.__all__ if not hasattr(robo_messages, name)} == set()
+    assert names <= set(dir(robo_messages))
+    with pytest.raises(AttributeError, match="no attribute 'Float65'"):
+        robo_messages.Float65  # type: ignore[attr-defined]  # noqa: B018
+
+
+def test_a_name_that_is_imported_later_is_taken_all_the_same() -> None:
+    code = (
+        "import robo_messages\n"
+        "try:\n"
+        "    @robo_messages.message('visualization/Marker')\n"
+        "    class Marker(robo_messages.Message): pass\n"
+        "except ValueError as error: print(error)\n"
+    )
+    assert run(code) == "message name 'visualization/Marker' belongs to robo_messages.visualization.Marker"
+
+
+@pytest.mark.parametrize("bits", [8, 16, 32, 64])
+def test_one_whole_number_keeps_to_its_width(bits: int) -> None:
+    for name, least, most in (
+        (f"std/Int{bits}", -(2 ** (bits - 1)), 2 ** (bits - 1) - 1),
+        (f"std/UInt{bits}", 0, 2**bits - 1),
+    ):
+        cls = robo_messages.find_type(name)
+        for value in (least, most):
+            payload = msgpack.packb({"data": value})
+            assert robo_messages.encode(robo_messages.decode(payload, cls)) == payload
+            assert message_of(cls, {"data": value}) == robo_messages.decode(payload, cls)
+        for value in (least - 1, most + 1):
+            with pytest.raises(MessageError, match=rf"^{name}.data: expected int"):
+                message_of(cls, {"data": value})
+            if bits < 64:
+                with pytest.raises(msgspec.ValidationError, match="data"):
+                    robo_messages.decode(msgpack.packb({"data": value}), cls)
 
 
 def test_unknown_names_and_types_say_what_to_do() -> None:
