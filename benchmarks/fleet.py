@@ -10,11 +10,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
 import psutil
+import zenoh
 
 from benchmarks.__main__ import machine
 from robo.tools import nodes, runs
@@ -23,6 +24,7 @@ from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 
 PORT = 17447
+SITE = f"tcp/127.0.0.1:{PORT}"
 MANIFEST = """
 groups:
   light:
@@ -50,97 +52,126 @@ def one_run(folder: str, robots: int) -> str:
     manifest = Path(folder) / "fleet.yaml"
     nodes_text = "{position_tracker: {service: robo_services.position_tracker}}"
     manifest.write_text(f"groups: {{light: {{replicas: {robots}, namespace: 'r${{index}}', nodes: {nodes_text}}}}}\n")
-    endpoint = f"tcp/127.0.0.1:{PORT}"
     robo = [sys.executable, "-m", "robo"]
     begin = time.monotonic()
-    command = [*robo, "up", str(manifest), "-d", "--wait", "--robot-name", "fleet", "--listen", endpoint]
+    command = [*robo, "up", str(manifest), "-d", "--wait", "--robot-name", "fleet", "--listen", SITE]
     subprocess.run(command, check=True, capture_output=True)
     took = time.monotonic() - begin
-    subprocess.run([*robo, "down", "--connect", endpoint], check=True, capture_output=True)
+    subprocess.run([*robo, "down", "--connect", SITE], check=True, capture_output=True)
     return f"as one run of {robots} robots, one node each: all ready {took:.2f} s after the command"
 
 
+class Fleet:
+    """A site's router, a client of it, and the robots that were started there.
+
+    Args:
+        manifest: what each robot runs.
+        ends: what is to be ended in the end.
+    """
+
+    def __init__(self, manifest: Path, ends: ExitStack) -> None:
+        self._manifest = manifest
+        self.processes = [self._start(ends, "router", "--listen", SITE)]
+        self.session = open_session(Network(mode="client", connect=(SITE,), timeout=10))
+        ends.callback(close_session, self.session)
+
+    def _start(self, ends: ExitStack, *words: str) -> "subprocess.Popen[bytes]":
+        command = [sys.executable, "-m", "robo", *words]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        ends.callback(process.wait, 20)
+        ends.callback(process.terminate)
+        return process
+
+    def add(self, ends: ExitStack, name: str, port: int) -> "subprocess.Popen[bytes]":
+        """Start one more robot."""
+        where = ("--listen", f"tcp/127.0.0.1:{port}", "--connect", SITE)
+        return self._start(ends, "up", str(self._manifest), "--robot-name", name, *where)
+
+    def add_many(self, ends: ExitStack, robots: int) -> float:
+        """Start so many robots. Returns how long it took until all were seen, s."""
+        begin = time.monotonic()
+        self.processes += [self.add(ends, f"r{i}", PORT + i) for i in range(1, robots + 1)]
+        self.wait_for(robots)
+        return time.monotonic() - begin
+
+    def wait_for(self, robots: int, every: float = 0.02) -> None:
+        """Wait until so many robots are seen, looking again after so many seconds."""
+        while len(nodes.list_nodes(self.session)) != robots:
+            time.sleep(every)
+
+    def all_ready(self, robots: int) -> float:
+        """When the last of the robots was ready by its own word, s since 1970."""
+        while (
+            len(ready := [e.time * 1e-9 for e in runs.EventStream(self.session).past() if e.event == "ready"]) < robots
+        ):
+            time.sleep(0.05)
+        return max(ready)
+
+
 def measure(robots: int) -> Iterator[str]:
-    site = f"tcp/127.0.0.1:{PORT}"
-    robo = [sys.executable, "-m", "robo"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as ends:
         manifest = Path(folder) / "light.yaml"
         manifest.write_text(MANIFEST)
         yield one_run(folder, robots)
-
-        def start(*words: str, until: ExitStack = stack) -> subprocess.Popen[bytes]:
-            process = subprocess.Popen([*robo, *words], **quiet)  # type: ignore[call-overload]
-            until.callback(process.wait, 20)
-            until.callback(process.terminate)
-            started: subprocess.Popen[bytes] = process
-            return started
-
-        def start_all(until: ExitStack) -> list[subprocess.Popen[bytes]]:
-            """All robots, as soon as they are seen; how long that took is in `took`."""
-            begin = time.monotonic()
-            started = []
-            for i in range(1, robots + 1):
-                listen = ("--listen", f"tcp/127.0.0.1:{PORT + i}", "--connect", site)
-                started.append(start("up", str(manifest), "--robot-name", f"r{i}", *listen, until=until))
-            while len(nodes.list_nodes(session)) < robots:
-                time.sleep(0.02)
-            took.append(time.monotonic() - begin)
-            return started
-
-        took: list[float] = []
-        router = start("router", "--listen", site)
-        session = open_session(Network(mode="client", connect=(site,), timeout=10))
-        stack.callback(close_session, session)
+        fleet = Fleet(manifest, ends)
+        took = []
         for _ in range(ROUNDS - 1):
+            router = fleet.processes[:1]
             with ExitStack() as ended:
-                start_all(ended)
-            while nodes.list_nodes(session):
-                time.sleep(0.02)
-        processes = [router, *start_all(stack)]
+                took.append(fleet.add_many(ended, robots))
+            fleet.processes = router
+            fleet.wait_for(0)
+        took.append(fleet.add_many(ends, robots))
         seen = time.time()
         figures = f"{statistics.median(took):.2f} s ({min(took):.2f}-{max(took):.2f})"
         yield (f"{robots} robots: all seen {figures} after the first command")
-        while len(ready := [e.time * 1e-9 for e in runs.EventStream(session).past() if e.event == "ready"]) < robots:
-            time.sleep(0.05)
-        yield (f"the last one: seen {max(0.0, seen - max(ready)) * 1e3:.0f} ms after it was ready by its own word")
+        late = max(0.0, seen - fleet.all_ready(robots)) * 1e3
+        yield (f"the last one: seen {late:.0f} ms after it was ready by its own word")
+        yield from one_more(fleet, robots, ends)
+        yield at_rest(fleet.processes)
+        yield links_between(fleet.session)
 
-        # One that comes to the others: what discovery itself takes.
-        late = start(
-            "up", str(manifest), "--robot-name", "late", "--listen", f"tcp/127.0.0.1:{PORT - 1}", "--connect", site
-        )
-        begin = time.monotonic()
-        while len(nodes.list_nodes(session)) < robots + 1:
-            time.sleep(0.005)
-        yield (f"one more: seen {time.monotonic() - begin:.2f} s after its command")
-        fresh = open_session(Network(mode="client", connect=(site,)))
-        begin = time.monotonic()
-        assert len(nodes.list_nodes(fresh)) == robots + 1
-        yield (f"a new client knows all of them within {(time.monotonic() - begin) * 1e3:.0f} ms")
-        close_session(fresh)
 
-        family = [psutil.Process(p.pid) for p in (*processes, late)]
-        family += [child for p in family for child in p.children(recursive=True)]
-        time.sleep(3)
-        before = sum(sum(p.cpu_times()[:2]) for p in family)
-        time.sleep(REST)
-        used = (sum(sum(p.cpu_times()[:2]) for p in family) - before) / REST
-        resident = sum(p.memory_info().rss for p in family)
-        yield (f"at rest: {len(family)} processes, {resident / 1e6:.0f} MB resident, {used:.1%} of a core")
+def one_more(fleet: Fleet, robots: int, ends: ExitStack) -> Iterator[str]:
+    """A robot, then a client, that comes to the others: what discovery itself takes."""
+    fleet.processes.append(fleet.add(ends, "late", PORT - 1))
+    begin = time.monotonic()
+    fleet.wait_for(robots + 1, every=0.005)
+    yield (f"one more: seen {time.monotonic() - begin:.2f} s after its command")
+    fresh = open_session(Network(mode="client", connect=(SITE,)))
+    begin = time.monotonic()
+    assert len(nodes.list_nodes(fresh)) == robots + 1
+    yield (f"a new client knows all of them within {(time.monotonic() - begin) * 1e3:.0f} ms")
+    close_session(fresh)
 
-        found = admin.routers(session, 5.0)
-        own = {router.zid: router for router in found}
-        centre = next(router for router in found if router.name == "router")
-        between = [
-            (router.name, own[one.zid].name)
-            for router in found
-            for one in router.sessions
-            if one.zid in own and centre.zid not in (router.zid, one.zid)
-        ]
-        status = nodes.all_status(session, 5.0)
-        zids = {one.zid for one in status.values()}
-        links = [one.node for one in status.values() if zids & set(one.links) - {one.zid}]
-        yield (f"links between robots: {json.dumps(between)} of routers, {json.dumps(links)} of nodes")
+
+def at_rest(started: Sequence["subprocess.Popen[bytes]"]) -> str:
+    """What the processes and their children hold and use while nothing happens."""
+    family = [psutil.Process(p.pid) for p in started]
+    family += [child for p in family for child in p.children(recursive=True)]
+    time.sleep(3)
+    before = sum(sum(p.cpu_times()[:2]) for p in family)
+    time.sleep(REST)
+    used = (sum(sum(p.cpu_times()[:2]) for p in family) - before) / REST
+    resident = sum(p.memory_info().rss for p in family)
+    return f"at rest: {len(family)} processes, {resident / 1e6:.0f} MB resident, {used:.1%} of a core"
+
+
+def links_between(session: zenoh.Session) -> str:
+    """Which routers and nodes of one robot are linked to those of another; there should be none."""
+    found = admin.routers(session, 5.0)
+    own = {router.zid: router for router in found}
+    centre = next(router for router in found if router.name == "router")
+    between = [
+        (router.name, own[one.zid].name)
+        for router in found
+        for one in router.sessions
+        if one.zid in own and centre.zid not in (router.zid, one.zid)
+    ]
+    status = nodes.all_status(session, 5.0)
+    zids = {one.zid for one in status.values()}
+    links = [one.node for one in status.values() if zids & set(one.links) - {one.zid}]
+    return f"links between robots: {json.dumps(between)} of routers, {json.dumps(links)} of nodes"
 
 
 if __name__ == "__main__":

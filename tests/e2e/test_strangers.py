@@ -7,7 +7,8 @@ import psutil
 import pytest
 import zenoh
 
-from benchmarks.abuse import MOST_GROWTH, Stranger, memory, processes, throw
+from benchmarks.abuse import MOST_GROWTH, memory, processes, throw
+from benchmarks.stranger import Stranger
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from tests.support import Command, Inbox, eventually, robo, run_robo
