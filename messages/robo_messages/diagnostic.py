@@ -15,7 +15,9 @@ class KeyValue(Message):
     """One figure of a status, as text."""
 
     key: str = ""
+    """What the figure is."""
     value: str = ""
+    """The figure, with its unit where it has one."""
 
 
 @message("diagnostic/DiagnosticStatus")
@@ -30,9 +32,13 @@ class DiagnosticStatus(Message):
     level: Annotated[int, Meta(ge=0, le=3, extra={"ros": "byte"})] = 0
     """OK, WARN, ERROR or STALE."""
     name: str = ""
+    """The component: a node's full name, for example."""
     message: str = ""
+    """How it does, in a sentence."""
     hardware_id: str = ""
+    """The device, for example its serial number."""
     values: list[KeyValue] = []
+    """Figures beside it."""
 
 
 @message("diagnostic/DiagnosticArray")
@@ -40,4 +46,6 @@ class DiagnosticArray(Message):
     """How well several components do."""
 
     header: Header = field(default_factory=Header)
+    """When all of it was so."""
     status: list[DiagnosticStatus] = []
+    """One for each component."""

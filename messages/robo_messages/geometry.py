@@ -16,8 +16,11 @@ class Vector3(Message):
     """A free vector; its unit is that of the field that holds it."""
 
     x: float = 0.0
+    """In the unit of the field that holds the vector."""
     y: float = 0.0
+    """As x."""
     z: float = 0.0
+    """As x."""
 
 
 @message("geometry/Point")
@@ -25,8 +28,11 @@ class Point(Message):
     """A position, m."""
 
     x: float = 0.0
+    """Forward, m."""
     y: float = 0.0
+    """To the left, m."""
     z: float = 0.0
+    """Up, m."""
 
 
 @message("geometry/Quaternion")
@@ -34,9 +40,13 @@ class Quaternion(Message):
     """An orientation as a unit quaternion; the default is the identity."""
 
     x: float = 0.0
+    """x of the turn's axis times sin(a / 2), where a is its angle; without unit."""
     y: float = 0.0
+    """The same of y."""
     z: float = 0.0
+    """The same of z."""
     w: float = 1.0
+    """cos(a / 2)."""
 
 
 @message("geometry/Pose")
@@ -44,7 +54,9 @@ class Pose(Message):
     """Position (m) and orientation."""
 
     position: Point = field(default_factory=Point)
+    """m."""
     orientation: Quaternion = field(default_factory=Quaternion)
+    """The turn from the frame's axes to its own."""
 
 
 @message("geometry/PoseStamped")
@@ -52,7 +64,9 @@ class PoseStamped(Message):
     """A pose in the header's frame at the header's time."""
 
     header: Header = field(default_factory=Header)
+    """The frame and time of the pose."""
     pose: Pose = field(default_factory=Pose)
+    """m."""
 
 
 @message("geometry/PoseWithCovariance")
@@ -60,6 +74,7 @@ class PoseWithCovariance(Message):
     """A pose and how sure it is."""
 
     pose: Pose = field(default_factory=Pose)
+    """The most likely one, m."""
     covariance: Covariance6 = ZEROS_6X6
     """36 numbers, 6x6 row-major over (x, y, z, rotation about x, y, z); m², m·rad, rad²."""
 
@@ -82,7 +97,9 @@ class TwistStamped(Message):
     """A velocity in the header's frame at the header's time."""
 
     header: Header = field(default_factory=Header)
+    """The frame and time of the velocity."""
     twist: Twist = field(default_factory=Twist)
+    """m/s and rad/s."""
 
 
 @message("geometry/TwistWithCovariance")
@@ -90,6 +107,7 @@ class TwistWithCovariance(Message):
     """A velocity and how sure it is."""
 
     twist: Twist = field(default_factory=Twist)
+    """The most likely one, m/s and rad/s."""
     covariance: Covariance6 = ZEROS_6X6
     """36 numbers, 6x6 row-major over (x, y, z, rotation about x, y, z); m²/s², m·rad/s², rad²/s²."""
 
@@ -104,6 +122,7 @@ class Transform(Message):
     translation: Vector3 = field(default_factory=Vector3)
     """m."""
     rotation: Quaternion = field(default_factory=Quaternion)
+    """The turn from the parent's axes to the child's."""
 
 
 @message("geometry/TransformStamped")
@@ -113,4 +132,6 @@ class TransformStamped(Message):
     header: Header = field(default_factory=Header)
     """Its `frame_id` is the parent frame."""
     child_frame_id: str = ""
+    """The child frame."""
     transform: Transform = field(default_factory=Transform)
+    """m."""

@@ -29,7 +29,9 @@ class Path(Message):
     """Poses to follow, in order."""
 
     header: Header = field(default_factory=Header)
+    """The frame of all poses, and when the path was made."""
     poses: list[PoseStamped] = []
+    """In the order in which they are to be reached, m."""
 
 
 @message("nav/MapMetaData")
@@ -37,6 +39,7 @@ class MapMetaData(Message):
     """The size and place of a grid map."""
 
     map_load_time: Time = field(default_factory=Time)
+    """When the map was loaded."""
     resolution: Float32 = 0.0
     """m per cell."""
     width: UInt32 = 0
@@ -52,7 +55,9 @@ class OccupancyGrid(Message):
     """A grid map of free and occupied space."""
 
     header: Header = field(default_factory=Header)
+    """The map's frame, and since when it is as it says."""
     info: MapMetaData = field(default_factory=MapMetaData)
+    """Its size and place."""
     data: SignedBytes = memoryview(b"")
     """height x width cells, one signed byte each (`data.cast("b")`), row-major from (0, 0):
     0 free … 100 occupied, -1 unknown. A binary field: a map has a million cells."""

@@ -57,7 +57,9 @@ class Imu(Message):
     """
 
     header: Header = field(default_factory=Header)
+    """When it was measured, and the sensor's frame."""
     orientation: Quaternion = field(default_factory=Quaternion)
+    """The turn from the world's axes to the sensor's."""
     orientation_covariance: Covariance3 = ZEROS_3X3
     """9 numbers, 3x3 row-major about x, y, z; rad²."""
     angular_velocity: Vector3 = field(default_factory=Vector3)
@@ -80,7 +82,9 @@ class JointState(Message):
     """The state of named joints; each array is empty or as long as `name`."""
 
     header: Header = field(default_factory=Header)
+    """When it was measured."""
     name: list[str] = []
+    """The joints."""
     position: list[float] = []
     """rad or m."""
     velocity: list[float] = []
@@ -116,6 +120,7 @@ class BatteryState(Message):
     POWER_SUPPLY_TECHNOLOGY_LIMN: ClassVar[int] = 6
 
     header: Header = field(default_factory=Header)
+    """When it was measured."""
     voltage: Float32 = 0.0
     """V."""
     temperature: Float32 = math.nan
@@ -137,12 +142,15 @@ class BatteryState(Message):
     power_supply_technology: UInt8 = 0
     """One of POWER_SUPPLY_TECHNOLOGY_…"""
     present: bool = False
+    """Whether there is a battery."""
     cell_voltage: list[Float32] = []
     """V, one per cell, or empty; NaN where a cell is not measured."""
     cell_temperature: list[Float32] = []
     """°C, one per cell, or empty; NaN where a cell is not measured."""
     location: str = ""
+    """Where it is in the robot."""
     serial_number: str = ""
+    """What it says of itself."""
 
 
 @message("sensor/Range")
@@ -153,6 +161,7 @@ class Range(Message):
     INFRARED: ClassVar[int] = 1
 
     header: Header = field(default_factory=Header)
+    """When it was measured, and the frame whose x axis is the cone's."""
     radiation_type: UInt8 = 0
     """ULTRASOUND or INFRARED."""
     field_of_view: Float32 = 0.0
@@ -172,6 +181,7 @@ class Image(Message):
     """An uncompressed picture."""
 
     header: Header = field(default_factory=Header)
+    """When it was taken, and the camera's frame: z into the picture, x right, y down."""
     height: UInt32 = 0
     """Rows."""
     width: UInt32 = 0
@@ -179,6 +189,7 @@ class Image(Message):
     encoding: str = ""
     """Channels and their width, for example `rgb8`, `mono8`, `16UC1`."""
     is_bigendian: UInt8 = 0
+    """1 where the bytes of a value begin with the highest."""
     step: UInt32 = 0
     """Bytes in a row."""
     data: memoryview = memoryview(b"")
@@ -190,6 +201,7 @@ class CompressedImage(Message):
     """A compressed picture."""
 
     header: Header = field(default_factory=Header)
+    """As of `Image`."""
     format: str = ""
     """For example `jpeg`, `png`."""
     data: memoryview = memoryview(b"")
@@ -221,7 +233,9 @@ class NavSatFix(Message):
     COVARIANCE_TYPE_KNOWN: ClassVar[int] = 3
 
     header: Header = field(default_factory=Header)
+    """When it was measured, and the antenna's frame."""
     status: NavSatStatus = field(default_factory=NavSatStatus)
+    """Whether there is a fix."""
     latitude: float = 0.0
     """°, north positive."""
     longitude: float = 0.0
@@ -251,6 +265,7 @@ class PointField(Message):
     FLOAT64: ClassVar[int] = 8
 
     name: str = ""
+    """For example `x`, `intensity`."""
     offset: UInt32 = 0
     """Bytes from the start of the point."""
     datatype: Annotated[int, Meta(ge=0, le=8, extra={"ros": "uint8"})] = 0
@@ -264,12 +279,15 @@ class PointCloud2(Message):
     """Points in space, in rows."""
 
     header: Header = field(default_factory=Header)
+    """When it was measured, and the frame of the points."""
     height: UInt32 = 0
     """Rows; 1 for a cloud without order."""
     width: UInt32 = 0
     """Points in a row."""
     fields: list[PointField] = []
+    """What each point's bytes hold."""
     is_bigendian: bool = False
+    """The bytes of a value begin with the highest."""
     point_step: UInt32 = 0
     """Bytes of a point."""
     row_step: UInt32 = 0
@@ -285,6 +303,7 @@ class Joy(Message):
     """A game pad."""
 
     header: Header = field(default_factory=Header)
+    """When a button or an axis moved."""
     axes: list[Float32] = []
     """-1 to 1."""
     buttons: list[Int32] = []

@@ -23,6 +23,7 @@ class Trigger:
         """How it went."""
 
         success: bool = True
+        """Whether it is done."""
         message: str = ""
         """What was done, or why not."""
 
@@ -35,12 +36,14 @@ class SetBool:
         """On or off."""
 
         data: bool = False
+        """True for on."""
 
     @message("std/SetBool_Response")
     class Response(Message):
         """How it went."""
 
         success: bool = True
+        """Whether it is done."""
         message: str = ""
         """What was done, or why not."""
 

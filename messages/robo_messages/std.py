@@ -85,6 +85,7 @@ class Bool(Message):
     """One truth value."""
 
     data: bool = False
+    """True or false."""
 
 
 @message("std/String")
@@ -92,3 +93,4 @@ class String(Message):
     """One text."""
 
     data: str = ""
+    """The text."""

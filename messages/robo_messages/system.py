@@ -16,6 +16,7 @@ class Clock(Message):
     """The time that nodes with `use_sim_time` follow."""
 
     clock: Time = field(default_factory=Time)
+    """The time of now."""
 
 
 @message("system/Log")
@@ -29,14 +30,19 @@ class Log(Message):
     FATAL: ClassVar[int] = 50
 
     stamp: Time = field(default_factory=Time)
+    """When it was said."""
     level: UInt8 = 0
     """DEBUG, INFO, WARN, ERROR or FATAL."""
     name: str = ""
     """The node's full name."""
     msg: str = ""
+    """What was said."""
     file: str = ""
+    """The source file that said it."""
     function: str = ""
+    """The function that said it."""
     line: UInt32 = 0
+    """The line in the file."""
 
 
 @message("system/Parameter")
@@ -44,7 +50,9 @@ class Parameter(Message):
     """A parameter and its value, in its own type."""
 
     name: str = ""
+    """With dots within a Struct: `gains.p`."""
     value: Any = None
+    """In the unit that `robo param describe` tells."""
 
 
 @message("system/ParameterEvent")
@@ -52,8 +60,12 @@ class ParameterEvent(Message):
     """What changed in a node's parameters."""
 
     stamp: Time = field(default_factory=Time)
+    """When they changed."""
     node: str = ""
     """The node's full name."""
     new_parameters: list[Parameter] = []
+    """Those that have been added: none, for a node of robo's has all of its own from its start."""
     changed_parameters: list[Parameter] = []
+    """Those that have changed, with their new values."""
     deleted_parameters: list[Parameter] = []
+    """Those that are gone: none."""

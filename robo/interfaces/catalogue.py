@@ -15,10 +15,8 @@ import math
 import os
 import re
 import sys
-import textwrap
 from collections.abc import Iterator
 from importlib.metadata import entry_points
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_origin, get_type_hints
 
@@ -29,6 +27,7 @@ import robo_messages
 from robo.environment import MESSAGES_VARIABLE
 from robo.errors import ContractError, UnreadableFile
 from robo.interfaces.message_input import field_types
+from robo.text.docstrings import attribute_docs, first_sentence
 from robo.text.files import read_bytes
 from robo.text.import_errors import explained
 from robo.text.suggestions import closest
@@ -94,7 +93,7 @@ def listed() -> list[Listed]:
         if name in robo_messages.type_names():
             type_ = robo_messages.find_type(name)
             owner = _owner(type_) if kind == "service" else type_
-            about, source = _first_sentence(owner), type_.__module__
+            about, source = first_sentence(owner.__doc__ or ""), type_.__module__
         else:
             about, source = "", str(_in_folder(os.getcwd())[name])
         found.setdefault(service, Listed(service, kind, about, source))
@@ -156,7 +155,7 @@ def halves(name: str) -> list[str]:
 
 def describe(type_: type[Message]) -> Interface:
     """All that is known of a message type."""
-    docs = _field_docs(type_)
+    docs = attribute_docs(type_)
     types = field_types(type_)
     fields = [
         FieldInfo(field.encode_name, types[field.encode_name], _default(field), docs.get(field.name, ""))
@@ -209,36 +208,10 @@ def _default(field: Any) -> object:
     return None
 
 
-def _first_sentence(owner: type[Any]) -> str:
-    paragraph = " ".join(inspect.cleandoc(owner.__doc__ or "").partition("\n\n")[0].split())
-    end = re.search(r"\.(?=\s|$)", paragraph)
-    return paragraph[: end.end()] if end is not None else paragraph
-
-
 def _owner(type_: type[Message]) -> type[Any]:
     """The class that a service's two halves stand in; a half itself where they stand alone."""
     outer = getattr(sys.modules[type_.__module__], type_.__qualname__.rpartition(".")[0], None)
     return outer if isinstance(outer, type) else type_
-
-
-def _field_docs(type_: type[Message]) -> dict[str, str]:
-    """The strings below the fields of a class, which Python reads and forgets."""
-    try:
-        tree = ast.parse(textwrap.dedent(inspect.getsource(type_)))
-    except (OSError, TypeError, SyntaxError):
-        return {}
-    body = tree.body[0].body if tree.body and isinstance(tree.body[0], ast.ClassDef) else []
-    docs = {}
-    for said, after in pairwise(body):
-        if (
-            isinstance(said, ast.AnnAssign)
-            and isinstance(said.target, ast.Name)
-            and isinstance(after, ast.Expr)
-            and isinstance(after.value, ast.Constant)
-            and isinstance(after.value.value, str)
-        ):
-            docs[said.target.id] = " ".join(after.value.value.split())
-    return docs
 
 
 @functools.cache

@@ -40,14 +40,16 @@ class CarmenPlayer(Node):
             Meta(description="publish /clock: time is that of the records, for nodes with use_sim_time"),
             READ_ONLY,
         ] = False
-        odom_frame: str = "odom"
-        base_frame: str = "base_link"
-        laser_frame: str = "base_laser"
+        odom_frame: Annotated[str, Meta(description="the frame of odometry's poses")] = "odom"
+        base_frame: Annotated[str, Meta(description="the frame of odometry's velocities")] = "base_link"
+        laser_frame: Annotated[str, Meta(description="the frame of scans")] = "base_laser"
 
     parameters: Parameters
 
     odometry = Publisher(Odometry, "odom", depth=KEEP_ALL)
+    """The odometry of the log."""
     scans = Publisher(LaserScan, "scan", depth=KEEP_ALL)
+    """The laser scans of the log."""
 
     def on_start(self) -> None:
         """Open the log, so that a wrong name is told at once."""

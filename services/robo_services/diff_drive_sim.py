@@ -75,16 +75,26 @@ class DiffDriveSim(Node):
         world: Annotated[
             str, Meta(description="YAML file of walls, boxes and circles; empty: a 10 m room"), READ_ONLY
         ] = ""
-        x: Annotated[float, Meta(description="where it starts"), Unit("m"), READ_ONLY] = 0.0
-        y: Annotated[float, Meta(description="where it starts"), Unit("m"), READ_ONLY] = 0.0
+        x: Annotated[float, Meta(description="where it starts, along x of the world"), Unit("m"), READ_ONLY] = 0.0
+        y: Annotated[float, Meta(description="where it starts, along y"), Unit("m"), READ_ONLY] = 0.0
         yaw: Annotated[float, Meta(description="where it looks at the start"), Unit("rad"), READ_ONLY] = 0.0
-        seed: Annotated[int, Meta(description="of the laser's noise"), READ_ONLY] = 0
-        radius: Annotated[float, Meta(gt=0, description="of the round base"), Unit("m"), READ_ONLY] = 0.2
-        max_linear_velocity: Annotated[float, Meta(gt=0), Unit("m/s"), READ_ONLY] = 1.5
-        max_angular_velocity: Annotated[float, Meta(gt=0), Unit("rad/s"), READ_ONLY] = 3.0
-        linear_acceleration: Annotated[float, Meta(gt=0), Unit("m/s²"), READ_ONLY] = 2.0
-        linear_deceleration: Annotated[float, Meta(gt=0), Unit("m/s²"), READ_ONLY] = 5.0
-        angular_acceleration: Annotated[float, Meta(gt=0), Unit("rad/s²"), READ_ONLY] = 6.0
+        seed: Annotated[
+            int, Meta(description="what the laser's noise begins from: the same seed, the same noise"), READ_ONLY
+        ] = 0
+        radius: Annotated[float, Meta(gt=0, description="radius of the round base"), Unit("m"), READ_ONLY] = 0.2
+        max_linear_velocity: Annotated[float, Meta(gt=0, description="it drives no faster"), Unit("m/s"), READ_ONLY] = (
+            1.5
+        )
+        max_angular_velocity: Annotated[
+            float, Meta(gt=0, description="it turns no faster"), Unit("rad/s"), READ_ONLY
+        ] = 3.0
+        linear_acceleration: Annotated[float, Meta(gt=0, description="how it gains speed"), Unit("m/s²"), READ_ONLY] = (
+            2.0
+        )
+        linear_deceleration: Annotated[float, Meta(gt=0, description="how it brakes"), Unit("m/s²"), READ_ONLY] = 5.0
+        angular_acceleration: Annotated[
+            float, Meta(gt=0, description="how its turning changes"), Unit("rad/s²"), READ_ONLY
+        ] = 6.0
         cmd_vel_timeout: Annotated[
             float, Meta(ge=0.01, le=10, description="stand still without a command for this long"), Unit("s")
         ] = 0.5
@@ -98,9 +108,13 @@ class DiffDriveSim(Node):
         ] = 50.0
         laser: Annotated[bool, Meta(description="whether there is a laser")] = True
         scan_rate: Annotated[float, Meta(ge=0.1, le=100, description="scans per second"), Unit("Hz")] = 10.0
-        rays: Annotated[int, Meta(ge=1, le=10_000, description="of a scan, over the full turn"), READ_ONLY] = 360
-        range_min: Annotated[float, Meta(ge=0), Unit("m"), READ_ONLY] = 0.05
-        range_max: Annotated[float, Meta(gt=0), Unit("m"), READ_ONLY] = 12.0
+        rays: Annotated[int, Meta(ge=1, le=10_000, description="rays of a scan, over the full turn"), READ_ONLY] = 360
+        range_min: Annotated[
+            float, Meta(ge=0, description="the laser measures nothing nearer"), Unit("m"), READ_ONLY
+        ] = 0.05
+        range_max: Annotated[
+            float, Meta(gt=0, description="the laser measures nothing further"), Unit("m"), READ_ONLY
+        ] = 12.0
         range_noise: Annotated[float, Meta(ge=0, description="standard deviation of a range"), Unit("m"), READ_ONLY] = (
             0.005
         )
@@ -110,14 +124,16 @@ class DiffDriveSim(Node):
         real_time_factor: Annotated[
             float, Meta(ge=0.01, le=100, description="how fast the published time runs, 1 is real time"), READ_ONLY
         ] = 1.0
-        odom_frame: str = "odom"
-        base_frame: str = "base_link"
-        laser_frame: str = "base_laser"
+        odom_frame: Annotated[str, Meta(description="the frame of odometry's poses")] = "odom"
+        base_frame: Annotated[str, Meta(description="the frame of odometry's velocities")] = "base_link"
+        laser_frame: Annotated[str, Meta(description="the frame of scans")] = "base_laser"
 
     parameters: Parameters
 
     odometry = Publisher(Odometry, "odom")
+    """Where the base is and how fast it moves, after every step of the simulation."""
     scans = Publisher(LaserScan, "scan")
+    """What the laser measures; nothing where `laser` is false."""
 
     def on_start(self) -> None:
         """Build the world and put the base into it."""

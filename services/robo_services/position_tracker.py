@@ -31,8 +31,8 @@ class PositionTracker(Node):
 
     parameters: Parameters
 
-    # x, y: the position; z: the distance driven so far. Every step counts, so nothing may be dropped.
-    position = Publisher(Point, "current_position", depth=KEEP_ALL)
+    position = Publisher(Point, "current_position", depth=KEEP_ALL)  # every step counts, so nothing may be dropped
+    """x, y: the position, m; z: the distance driven so far, m."""
 
     def on_start(self) -> None:
         """Nothing is known yet."""

@@ -45,7 +45,7 @@ class SafetyMonitor(Node):
         warning_distance: Annotated[float, Meta(ge=0, description="slow down for one nearer than this"), Unit("m")] = (
             0.5
         )
-        max_speed: Annotated[float, Meta(gt=0), Unit("m/s")] = 1.0
+        max_speed: Annotated[float, Meta(gt=0, description="faster commands are slowed down to it"), Unit("m/s")] = 1.0
         sector: Annotated[
             float,
             Meta(gt=0, le=2 * math.pi, description="angle around the motion in which obstacles count"),
@@ -70,7 +70,9 @@ class SafetyMonitor(Node):
     parameters: Parameters
 
     command = Publisher(Twist, "cmd_vel")
+    """What the base is to do: a command that is passed on or slowed down, m/s and rad/s; 0 to stand."""
     state = Publisher(DiagnosticStatus, "safety_state")
+    """What it has decided and why: on every change of the reason, and once a second."""
 
     def on_start(self) -> None:
         """Nothing is known yet, so nothing is safe; what was before a restart still holds."""

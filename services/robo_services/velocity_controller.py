@@ -22,14 +22,23 @@ class VelocityController(Node):
         linear_velocity: Annotated[float, Meta(ge=-5, le=5, description="forward velocity"), Unit("m/s")] = 0.5
         angular_velocity: Annotated[float, Meta(ge=-10, le=10, description="yaw rate"), Unit("rad/s")] = 0.2
         publish_rate: Annotated[float, Meta(ge=0.1, le=1000, description="commands per second"), Unit("Hz")] = 10.0
-        max_linear_velocity: Annotated[float, Meta(ge=0, description="limit"), Unit("m/s")] = 1.0
-        max_angular_velocity: Annotated[float, Meta(ge=0, description="limit"), Unit("rad/s")] = 2.0
-        max_linear_acceleration: Annotated[float, Meta(gt=0, description="limit"), Unit("m/s²")] = 1.0
-        max_angular_acceleration: Annotated[float, Meta(gt=0, description="limit"), Unit("rad/s²")] = 2.0
+        max_linear_velocity: Annotated[
+            float, Meta(ge=0, description="it commands no more, forward or backward"), Unit("m/s")
+        ] = 1.0
+        max_angular_velocity: Annotated[
+            float, Meta(ge=0, description="it commands no more, to either side"), Unit("rad/s")
+        ] = 2.0
+        max_linear_acceleration: Annotated[
+            float, Meta(gt=0, description="how the forward velocity changes at most"), Unit("m/s²")
+        ] = 1.0
+        max_angular_acceleration: Annotated[
+            float, Meta(gt=0, description="how the yaw rate changes at most"), Unit("rad/s²")
+        ] = 2.0
 
     parameters: Parameters
 
     command = Publisher(Twist, "cmd_vel")
+    """How fast to drive, m/s and rad/s."""
 
     def on_start(self) -> None:
         """Start from standstill."""
