@@ -4,6 +4,9 @@
 <!-- file: where_am_i.py -->   the reader is told to save it under this name
 <!-- Ctrl-C after each -->     each of its commands ends before the next one
 <!-- beside: COMMAND -->       what the page takes to be running; on a line of its own, anywhere
+
+Below a command of a `console` block stands what it prints: each line comes, in this order. `…` and all numbers stand
+for what varies.
 """
 
 import re
