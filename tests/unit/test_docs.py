@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from robo.cli import ros2_words
 from tests.pages import PAGES, ROOT, blocks
 
 LANGUAGES = {"sh", "console", "text", "python", "yaml", "json", "toml", "dockerfile"}
@@ -73,3 +74,10 @@ $ robo down
     assert (file.mark, file.about, file.text) == ("file", "a.py", "pass\n")
     assert list(console.commands()) == [("robo ps", ["nobody"]), ("robo down", [])]
     assert console.mark == ""
+
+
+def test_the_page_for_those_who_come_from_ros_2_says_what_the_commands_answer() -> None:
+    page = (ROOT / "docs" / "from_ros2.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (`.*?`) \| (.*) \|$", page.partition("## What is not there")[2], re.MULTILINE)
+    told = {word: line.replace("`", "") for words, line in rows for word in re.findall(r"`(?:ros2 )?(\w+)`", words)}
+    assert told == {word: line.replace("`", "") for word, line in ros2_words.VERBS.items()}
