@@ -72,8 +72,9 @@ def hint(text: str) -> None:
 
 
 def note(text: str) -> None:
-    """Something to know about the data, beside them."""
-    print(text, file=sys.stderr, flush=True)
+    """Something to know about the data, beside them; a line of its own, whoever else prints at this moment."""
+    sys.stderr.write(f"{text}\n")  # `print` writes the end of the line apart
+    sys.stderr.flush()
 
 
 def clock_time(nanoseconds: int) -> str:

@@ -37,8 +37,9 @@ Verdict = Literal["ok", "note", "fault"]
 _ENDED_WITHIN = 3.0
 """How long the watchdog of a run may take to end what a killed supervisor has left behind, s."""
 
-KILL_TEST_LIMIT = 2.0
-"""Within how many seconds after `kill -9` of its supervisor nothing of a run may live."""
+KILL_TEST_LIMIT = 10.0
+"""Within how many seconds after `kill -9` of its supervisor nothing of a run may live, on a busy machine too; told is
+how long it took."""
 
 _MULTICAST = ("224.0.0.224", 7446)
 

@@ -131,6 +131,7 @@ def test_a_run_looks_who_has_a_name_before_it_takes_one_more(
     presence = Presence("r1", "", mine, {}, Changes(), FakeJournal(), FakeStopping())
     presence.session = session
     held = declare(other, [claim(endpoint, "9", "/r1/lidar").token_of("/r1/lidar")])
+    eventually(lambda: bool(list(names_in_use(session, 1.0))), "the other's claim shows")
 
     async def take(name: str) -> str | None:
         return await presence.claim(name)
