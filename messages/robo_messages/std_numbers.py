@@ -116,4 +116,4 @@ class ColorRGBA(Message):
     b: width.Float32 = 0.0
     """Blue, 0 to 1."""
     a: width.Float32 = 0.0
-    """How much it covers, 0 (not seen) to 1."""
+    """How much it covers, 0 to 1; 0 is not seen."""

@@ -51,7 +51,7 @@ def _message(type_: type[Message]) -> list[str]:
     for field, said in zip(info.fields, interface.fields, strict=True):
         if said.description:
             lines.append(f"# {said.description}")
-        lines.append(f"{_type(field.type)} {field.encode_name}{_default(said.default, field.type)}")
+        lines.append(f"{ros_type(field.type)} {field.encode_name}{_default(said.default, field.type)}")
     return lines
 
 
@@ -68,14 +68,15 @@ def _said(said: tuple[Any, ...]) -> str | None:
     return str(info.extra["ros"]) if isinstance(info, inspect.Metadata) and info.extra else None
 
 
-def _type(info: inspect.Type) -> str:
+def ros_type(info: inspect.Type) -> str:
+    """A field's type as ROS writes it: `float32[]`, `geometry_msgs/Point`."""
     if isinstance(info, inspect.Metadata):
-        return str((info.extra or {}).get("ros") or _type(info.type))
+        return str((info.extra or {}).get("ros") or ros_type(info.type))
     if isinstance(info, inspect.StructType):
         return ros_name(robo_messages.type_name(info.cls)) if issubclass(info.cls, Message) else info.cls.__name__
     if isinstance(info, (inspect.ListType, inspect.VarTupleType)):
         fixed = info.min_length if info.min_length == info.max_length else None
-        return f"{_type(info.item_type)}[{'' if fixed is None else fixed}]"
+        return f"{ros_type(info.item_type)}[{'' if fixed is None else fixed}]"
     names: dict[type[inspect.Type], str] = {
         inspect.FloatType: "float64",
         inspect.IntType: "int64",

@@ -16,8 +16,8 @@ EXAMPLES = """examples:
 """
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Check, print what is wrong, and return the exit code."""
+def command_line() -> argparse.ArgumentParser:
+    """What `robo health` takes."""
     parser = argparse.ArgumentParser(
         prog="robo health",
         description="Exit code 0 if the router answers or, with NODE, if that node is ready and answers; 1 if not.",
@@ -27,7 +27,12 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("node", metavar="NODE", nargs="?", help="a node's full name")
     parser.add_argument("--connect", metavar="ENDPOINT", action="append", default=[], help="or ROBO_CONNECT")
     parser.add_argument("--timeout", metavar="S", type=float, default=2.0, help="how long to wait (default 2)")
-    options = parser.parse_args(arguments)
+    return parser
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Check, print what is wrong, and return the exit code."""
+    options = command_line().parse_args(arguments)
     try:
         problem = check(options.node, options.connect, options.timeout)
     except RoboError as error:

@@ -1,14 +1,7 @@
 """The key space: every key and token that robo puts on the network.
 
 A token is a key that vanishes with its session, however that ends. Its last five chunks are fixed, so
-that it can be read whatever the namespace's length; `/` within a chunk is written `%`:
-
-    @robo/<namespace>/node/<node>/<class>/<pid>/<host>%<run>
-    @robo/<namespace>/claim/<node>/<robot>/<pid>/<host>%<run>
-    @robo/<namespace>/pub/<node>/<type>/<depth>%<id>/<topic key>
-    @robo/<namespace>/sub/<node>/<type>/<depth>/<topic key>
-    @robo/<namespace>/srv/<node>/<type>/0/<service key>
-    @robo/<namespace>/cli/<node>/<type>/0/<service key>
+that it can be read whatever the namespace's length; `/` within a chunk is written `%`.
 
 `@` keeps tokens out of `**`. A node declares its node token last: whoever sees that token knows
 everything else about the node, so it says "ready" as well. `<run>` is the id of the run that the node
@@ -40,7 +33,9 @@ _MOST_DIGITS = 9
 
 class _OfNode(msgspec.Struct, frozen=True):
     namespace: str
+    """The node's; where the node is in none, the chunk is left out."""
     node: str
+    """Its name."""
 
     @property
     def full_name(self) -> str:
@@ -54,8 +49,11 @@ class NodeToken(_OfNode, frozen=True):
     ALL: ClassVar[str] = f"{PREFIX}/**/node/*/*/*/*"
 
     class_name: str
+    """The node's class, `module:Class`."""
     pid: int
+    """Of its process."""
     host: str
+    """The name of the machine."""
     run: str = ""
     """The id of its run; empty for a node that is run alone."""
 
@@ -75,7 +73,9 @@ class ClaimToken(_OfNode, frozen=True):
     pid: int
     """Of the process that starts the node."""
     host: str
+    """The name of the machine."""
     run: str
+    """The id of the run."""
 
     def key(self) -> str:
         """The token's key expression."""
@@ -88,9 +88,11 @@ class EndpointToken(_OfNode, frozen=True):
 
     kind: EndpointKind
     type_name: str
+    """The type of its messages, or of the service."""
     depth: int
+    """How many messages it keeps, 0 for all; of a service and a client always 0."""
     topic: str
-    """The key expression."""
+    """The topic's key expression, or the service's."""
     id: str = ""
     """Of a publisher: Zenoh's id of it, as `source_id` makes it."""
 
@@ -140,12 +142,16 @@ def tokens_of_publishers(topic: str) -> str:
 
 
 def status_key(namespace: str, node: str) -> str:
-    """Where a node answers queries about its counters; `*` asks all nodes of a namespace."""
+    """Where a node answers queries about what it has seen: messages published, received, malformed and dropped, calls
+    served, errors, skipped ticks, uptime, the callback that runs, links. `*` asks all nodes of a namespace.
+    """
     return names.join(PREFIX, namespace, "status", node)
 
 
 def control_key(robot: str, verb: str) -> str:
-    """Where a supervisor answers to `ps`, `why`, `events`, `logs`, `stop`, `start`, `restart` and `down`."""
+    """Where a supervisor answers: `ps`, `why`, `events`, `logs` and `sites` tell; `stop`, `start`, `restart` and
+    `down`, asked on exactly this key, act.
+    """
     return names.join(PREFIX, robot, "supervisor", verb)
 
 
@@ -153,8 +159,11 @@ class SupervisorToken(msgspec.Struct, frozen=True):
     """Which process a supervisor is: a liveliness token that vanishes with it."""
 
     robot: str
+    """What the run is called: the robot's namespace."""
     pid: int
+    """Of the supervisor."""
     machine: str
+    """The name of the machine."""
     part: str = ""
     """The host of the manifest whose part it runs; empty for all of it."""
     zid: str = ""
@@ -169,7 +178,7 @@ class SupervisorToken(msgspec.Struct, frozen=True):
 
 
 def supervisors_key(robot: str) -> str:
-    """The tokens of all supervisors of a robot."""
+    """The liveliness tokens of all supervisors of a robot."""
     return names.join(PREFIX, robot, "run", "*", "*")
 
 
@@ -184,12 +193,12 @@ def parse_supervisor_token(key: str) -> SupervisorToken | None:
 
 
 def log_key(robot: str) -> str:
-    """Where a supervisor publishes what its processes print."""
+    """Where a supervisor publishes what its processes print, line by line."""
     return names.join(PREFIX, robot, "output")
 
 
 def event_key(robot: str) -> str:
-    """Where a supervisor publishes its events."""
+    """Where a supervisor publishes what happens in its run."""
     return names.join(PREFIX, robot, "events")
 
 
@@ -200,7 +209,9 @@ SYSTEM_TOPICS = {LOG_TOPIC: "system/Log", PARAMETER_EVENTS_TOPIC: "system/Parame
 
 
 def parameters_key(namespace: str, node: str, verb: str) -> str:
-    """The key of a verb; `*` for all of them, or for all nodes of a namespace."""
+    """Where a node answers queries about its parameters: `list`, `get`, `describe` and `explain` tell; `set`, asked on
+    exactly this key, acts. `*` asks for all verbs, or all nodes of a namespace.
+    """
     return names.join(namespace, node, "parameters", verb)
 
 

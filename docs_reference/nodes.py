@@ -1,0 +1,149 @@
+"""The page of nodes that ship, from their contracts."""
+
+import importlib
+import math
+import pkgutil
+from collections.abc import Iterable, Iterator
+
+import robo
+import robo_services
+from docs_reference import messages
+from docs_reference.markdown import Gap, code, described, paragraphs, prose, sentence, table
+from robo.launch.expression import as_text
+from robo.node.contract import ClientDeclaration, Contract, ServiceDeclaration, contract_of
+from robo.parameters.hints import ParameterInfo, range_text
+from robo.text.docstrings import attribute_docs, first_sentence
+from robo.wire.keys import SYSTEM_TOPICS
+from robo.wire.qos import KEEP_ALL
+from robo_messages import service_type_name, type_name
+
+WITHOUT_UNIT = {"carmen_player.rate", "diff_drive_sim.real_time_factor"}
+"""Numbers with a point that are ratios; all others have a unit."""
+
+
+def lines() -> list[str]:
+    """The page's lines."""
+    found = [
+        "Names of topics and services are relative: they stand in the node's namespace, which is the robot's name, and",
+        "can be remapped. *At the start* marks a parameter that can be set only then; all others can be set while",
+        "the node runs.",
+        "",
+        "Every node also publishes " + " and ".join(
+            f"{code(topic)} ({messages.link_to(type_)})" for topic, type_ in SYSTEM_TOPICS.items()
+        ) + f", has the parameter {code('use_sim_time')}, and answers the queries of [the key space](keys.md).",
+        "",
+    ]  # fmt: skip
+    for cls in shipped():
+        found += _node(cls)
+    return found
+
+
+def shipped() -> Iterator[type[robo.Node]]:
+    """The node classes that ship, by the names of their modules."""
+    for module in sorted(one.name for one in pkgutil.iter_modules(robo_services.__path__)):
+        for value in vars(importlib.import_module(f"robo_services.{module}")).values():
+            if isinstance(value, type) and issubclass(value, robo.Node) and value.__module__.endswith(f".{module}"):
+                yield value
+
+
+def _node(cls: type[robo.Node]) -> list[str]:
+    contract = contract_of(cls)
+    return [
+        f"## {contract.name}",
+        "",
+        *paragraphs(described(contract.description, contract.name)),
+        f"{code(f'robo run {cls.__module__}')}, or {code(f'service: {cls.__module__}')} in a manifest.",
+        "",
+        *_topics(cls, contract),
+        *_services(cls, contract),
+        *_parameters(contract),
+    ]
+
+
+def _topics(cls: type[robo.Node], contract: Contract) -> list[str]:
+    docs = attribute_docs(cls)
+    header = ("topic", "type", "depth", "what")
+    subscribed = [
+        (code(s.topic), messages.link_to(type_name(s.message_type)), _depth(s.depth), _said(cls, s.method))
+        for s in contract.subscriptions
+    ]
+    published = [
+        (
+            code(p.topic),
+            messages.link_to(type_name(p.message_type)),
+            _depth(p.depth),
+            prose(described(docs.get(p.attribute, ""), f"{cls.__name__}.{p.attribute}")),
+        )
+        for p in contract.publishers
+    ]
+    timers = [(code(t.method), _rate(t.rate), _said(cls, t.method)) for t in contract.timers]
+    return [
+        *_titled("Subscribes", table(header, subscribed)),
+        *_titled("Publishes", table(header, published)),
+        *_titled("Timers", table(("callback", "rate", "what"), timers)),
+    ]
+
+
+def _services(cls: type[robo.Node], contract: Contract) -> list[str]:
+    docs = attribute_docs(cls)
+    served = [(code(s.service), _service_type(s), _said(cls, s.method)) for s in contract.services]
+    called = [
+        (
+            code(c.service),
+            _service_type(c),
+            prose(described(docs.get(c.attribute, ""), f"{cls.__name__}.{c.attribute}")),
+        )
+        for c in contract.clients
+    ]
+    header = ("service", "type", "what")
+    return [*_titled("Services", table(header, served)), *_titled("Calls", table(header, called))]
+
+
+def _service_type(declared: ServiceDeclaration | ClientDeclaration) -> str:
+    return messages.link_to(service_type_name(declared.request_type, declared.response_type))
+
+
+def _parameters(contract: Contract) -> list[str]:
+    own = [one for one in contract.parameters if one.name != "use_sim_time"]
+    header = ("parameter", "type", "default", "unit", "range", "set", "what")
+    return _titled("Parameters", table(header, [_parameter(contract.name, one) for one in own]))
+
+
+def _parameter(node: str, info: ParameterInfo) -> tuple[str, ...]:
+    name = f"{node}.{info.name}"
+    if info.type == "float" and not info.unit and name not in WITHOUT_UNIT:
+        raise Gap(f"parameter {name} has no unit; put Unit(…) beside its type")
+    return (
+        code(info.name),
+        info.type,
+        code(as_text(info.default)) if info.default != "" else "empty",
+        info.unit,
+        prose(range_text({key: _short(value) for key, value in info.constraints.items()})),
+        "at the start" if info.read_only else "",
+        prose(sentence(described(info.description, f"parameter {name}"))),
+    )
+
+
+def _short(value: object) -> object:
+    """A limit; of one that is a multiple of π what it is made of."""
+    if isinstance(value, float) and value and value % math.pi == 0:
+        return f"{value / math.pi:g}π"
+    return f"{value:.15g}" if isinstance(value, float) else value
+
+
+def _depth(depth: int) -> str:
+    return "KEEP_ALL" if depth == KEEP_ALL else str(depth)
+
+
+def _rate(rate: float | str) -> str:
+    return code(rate) if isinstance(rate, str) else f"{rate:g} Hz"
+
+
+def _said(cls: type[robo.Node], method: str) -> str:
+    return prose(described(first_sentence(getattr(cls, method).__doc__ or ""), f"{cls.__name__}.{method}"))
+
+
+def _titled(title: str, body: Iterable[str]) -> list[str]:
+    """A table under its title; nothing for an empty one."""
+    rows = list(body)
+    return [f"**{title}**", "", *rows] if rows else []
