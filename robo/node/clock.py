@@ -1,7 +1,10 @@
 """What time it is, for stamps and for waiting: the wall clock, or a time that somebody publishes."""
 
+from __future__ import annotations
+
 import threading
 import time
+from collections.abc import Callable
 
 from robo_messages import Time
 
@@ -18,7 +21,27 @@ def monotonic_ns() -> int:
 class Clock:
     """The wall clock. Stamps come from it; timers and timeouts use the monotonic clock, which no
     adjustment of the wall clock can move.
+
+    Whoever brings a clock of its own (`robo.testing` does) says all of this by it.
     """
+
+    time_ns: Callable[[], int] = staticmethod(time.time_ns)
+    """What messages are stamped with as they leave, ns since the Unix epoch."""
+    arrival_ns: Callable[[], int] = staticmethod(monotonic_ns)
+    """What the age of messages is reckoned by where they arrive: time since an arbitrary start, ns."""
+
+    @property
+    def wall(self) -> Clock:
+        """The clock that goes on where simulated time stands still: itself, but for a `SimClock`."""
+        return self
+
+    def expect(self, thread: threading.Thread, *, strict: bool = True) -> None:
+        """Take note of a thread that is about to start and will wait by this clock.
+
+        Args:
+            thread: which.
+            strict: whether all it does between two waits are callbacks, which come to an end.
+        """
 
     def now(self) -> Time:
         """The time for stamps."""
@@ -56,6 +79,11 @@ class SimClock(Clock):
         self._changed = threading.Condition()
         self._nanoseconds = 0
         self._jumps = 0
+
+    @property
+    def wall(self) -> Clock:
+        """The wall clock."""
+        return Clock()
 
     def now(self) -> Time:
         """The last time that was said."""

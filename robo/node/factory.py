@@ -40,18 +40,20 @@ class EndpointFactory:
         ends: Endpoints,
         turn: Turn,
         troubles: Troubles,
+        clock: Clock,
     ) -> None:
         self.session = session
         self._identity = identity
         self._ends = ends
         self._turn = turn
         self._troubles = troubles
+        self._clock = clock
 
     def publisher(self, message_type: type[M], topic: str, depth: int) -> TopicPublisher[M]:
         """An end that publishes."""
         node = self._identity
         token = endpoint_token(node.namespace, node.name, "pub", message_type, depth, node.resolve(topic))
-        publisher = TopicPublisher(self.session, token, message_type)
+        publisher = TopicPublisher(self.session, token, message_type, self._clock)
         self._ends.add_publisher(publisher)
         return publisher
 
@@ -159,4 +161,4 @@ class EndpointFactory:
         def tell(sender: str, count: int) -> None:
             self._troubles.left_out(topic, wanted(), sender, count)
 
-        return Intake(self.session, topic, wanted if sole_source is not None else None, tell)
+        return Intake(self.session, topic, wanted if sole_source is not None else None, tell, self._clock)

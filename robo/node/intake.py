@@ -1,13 +1,12 @@
 """Who sent a message and how old it is: from a sample and the announcements of publishers to a `MessageInfo`."""
 
 import math
-import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
 import zenoh
 
-from robo.node.clock import monotonic_ns
+from robo.node.clock import Clock
 from robo.node.message_info import Clocks, MessageInfo, SoleSource
 from robo.wire import codec, keys
 from robo.wire.keys import EndpointToken
@@ -31,6 +30,7 @@ class Intake:
         topic: str,
         wanted: Callable[[], str] | None,
         tell: Callable[[str, int], None],
+        clock: Clock,
     ) -> None:
         """
         Args:
@@ -38,9 +38,11 @@ class Intake:
             topic: the key expression.
             wanted: says whose messages alone count, see `SoleSource.admits`; None: everybody's.
             tell: is told of a sender whose messages are refused, and of how many so far.
+            clock: by which messages arrive.
         """
         self._wanted = wanted
         self._tell = tell
+        self._clock = clock
         self._clocks = Clocks()
         self._sole = SoleSource()
         self._names: dict[str, str] = {}
@@ -56,11 +58,11 @@ class Intake:
     @property
     def refused(self) -> list[Refused]:
         """Whose messages were refused so far."""
-        return self._sole.refused(monotonic_ns() * 1e-9)
+        return self._sole.refused(self._clock.arrival_ns() * 1e-9)
 
     def examine(self, sample: zenoh.Sample) -> MessageInfo | None:
         """What is known of a sample; None where its sender's messages do not count."""
-        arrival = monotonic_ns()
+        arrival = self._clock.arrival_ns()
         info = self._info(sample, arrival)
         if self._wanted is None:
             return info
@@ -79,7 +81,7 @@ class Intake:
         stamp = codec.unpack_attachment(sample.attachment.to_bytes()) if sample.attachment is not None else None
         if stamp is None:
             return MessageInfo(math.inf, name, source_id)
-        age = self._clocks.age(source_id, stamp.source_time, arrival, time.time_ns())
+        age = self._clocks.age(source_id, stamp.source_time, arrival, self._clock.time_ns())
         said = _said_at(sample.timestamp, source_id)
         if said is not None:
             age += max(0.0, (stamp.source_time - said) * 1e-9)

@@ -97,7 +97,7 @@ class Life:
         """
         self.session = session or open_session(Network.from_environment("router"))
         self.ends = Endpoints()
-        self.factory = EndpointFactory(self.session, identity, self.ends, turn, troubles)
+        self.factory = EndpointFactory(self.session, identity, self.ends, turn, troubles, node.clock)
         """Makes what is added to `ends`."""
         self.is_over = False
         """Whether the node has left the network."""
@@ -181,9 +181,10 @@ class Life:
         if not overrides(node, Hooks.ready):
             self._declare_ready()
         else:
-            self._readiness = self.factory.timer(READY_PERIOD, self._check_ready, Clock())
+            self._readiness = self.factory.timer(READY_PERIOD, self._check_ready, clock.wall)
         if overrides(node, Hooks.main):
             self._main_thread = threading.Thread(target=self._run_main, name="robo-main", daemon=True)
+            clock.expect(self._main_thread, strict=False)
             self._main_thread.start()
 
     def _declare_ready(self) -> None:

@@ -266,6 +266,7 @@ class TimerLoop:
 
     def start(self) -> None:
         """Begin; the first tick comes one period from now."""
+        self._clock.expect(self._thread)
         self._thread.start()
 
     def reschedule(self) -> None:

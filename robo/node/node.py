@@ -72,6 +72,7 @@ class Node(Hooks):
         remappings: Mapping[str, str] | None = None,
         sources: Mapping[str, Sequence[Setting]] | None = None,
         session: zenoh.Session | None = None,
+        clock: Clock | None = None,
     ) -> None:
         """
         Args:
@@ -83,6 +84,7 @@ class Node(Hooks):
             sources: by parameter, all that was said of it, from the weakest to what holds.
             session: a Zenoh session to use, which stays the caller's to close; by default the node
                 opens one of its own when it starts.
+            clock: its time; by default the wall clock, or with the parameter `use_sim_time` what `/clock` says.
 
         Raises:
             ContractError, ParameterError, InvalidName: the class, a value or a name is wrong.
@@ -92,7 +94,7 @@ class Node(Hooks):
         self.name, self.namespace = self._identity.name, self._identity.namespace
         self.full_name = self._identity.full_name
         self.parameters = build(type(self).Parameters, parameters or {}, self.full_name)
-        self.clock: Clock = SimClock() if self.parameters.use_sim_time else Clock()
+        self.clock: Clock = clock or (SimClock() if self.parameters.use_sim_time else Clock())
         self.logger = NodeLogger(self.full_name[1:].replace("/", "."), lambda: self.clock.monotonic())
         self.exit_code = 0
         self.memory = Memory()

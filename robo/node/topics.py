@@ -12,6 +12,7 @@ import msgspec
 import zenoh
 
 import robo_messages
+from robo.node.clock import Clock
 from robo.node.intake import Intake
 from robo.node.loops import SubscriptionLoop
 from robo.node.message_check import MessageCheck
@@ -85,7 +86,10 @@ class TopicPublisher(Endpoint, Generic[M]):
             (see `message_check` for when this is noticed) is of another type than declared.
     """
 
-    def __init__(self, session: zenoh.Session, token: EndpointToken, message_type: type[M]) -> None:
+    def __init__(
+        self, session: zenoh.Session, token: EndpointToken, message_type: type[M], clock: Clock | None = None
+    ) -> None:
+        """`clock` says what messages are stamped with; by default the wall clock."""
         control = zenoh.CongestionControl.BLOCK if token.depth == KEEP_ALL else zenoh.CongestionControl.DROP
         self.zenoh_publisher = session.declare_publisher(
             token.topic, encoding=codec.encoding_of(message_type), congestion_control=control
@@ -96,7 +100,12 @@ class TopicPublisher(Endpoint, Generic[M]):
             made.pop_all()
         self._numbers = itertools.count(1)
         self.publish, self._silence = _fast_publish(
-            self.zenoh_publisher, message_type, token.topic, self._numbers, session.new_timestamp().get_id()
+            self.zenoh_publisher,
+            message_type,
+            token.topic,
+            self._numbers,
+            session.new_timestamp().get_id(),
+            (clock or Clock()).time_ns,
         )
 
     @property
@@ -143,6 +152,7 @@ def _fast_publish(
     topic: str,
     numbers: Iterator[int],
     clock_id: zenoh.TimestampId,
+    time_ns: Callable[[], int],
 ) -> tuple[Publish[M], Callable[[], None]]:
     """`publish`, and what makes it send nothing any more.
 
@@ -155,7 +165,7 @@ def _fast_publish(
     encode = msgspec.msgpack.Encoder().encode
     # pack_attachment(1, now), pack_attachment(2, now), …: one call that runs in C from end to end, so
     # it is quick and any thread may publish.
-    stamp = map(codec.pack_attachment, numbers, iter(time.time_ns, None)).__next__
+    stamp = map(codec.pack_attachment, numbers, iter(time_ns, None)).__next__
     check = MessageCheck(message_type, topic)
     checked = -1  # the size of the last message that was looked at
     left, begun = _COUNTED, time.monotonic()
@@ -174,7 +184,8 @@ def _fast_publish(
         try:
             if age:
                 known = age if age < LONGEST_AGE else LONGEST_AGE
-                said = zenoh.Timestamp(max(_EPOCH, datetime.now(UTC) - timedelta(seconds=known)), clock_id)
+                now = _EPOCH + timedelta(microseconds=time_ns() / 1000)
+                said = zenoh.Timestamp(max(_EPOCH, now - timedelta(seconds=known)), clock_id)
                 put(payload, attachment=stamp(), timestamp=said)
             else:
                 put(payload, attachment=stamp())

@@ -1,6 +1,5 @@
 """Plays the log of a real robot."""
 
-import time
 from collections.abc import Iterable
 from typing import Annotated
 
@@ -8,7 +7,6 @@ from msgspec import Meta
 
 import robo
 from robo import KEEP_ALL, READ_ONLY, Node, ParameterError, Publisher, Unit
-from robo.node.clock import Clock as WallClock
 from robo_messages import Clock, LaserScan, Odometry, Time
 from robo_services import carmen
 
@@ -57,7 +55,7 @@ class CarmenPlayer(Node):
             raise ParameterError(f"{self.full_name}: log names no file; give it with -p log:=FILE (robo up: log:=FILE)")
         self._records = carmen.read(self.parameters.log)
         self._first = next(self._records, None)
-        self.clock = WallClock()  # who says the time does not wait for it
+        self.clock = self.clock.wall  # who says the time does not wait for it
         if self.parameters.publish_clock:
             self._clock_topic = self.create_publisher(Clock, "/clock", depth=KEEP_ALL)
         self._latest = 0
@@ -69,7 +67,7 @@ class CarmenPlayer(Node):
     def main(self) -> None:
         """Play everything, then say what was played."""
         if self.sleep(self.parameters.delay):
-            begin = time.monotonic()
+            begin = self.clock.monotonic()
             if self._first is not None:
                 self._play(self._first, begin)
             for record in self._records:
@@ -78,7 +76,7 @@ class CarmenPlayer(Node):
                     break
                 self._play(record, begin)
             self.flush(timeout=10.0)
-            self._summarize(time.monotonic() - begin)
+            self._summarize(self.clock.monotonic() - begin)
 
     def _play(self, record: carmen.Record, begin: float) -> None:
         match record:
@@ -107,7 +105,7 @@ class CarmenPlayer(Node):
             self._clock_topic.publish(Clock(Time.from_nanoseconds(self._latest)))
         if self.parameters.rate:
             due = begin + (stamp - self._epoch) * 1e-9 / self.parameters.rate
-            self.sleep(due - time.monotonic())
+            self.sleep(due - self.clock.monotonic())
 
     def _summarize(self, seconds: float) -> None:
         self.logger.info(

@@ -9,7 +9,6 @@ from msgspec import Meta
 
 import robo
 from robo import READ_ONLY, MessageInfo, Node, Publisher, Unit, service, subscribe, timer
-from robo.node.clock import Clock as WallClock
 from robo.node.clock import SimClock
 from robo_messages import (
     Clock,
@@ -159,7 +158,7 @@ class DiffDriveSim(Node):
         )
         self._commands: deque[Command] = deque(maxlen=_REMEMBERED)
         self._arrivals = Arrivals(unstamped=True)  # of whom `command_source` lets in
-        self._wall = wall = WallClock()
+        self._wall = wall = self.clock.wall
         self._steps = 0
         if p.publish_clock:
             # Each tick of the wall clock is one step of the time that everybody follows, this node's

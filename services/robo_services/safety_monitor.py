@@ -7,7 +7,6 @@ from msgspec import Meta
 
 import robo
 from robo import READ_ONLY, MessageInfo, Node, NotKept, Publisher, Unit, service, subscribe, timer
-from robo.node.clock import Clock
 from robo_messages import DiagnosticStatus, KeyValue, LaserScan, Message, Odometry, Trigger, Twist
 from robo_services.arrivals import Arrivals, Newest
 from robo_services.safety import Action, Decision, Limits, Situation, decide
@@ -77,7 +76,7 @@ class SafetyMonitor(Node):
     def on_start(self) -> None:
         """Nothing is known yet, so nothing is safe; what was before a restart still holds."""
         self._arrivals = Arrivals(unstamped=self.parameters.unstamped)
-        self._wall = Clock()
+        self._wall = self.clock.wall
         self._command: Newest[Twist] = Newest()
         self._scan: Newest[LaserScan] = Newest()
         self._speed: float | None = None

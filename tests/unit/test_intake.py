@@ -2,14 +2,13 @@
 
 import math
 import struct
-from collections.abc import Callable, Iterator
-from types import SimpleNamespace
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 import zenoh
 
-from robo.node import intake as module
+from robo.node.clock import Clock
 from robo.node.intake import Intake
 from robo.node.message_info import LEASE, PLAIN, MessageInfo
 from robo.wire.keys import EndpointToken
@@ -73,26 +72,18 @@ class Session:
         self.hear(News(EndpointToken("r1", node, "pub", "std/String", 10, "r1/cmd", f"{zid}:1").key(), kind))
 
 
-class Clocks:
+class Clocks(Clock):
     """Time as the receiver sees it, s since the beginning."""
 
     def __init__(self) -> None:
         self.time = 0.0
-
-    def monotonic_ns(self) -> int:
-        return round(self.time * S)
-
-    def time_ns(self) -> int:
-        return WALL + self.monotonic_ns()
+        self.arrival_ns = lambda: round(self.time * S)
+        self.time_ns = lambda: WALL + round(self.time * S)
 
 
 @pytest.fixture
-def clocks(monkeypatch: pytest.MonkeyPatch) -> Iterator[Clocks]:
-    made = Clocks()
-    monkeypatch.setattr(module, "monotonic_ns", made.monotonic_ns)
-    monkeypatch.setattr("robo.node.intake.time", SimpleNamespace(time_ns=made.time_ns))
-    yield made
-    monkeypatch.undo()
+def clocks() -> Clocks:
+    return Clocks()
 
 
 class Receiver:
@@ -108,6 +99,7 @@ class Receiver:
             "r1/cmd",
             None if wanted is None else lambda: wanted,
             lambda sender, count: self.told.append((sender, count)),
+            clocks,
         )
 
     def take(self, zid: str | None, *, at: float, number: int = 1, sent: float | None = None) -> MessageInfo | None:
