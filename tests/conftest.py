@@ -22,6 +22,13 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 hypothesis.settings.register_profile("robo", deadline=None)
 hypothesis.settings.load_profile("robo")
 
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Use robo's own plugin, also where this checkout was installed before it had one."""
+    if not config.pluginmanager.hasplugin("robo"):
+        config.pluginmanager.import_plugin("robo.testing.plugin")
+
+
 INTEL_LOG = Path(__file__).parents[2] / "shared" / "data" / "intel.log.gz"
 
 

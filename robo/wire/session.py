@@ -64,6 +64,12 @@ _OVER_TCP = ("tcp/", "tls/", "ws/")
 
 _open: list[zenoh.Session] = []
 
+
+def opened() -> list[zenoh.Session]:
+    """The sessions that were opened here and are not closed yet."""
+    return list(_open)
+
+
 CLOSE_TIMEOUT = 0.6
 """How long to wait for a session to close, s. Zenoh itself waits 10 s for links that do not answer,
 and a link that is just being dialled does not."""

@@ -46,6 +46,14 @@ def test_help_needs_no_zenoh() -> None:
     assert not loaded & {"zenoh", "rich", "yaml", "psutil", "numpy", "asyncio"}
 
 
+def test_pytest_loads_the_plugin_alone() -> None:
+    loaded = modules_after("import robo.testing.plugin")
+    assert not loaded & {"zenoh", "msgspec", "robo_messages", "yaml", "psutil", "typer", "rich", "numpy"}
+    script = "import sys, robo.testing.plugin; print(*(name for name in sys.modules if name.startswith('robo')))"
+    own = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
+    assert own == ["robo", "robo.testing", "robo.testing.plugin"]
+
+
 ALWAYS_HEAVY = {"numpy", "asyncio", "pytest"}
 
 

@@ -1,0 +1,80 @@
+"""The fixtures that pytest finds where robo is installed. Nothing of robo is imported before one of them is used."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    import zenoh
+
+    from robo.testing.bench import Bench
+    from robo.testing.clock import Clock
+    from robo.testing.node import RunNode
+
+
+_EXIT_CODE = pytest.StashKey[int]()
+
+
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    """Note with what this run ends."""
+    session.config.stash[_EXIT_CODE] = int(exitstatus)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """End the run, whatever tests have left behind."""
+    leaks = sys.modules.get("robo.testing.leaks")
+    if leaks is not None:
+        leaks.end_run(config.stash.get(_EXIT_CODE, 1))
+
+
+@pytest.fixture
+def nothing_left() -> Iterator[None]:
+    """The test leaves no thread, session or process behind, or fails and says which. Robo's other fixtures use it."""
+    from robo.testing.leaks import Before
+
+    before = Before()
+    yield
+    before.check()
+
+
+@pytest.fixture
+def robo_session(nothing_left: None, monkeypatch: pytest.MonkeyPatch) -> Iterator[zenoh.Session]:
+    """A Zenoh network of this test alone: a session without links. What is said to robo in variables does not count."""
+    del nothing_left  # it looks once this session is closed
+    from robo.wire.network import Network
+    from robo.wire.session import close_session, open_session
+
+    for name in [name for name in os.environ if name.startswith("ROBO_")]:
+        monkeypatch.delenv(name)
+    session = open_session(Network(mode="peer"))
+    yield session
+    close_session(session)
+
+
+@pytest.fixture
+def _robo_bench(robo_session: zenoh.Session) -> Iterator[Bench]:
+    from robo.testing.bench import Bench
+
+    bench = Bench(robo_session)
+    yield bench
+    bench.close()
+
+
+@pytest.fixture
+def clock(_robo_bench: Bench) -> Clock:
+    """The time of the nodes that `run_node` runs: it stands still until the test lets it go on."""
+    return _robo_bench.clock
+
+
+@pytest.fixture
+def run_node(_robo_bench: Bench) -> RunNode:
+    """Runs nodes in the test's process; they end with the test."""
+    from robo.testing.node import RunNode
+
+    return RunNode(_robo_bench)

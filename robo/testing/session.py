@@ -1,0 +1,177 @@
+"""The network as a node under test sees it: what it publishes is noted, and what comes waits its turn.
+
+It stands before a real Zenoh session and hands all on; only where threads of a node would wait for Zenoh, they
+wait for the stepper.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, NamedTuple
+
+import zenoh
+
+from robo.testing.stepper import Inbox, Stepper
+
+
+class Sent(NamedTuple):
+    """A message that was published."""
+
+    key: str
+    payload: bytes
+    type: str
+    """The name of its type; empty where its publisher does not say."""
+
+
+class NodeSession:
+    """The session of one node."""
+
+    def __init__(self, session: zenoh.Session, stepper: Stepper) -> None:
+        self.sent: list[Sent] = []
+        """All that was published, in order."""
+        self.inboxes: list[tuple[str, Inbox]] = []
+        """Those of its subscriptions, by key expression."""
+        self.services: list[str] = []
+        """The keys on which it answers, as it declared them."""
+        self.topics: list[str] = []
+        """The keys on which it publishes."""
+        self._session = session
+        self._stepper = stepper
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._session, name)
+
+    def put(self, key: str, payload: Any, **more: Any) -> None:
+        """Publish without a publisher."""
+        self.sent.append(Sent(str(key), bytes(zenoh.ZBytes(payload)), _type(more.get("encoding"))))
+        self._session.put(key, payload, **more)
+
+    def declare_publisher(self, key: str, **more: Any) -> Any:
+        """A publisher, whose messages are noted."""
+        self.topics.append(key)
+        return _Publisher(self._session.declare_publisher(key, **more), self.sent, _type(more.get("encoding")))
+
+    def declare_subscriber(self, key: str, handler: Any = None, **more: Any) -> Any:
+        """A subscriber; where it is one with a channel, the stepper's is its."""
+        if not isinstance(handler, zenoh.handlers.RingChannel | zenoh.handlers.FifoChannel):
+            return self._session.declare_subscriber(key, handler, **more)
+        inbox = Inbox(self._stepper)
+        self.inboxes.append((key, inbox))
+        handlers = _at_once(partial(self._stepper.post, inbox)), _Messages(inbox)
+        return _Receiver(self._session.declare_subscriber(key, handlers, **more), inbox)
+
+    def declare_queryable(self, key: str, handler: Any = None, **more: Any) -> Any:
+        """A queryable; where it is one with a channel, the stepper's is its."""
+        if not isinstance(handler, zenoh.handlers.RingChannel | zenoh.handlers.FifoChannel):
+            return self._session.declare_queryable(key, handler, **more)
+        inbox = Inbox(self._stepper)
+        self.services.append(key)
+        handlers = _at_once(partial(self._stepper.post_question, inbox)), _Questions(inbox, self._stepper)
+        return _Receiver(self._session.declare_queryable(key, handlers, **more), inbox)
+
+    def get(self, key: str, *arguments: Any, **more: Any) -> Any:
+        """Ask; others run while the answers are waited for."""
+        return _Answers(self._session.get(key, *arguments, **more), self._stepper)
+
+
+class _Publisher:
+    """Notes what is published and hands it on."""
+
+    def __init__(self, publisher: zenoh.Publisher, sent: list[Sent], type_name: str) -> None:
+        self._publisher = publisher
+        self._sent = sent
+        self._key = str(publisher.key_expr)
+        self._type = type_name
+        self._source = zenoh.SourceInfo(publisher.id, 0)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._publisher, name)
+
+    def put(self, payload: bytes, **more: Any) -> None:
+        """Publish. Each message says whose it is: under a clock that is stepped all publishers are quick."""
+        self._sent.append(Sent(self._key, payload, self._type))
+        self._publisher.put(payload, **{"source_info": self._source, **more})
+
+
+class _Receiver:
+    """A subscriber or queryable of Zenoh with an inbox."""
+
+    def __init__(self, receiver: Any, inbox: Inbox) -> None:
+        self._receiver = receiver
+        self._inbox = inbox
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._receiver, name)
+
+    def undeclare(self) -> None:
+        """Receive no more."""
+        self._receiver.undeclare()
+        self._inbox.close()
+
+
+class _Messages:
+    """In the place of the channel of a subscription."""
+
+    def __init__(self, inbox: Inbox) -> None:
+        self._inbox = inbox
+
+    def recv(self) -> Any:
+        """The next one; raises ZError once the subscription is over, as Zenoh's channels do."""
+        item = self._inbox.take()
+        if item is None:
+            raise zenoh.ZError("closed")
+        return item
+
+    def try_recv(self) -> None:
+        """Nothing: there is one message at a time."""
+
+
+class _Questions:
+    """In the place of the channel of a service."""
+
+    def __init__(self, inbox: Inbox, stepper: Stepper) -> None:
+        self._inbox = inbox
+        self._stepper = stepper
+        self._mine = threading.local()
+
+    def recv(self) -> Any:
+        """The next one, once the one before has been answered; raises ZError as Zenoh's channels do."""
+        self._stepper.answered(getattr(self._mine, "asker", None))
+        self._mine.asker = None
+        item = self._inbox.take()
+        if item is None:
+            raise zenoh.ZError("closed")
+        query, self._mine.asker = item
+        return query
+
+
+class _Answers:
+    """The answers to a question."""
+
+    def __init__(self, replies: Any, stepper: Stepper) -> None:
+        self._replies = replies
+        self._stepper = stepper
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._replies, name)
+
+    def __iter__(self) -> Iterator[Any]:
+        replies = iter(self._replies)
+        while True:
+            with self._stepper.asking():
+                reply = next(replies, None)
+            if reply is None:
+                return
+            yield reply
+
+
+def _at_once(callback: Callable[[Any], None]) -> Any:
+    """Zenoh calls it in the thread that publishes or asks."""
+    return zenoh.handlers.Callback(callback, indirect=False)
+
+
+def _type(encoding: object) -> str:
+    """The name of the type of which an encoding speaks."""
+    return str(encoding or "").partition(";")[2]
