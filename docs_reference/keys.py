@@ -15,7 +15,8 @@ from robo.wire import keys
 def lines() -> list[str]:
     """The page's lines: what is told and asked, and the tokens."""
     return [
-        "A topic and a service of the full name `/r1/odom` have the key `r1/odom`. All other keys:",
+        "A topic and a service of the full name `/r1/odom` have the key `r1/odom`; what a query does there is told in",
+        "[architecture](../architecture.md#names-and-keys). All other keys:",
         "",
         *table(("key", "what"), _keys()),
         "## Tokens",
