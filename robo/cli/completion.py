@@ -4,6 +4,7 @@ Each function is given the command line so far and what is typed of the word; wh
 once there is nothing to complete, and never an error.
 """
 
+import os
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -15,7 +16,9 @@ if TYPE_CHECKING:
     import zenoh
 
 TIMEOUT = 0.3
-"""How long whoever pressed Tab waits, s."""
+"""How long whoever pressed Tab waits for a robot, s."""
+PATIENCE = 3.0
+"""How long he waits for a module of his own, s."""
 
 
 def topics(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -78,16 +81,51 @@ def parameters(ctx: typer.Context, incomplete: str) -> list[str]:
 
 
 def manifests(incomplete: str) -> list[str]:
-    """Manifests where `robo up` looks for them: here, in ./launch, and those that ship."""
-    from robo.launch.find import SHARE, manifests_in
+    """Manifests where `robo up` looks for them: here, in ./launch, those that ship, and those of packages."""
+    from robo.launch.find import SHARE, manifests_in, manifests_of
+    from robo.packages import find
 
-    if "/" in incomplete:
-        folder = incomplete.rpartition("/")[0]
+    typed = _whole(incomplete)
+    package, colon, _ = typed.partition(":")
+    if colon:
+        found = []
+        with suppress(LookupError):
+            found = [f"{package}:{path.name}" for path in manifests_of(find.find(package))]
+    elif "/" in typed:
+        folder = typed.rpartition("/")[0]
         found = [f"{folder}/{path.name}" for path in manifests_in(Path(folder or "/"))]
     else:
         folders = (Path.cwd(), Path.cwd() / "launch", SHARE / "launch")
+        there = find.known().there.values()
         found = sorted({path.name for folder in folders for path in manifests_in(folder)})
-    return [name for name in found if name.startswith(incomplete)]
+        found += [f"{one.name}:{path.name}" for one in there for path in manifests_of(one)]
+    matching = [name for name in found if name.startswith(typed)]
+    return matching if typed == incomplete else [_Behind(name[len(package) + 1 :]) for name in matching]
+
+
+def packages(incomplete: str) -> list[str]:
+    """Names of packages that are announced."""
+    from robo.packages import find
+
+    return [name for name in find.known().there if name.startswith(incomplete)]
+
+
+def services_to_run(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Packages that have nodes, and behind one of them its nodes."""
+    from robo.launch.executables import look_into
+    from robo.packages import find
+
+    words = ctx.params.get("words") or []
+    if not words:
+        return packages(incomplete)
+    if len(words) > 1:
+        return []
+    try:
+        package = find.find(words[0])
+    except LookupError:
+        return []
+    found = [one.node for one in look_into([package], PATIENCE).executables]
+    return sorted(node for node in found if node.startswith(incomplete))
 
 
 def types(incomplete: str) -> list[str]:
@@ -95,6 +133,25 @@ def types(incomplete: str) -> list[str]:
     from robo.interfaces import catalogue
 
     return [name for name in catalogue.known() if name.startswith(incomplete)]
+
+
+class _Behind(str):
+    """What bash is to put behind a colon. It takes that colon for the word, and Typer asks whether this begins so."""
+
+    __slots__ = ()
+
+    def startswith(self, *_: object) -> bool:
+        return True
+
+
+def _whole(incomplete: str) -> str:
+    """The word of which this is typed: bash takes words apart at colons, other shells do not."""
+    before = os.environ.get("COMP_WORDS", "").split()[: int(os.environ.get("COMP_CWORD", 0))]
+    if incomplete == ":" and before:
+        return f"{before[-1]}:"
+    if before[-1:] == [":"]:
+        return f"{before[-2]}:{incomplete}"
+    return incomplete
 
 
 def _live(ctx: typer.Context, incomplete: str, find: "Callable[[zenoh.Session], Iterable[str]]") -> list[str]:

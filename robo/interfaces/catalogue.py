@@ -1,8 +1,8 @@
 """Message and service types: those that ship, and those of users' packages.
 
-A package of your own is found where it is installed with an entry point in the group `robo.messages`, where
-ROBO_MESSAGES names its modules, and where a Python file below the current folder says `@message("group/Type")`.
-A file is imported when one of its types is asked for.
+A package of your own is found where it is installed with an entry point in the group `robo.packages` and has a
+module `messages`, or in the group `robo.messages`, where ROBO_MESSAGES names its modules, and where a Python file
+below the current folder says `@message("group/Type")`. A file is imported when one of its types is asked for.
 """
 
 import ast
@@ -16,7 +16,6 @@ import os
 import re
 import sys
 from collections.abc import Iterator
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_origin, get_type_hints
 
@@ -27,18 +26,19 @@ import robo_messages
 from robo.environment import MESSAGES_VARIABLE
 from robo.errors import ContractError, UnreadableFile
 from robo.interfaces.message_input import field_types
+from robo.packages import announced
+from robo.packages import find as packages
+from robo.packages.folders import is_module_name, spec_of
+from robo.packages.modules import module_of, python_files
+from robo.text.brief import shown
 from robo.text.docstrings import attribute_docs, first_sentence
 from robo.text.files import read_bytes
 from robo.text.import_errors import explained
 from robo.text.suggestions import closest
 from robo_messages import Message, UnknownType
 
-ENTRY_POINTS = "robo.messages"
-
 _MOST_FILES = 2000
-_DEEPEST = 4
 _REGISTERS = re.compile(rb"@(?:\w+\.)*message\(\s*[\"']([A-Za-z_]\w*/[A-Za-z_]\w*)[\"']")
-_NOT_FOR_USE = re.compile(r"[._].*|tests?|test_.*|.*_test|conftest|build|dist|node_modules|site-packages")
 
 
 class FieldInfo(msgspec.Struct, frozen=True):
@@ -217,15 +217,22 @@ def _owner(type_: type[Message]) -> type[Any]:
 @functools.cache
 def _import_declared() -> dict[str, str]:
     """Import the modules that are announced; those that cannot be, each with a sentence that says why."""
-    announced = {
-        point.module: f"the entry point group {ENTRY_POINTS}{f' of {point.dist.name}' if point.dist else ''}"
-        for point in entry_points(group=ENTRY_POINTS)
+    there, failed = packages.known()
+    modules = {
+        f"{package.module}.messages": f"the package {package.name}"
+        for package in there.values()
+        if spec_of(f"{package.module}.messages") is not None
     }
+    for entry in announced.installed(announced.MESSAGES):
+        group = f"the entry point group {announced.MESSAGES} of {entry.distribution}"
+        modules.setdefault(entry.value.partition(":")[0].strip(), group)
     for name in os.environ.get(MESSAGES_VARIABLE, "").split(","):
         if name.strip():
-            announced.setdefault(name.strip(), MESSAGES_VARIABLE)
-    failed: dict[str, str] = {}
-    for module, by in announced.items():
+            modules.setdefault(name.strip(), MESSAGES_VARIABLE)
+    for module, by in modules.items():
+        if not is_module_name(module):
+            failed[module] = f"{shown(module)}, which {by} names, is no name of a module"
+            continue
         try:
             _import(module, f"module {module}, which {by} names,")
         except ContractError as error:
@@ -244,8 +251,7 @@ def _import_group(group: str) -> None:
 
 
 def _import_file(file: Path) -> None:
-    module = ".".join(file.with_suffix("").parts).removesuffix(".__init__")
-    _import(module, f"{file}, which says it,")
+    _import(module_of(file, Path()), f"{file}, which says it,")
 
 
 def _import(module: str, what: str) -> None:
@@ -267,7 +273,7 @@ def _make_importable(folder: str) -> None:
 def _in_folder(folder: str) -> dict[str, Path]:
     """Types by name with the files below a folder that say them; found by reading, not by importing."""
     found: dict[str, Path] = {}
-    for number, file in enumerate(_python_files(Path(folder), 0)):
+    for number, file in enumerate(python_files(Path(folder))):
         if number >= _MOST_FILES:
             break
         with contextlib.suppress(UnreadableFile):
@@ -289,18 +295,3 @@ def _registered(source: bytes) -> Iterator[str]:
             match = _REGISTERS.match(b"@" + ast.unparse(decorator).encode())
             if match is not None:
                 yield match[1].decode()
-
-
-def _python_files(folder: Path, depth: int) -> Iterator[Path]:
-    try:
-        entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
-    except OSError:
-        return
-    for entry in entries:
-        stem, dot, suffix = entry.name.partition(".")
-        if entry.is_dir(follow_symlinks=False):
-            usable = entry.name.isidentifier() and not _NOT_FOR_USE.fullmatch(entry.name)
-            if usable and depth < _DEEPEST and not os.path.exists(os.path.join(entry.path, "pyvenv.cfg")):
-                yield from _python_files(Path(entry.path), depth + 1)
-        elif dot and suffix == "py" and (stem == "__init__" or not _NOT_FOR_USE.fullmatch(stem)):
-            yield Path(entry.path)

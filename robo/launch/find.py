@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from robo.errors import ManifestError
-from robo.launch.packages import folders_of
+from robo.packages.find import Package, find
 from robo.text.brief import shown
 from robo.text.suggestions import suggest
 
@@ -28,7 +28,7 @@ def find_manifest(name: str, beside: Path | None = None) -> Path:
 
     Looked for as the path given (from the current folder, or from `beside` in an include), then in
     the workspace's `launch/`, then among those that ship with robo. `PACKAGE:FILE` is looked for in
-    a Python package: in its `share/launch/`, its `launch/`, then in the package's own folder.
+    a Python package: in the `launch/` of its share folder, its `launch/`, then in the package's own folder.
 
     Raises:
         ManifestError: it is nowhere; says where it was looked for and what is there.
@@ -65,17 +65,33 @@ def names_manifest(word: str) -> bool:
 
 def _find_in_package(package: str, name: str) -> Path:
     try:
-        own = folders_of(package)
+        own = find(package)
     except LookupError as error:
         raise ManifestError(f"manifest {package}:{name}: {error}") from None
-    folders = [folder / place for folder in own for place in ("share/launch", "launch", "")]
+    folders = manifest_folders(own)
     found = _first(name, folders) if not os.path.isabs(name) else None
     if found is not None:
         return found
-    known = dict.fromkeys(f"{package}:{path.name}" for folder in folders for path in manifests_in(folder))
+    known = [f"{package}:{path.name}" for path in manifests_of(own)]
     looked = ", ".join(map(str, folders))
     instead = suggest(f"{package}:{name}", known, "it has") if known else "it has none"
     raise ManifestError(f"package {package} has no manifest {shown(name)}; {instead} (looked in {looked})")
+
+
+def manifest_folders(package: Package) -> list[Path]:
+    """Where a package's manifests are looked for, the first first."""
+    share = [package.share / "launch"] if package.share is not None else []
+    inside = [folder / place for folder in package.folders for place in ("share/launch", "launch", "")]
+    return list(dict.fromkeys([*share, *inside]))
+
+
+def manifests_of(package: Package) -> list[Path]:
+    """A package's manifests; of two of one name the one that `PACKAGE:FILE` means."""
+    found: dict[str, Path] = {}
+    for folder in manifest_folders(package):
+        for path in manifests_in(folder):
+            found.setdefault(path.name, path)
+    return list(found.values())
 
 
 def _first(name: str, folders: Iterable[Path]) -> Path | None:

@@ -21,7 +21,7 @@ from typing import Protocol, TypeVar
 import msgspec
 
 from robo.launch.expression import ExpressionError, as_text, evaluate
-from robo.launch.packages import folders_of
+from robo.packages.find import find
 from robo.text.brief import shown
 from robo.text.suggestions import closest
 from robo.text.tree import Items, Position, Problem, Scalar, Tree
@@ -310,10 +310,9 @@ def joined(values: list[object]) -> Broken:
 
 def _share_folder(package: str) -> Path:
     try:
-        folders = [folder / "share" for folder in folders_of(package)]
+        found = find(package)
     except LookupError as error:
         raise KeyError(f"${{share:{package}}}: {error}") from None
-    for folder in folders:
-        if folder.is_dir():
-            return folder
-    raise KeyError(f"${{share:{package}}}: package {shown(package)} has no folder {folders[0]}")
+    if found.share is None:
+        raise KeyError(f"${{share:{package}}}: package {shown(package)} has no folder {found.folders[0] / 'share'}")
+    return found.share

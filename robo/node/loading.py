@@ -3,12 +3,15 @@
 import importlib
 import os
 import sys
+from types import ModuleType
 
 from robo.errors import ContractError
 from robo.node.contract import check_constructor
 from robo.node.node import Node
 from robo.text.suggestions import MOST_LISTED, closest, suggest
 
+_BASES = Node.__module__
+"""The module whose node class is no node yet."""
 SHIPPED = "robo_services"
 """The package of the nodes that ship."""
 
@@ -42,11 +45,7 @@ def load_node_class(service: str) -> type[Node]:
         from robo.text.import_errors import explained
 
         raise ContractError(f"service {service!r} cannot be imported: {explained(error)}") from error
-    classes = {
-        name: member
-        for name, member in vars(module).items()
-        if isinstance(member, type) and issubclass(member, Node) and member.__module__ == module.__name__
-    }
+    classes = node_classes(module)
     if class_name:
         if class_name in classes:
             return _checked(classes[class_name])
@@ -60,6 +59,15 @@ def load_node_class(service: str) -> type[Node]:
     raise ContractError(
         f"module {module_name} defines several node classes; write one of {_options(module_name, classes)}"
     )
+
+
+def node_classes(module: ModuleType) -> dict[str, type[Node]]:
+    """The node classes that a module defines itself, by name."""
+    return {
+        name: member
+        for name, member in vars(module).items()
+        if isinstance(member, type) and issubclass(member, Node) and member.__module__ == module.__name__ != _BASES
+    }
 
 
 def _spelt_as_module(path: str) -> str:

@@ -67,7 +67,12 @@ def up(request: UpRequest) -> int:
     context_settings={"ignore_unknown_options": True},
 )
 def run(
-    words: Annotated[list[str] | None, typer.Argument(metavar="SERVICE [OPTIONS]", show_default=False)] = None,
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="SERVICE|PACKAGE NODE [OPTIONS]", show_default=False, autocompletion=completion.services_to_run
+        ),
+    ] = None,
 ) -> None:
     """Run one node, alone; `robo run SERVICE --help` shows its contract."""
     from robo.cli.launch.run import hand_over

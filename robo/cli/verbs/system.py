@@ -16,6 +16,7 @@ verbs.group("node", "Nodes")
 verbs.group("param", "Parameters of running nodes")
 verbs.group("service", "Services")
 verbs.group("interface", "Message and service types")
+verbs.group("pkg", "Packages of nodes, messages and manifests")
 
 
 @verb(
