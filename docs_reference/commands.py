@@ -106,7 +106,7 @@ def _row(parameter: Any) -> tuple[str, str, str]:
     extra = ". ".join(note for note in notes if note)
     return (
         ", ".join(map(code, names)),
-        "" if parameter.default in (None, False, ()) else code(parameter.default),
+        "" if parameter.default in (None, False, (), []) else code(parameter.default),
         prose(about) + (f" {extra}." if extra else ""),
     )
 

@@ -11,12 +11,15 @@ from docs_reference.markdown import code, described, paragraphs, prose, table
 from robo.text.docstrings import attribute_docs
 from robo.wire import keys
 
+_INTRO = """\
+A topic and a service of the full name `/r1/odom` have the key `r1/odom`; what a query does there is told in
+[architecture](../architecture.md#names-and-keys). What is told on the other keys is in [reports](reports.md)."""
+
 
 def lines() -> list[str]:
     """The page's lines: what is told and asked, and the tokens."""
     return [
-        "A topic and a service of the full name `/r1/odom` have the key `r1/odom`; what a query does there is told in",
-        "[architecture](../architecture.md#names-and-keys). All other keys:",
+        *_INTRO.splitlines(),
         "",
         *table(("key", "what"), _keys()),
         "## Tokens",

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from docs_reference import commands, environment, keys, manifest, messages, nodes
+from docs_reference import commands, environment, keys, manifest, messages, nodes, reports
 from docs_reference.markdown import table
 
 FOLDER = Path(__file__).parents[1] / "docs" / "reference"
@@ -37,6 +37,7 @@ def pages() -> dict[str, str]:
         "manifest.md": Page("Launch manifests", "Every key of a manifest.", manifest.lines),
         "environment.md": Page("Environment variables", "What robo reads from its environment.", environment.lines),
         "keys.md": Page("Key space", "Every key and token that robo puts on the network.", keys.lines),
+        "reports.md": Page("Reports", "What nodes and supervisors tell on these keys, field by field.", reports.lines),
     }
     index = [
         "What there is, complete and short; how to use it is told by the other pages. These pages are made from the",

@@ -142,9 +142,7 @@ def tokens_of_publishers(topic: str) -> str:
 
 
 def status_key(namespace: str, node: str) -> str:
-    """Where a node answers queries about what it has seen: messages published, received, malformed and dropped, calls
-    served, errors, skipped ticks, uptime, the callback that runs, links. `*` asks all nodes of a namespace.
-    """
+    """Where a node answers queries about what it has seen: a `NodeStatus`. `*` asks all nodes of a namespace."""
     return names.join(PREFIX, namespace, "status", node)
 
 
@@ -193,12 +191,12 @@ def parse_supervisor_token(key: str) -> SupervisorToken | None:
 
 
 def log_key(robot: str) -> str:
-    """Where a supervisor publishes what its processes print, line by line."""
+    """Where a supervisor publishes what its processes print, each line a `LogRecord`."""
     return names.join(PREFIX, robot, "output")
 
 
 def event_key(robot: str) -> str:
-    """Where a supervisor publishes what happens in its run."""
+    """Where a supervisor publishes what happens in its run, each time an `Event`."""
     return names.join(PREFIX, robot, "events")
 
 

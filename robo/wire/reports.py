@@ -14,6 +14,7 @@ class ProcessName(NamedTuple):
     """What a process is called."""
 
     robot: str
+    """The namespace of its robot."""
     node: str
     """Its full name."""
     group: str
@@ -40,14 +41,19 @@ class ProcessStatus(msgspec.Struct, frozen=True, kw_only=True):
     """One process of a run, as `robo ps` shows it."""
 
     robot: str
+    """What the run is called: the robot's namespace."""
     group: str
+    """With the groups around it: `control/arm`; empty where it is in none."""
     node: str
     """The full name."""
     state: State
+    """How far it has come."""
     reason: str
     """Why it is in this state; empty where nothing is to be said."""
     pid: int | None
+    """Of the process that runs; null where none does."""
     restarts: int
+    """How often it has been started again."""
     uptime: float | None
     """How long the process has been running, s."""
     cpu: float | None
@@ -57,8 +63,11 @@ class ProcessStatus(msgspec.Struct, frozen=True, kw_only=True):
     published: dict[str, float]
     """Messages per second, by topic."""
     received: dict[str, float]
+    """Messages per second, by topic."""
     run: str
+    """The id of the run."""
     host: str
+    """The name of the machine."""
     running: str = ""
     """The callback that holds up all others of the node; empty while none does."""
     running_for: float = 0.0
@@ -80,6 +89,7 @@ class Exit(msgspec.Struct, frozen=True, kw_only=True):
     exit_code: int
     """Negative for a signal."""
     reason: str
+    """What ended it, in words."""
     uptime: float
     """s."""
     last_lines: list[str]
@@ -90,22 +100,30 @@ class Input(msgspec.Struct, frozen=True, kw_only=True):
     """A topic that a node subscribes."""
 
     topic: str
+    """Its key."""
     received: int
+    """Messages given to callbacks."""
     age: float
     """How long ago the last message was seen, s; since the start where there was none."""
     malformed: int
+    """Payloads dropped because they were no message of the topic's type."""
     dropped: int
+    """Messages dropped because the callback fell behind."""
 
 
 class Explanation(msgspec.Struct, frozen=True, kw_only=True):
     """Why a node is in its state, as `robo why` shows it."""
 
     process: ProcessStatus
+    """Its state in figures."""
     exits: list[Exit]
     """The last ones, oldest first."""
     unmet_needs: list[str]
+    """What it waits for, in words."""
     inputs: list[Input]
+    """The topics that it subscribes."""
     callback_errors: int
+    """Exceptions that callbacks raised."""
     next_start: float | None
     """In how many seconds it is started again."""
 
@@ -116,21 +134,28 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     time: int
     """ns since the epoch."""
     robot: str
+    """The namespace of the run."""
     node: str
     """The full name; empty for the run as a whole."""
     event: str
     """The state that a process has come to; for the run: `up`, `ready`, `down`."""
     reason: str
+    """Why, in words; empty where nothing is to be said."""
     pid: int | None
+    """Of the process; null where none runs."""
     restarts: int
+    """How often it had been started again."""
 
 
 class Site(msgspec.Struct, frozen=True):
     """A place that a robot was told to dial."""
 
     robot: str
+    """The robot's namespace."""
     endpoint: str
+    """What it dials."""
     reached: bool
+    """Whether its router is linked there."""
     since: int
     """Since when, ns since the epoch."""
     reason: str = ""
@@ -172,6 +197,7 @@ class Result(msgspec.Struct, frozen=True):
     """What came of a `set`."""
 
     successful: bool
+    """Whether all of it was set; else none was."""
     reason: str = ""
     """Why nothing was set."""
 
@@ -183,6 +209,7 @@ class Setting(msgspec.Struct, frozen=True):
     """
 
     value: object
+    """In the parameter's unit."""
     source: str
     """Where it stands: `file:line:column` of its name, or in words: `declared default`, `command line`."""
 
@@ -193,6 +220,7 @@ class Refused(msgspec.Struct, frozen=True):
     sender: str
     """A node's full name, or `a plain Zenoh client`."""
     count: int
+    """How many of its messages."""
     age: float
     """How long ago the last one came, s."""
 
@@ -238,6 +266,7 @@ class Beat(msgspec.Struct, frozen=True):
     """What a beat says."""
 
     status: NodeStatus
+    """What the node has seen."""
     late: bool = False
     """Whether a callback holds the beat back: no sign of life, but its status says which one."""
     files: list[str] = []
@@ -252,6 +281,8 @@ class LogRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     node: str
     """As it is called on the console."""
     message: str
+    """The line, without its level."""
     level: str | None = None
     """DEBUG to FATAL where the line begins with it, as robo's nodes write it."""
     stream: str = "stderr"
+    """`stdout` or `stderr`."""

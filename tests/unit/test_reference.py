@@ -7,7 +7,7 @@ import pytest
 from typer.main import get_command
 
 import robo_messages
-from docs_reference import commands, manifest, messages, nodes, pages
+from docs_reference import commands, manifest, messages, nodes, pages, reports
 from docs_reference.markdown import Gap, code, described, paragraphs, prose, table
 from robo import environment
 from robo.cli.app import app
@@ -60,6 +60,10 @@ def test_everything_is_listed(made: dict[str, str]) -> None:
             assert f"`{parameter.name}`" in made["nodes.md"]
     for token in (keys.NodeToken, keys.ClaimToken, keys.EndpointToken, keys.SupervisorToken):
         assert f"### {token.__name__}\n" in made["keys.md"]
+    for struct in reports.structs():
+        assert f"\n## {struct.__name__}\n" in made["reports.md"]
+    for verb in ("ps", "sites", "down"):
+        assert f"\n| `{verb}` |" in made["reports.md"]
     for name in made.keys() - {"index.md"}:
         assert f"]({name})" in made["index.md"]
 
