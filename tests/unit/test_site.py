@@ -1,10 +1,12 @@
 """The site that is made of the pages; CI builds it."""
 
+import re
 from pathlib import Path
 
 import pytest
 
 from docs_site.build import Broken, faults, navigation, pages, settings, stage
+from docs_site.images import drawing, picture
 from tests.pages import ROOT
 
 
@@ -75,3 +77,23 @@ def test_what_is_wrong_with_a_site_is_found(tmp_path: Path) -> None:
         "a.html: c.html leads nowhere",
         "a.html: a.css leads nowhere",
     ]
+
+
+@pytest.mark.parametrize("image", sorted((ROOT / "docs" / "images").iterdir()), ids=lambda image: image.name)
+def test_a_picture_is_small_and_fetches_nothing(image: Path) -> None:
+    text = image.read_text(encoding="utf-8")
+    assert len(text) < 150_000
+    assert not re.search(r"""(url\(|href=|src=)["']?(https?:)?//""", text)
+
+
+def test_a_terminal_is_drawn_without_foreign_fonts() -> None:
+    drawn = picture("title", ("robo ps", "\x1b[32mready\x1b[0m\n"), ("robo down", "r1 is down\n"))
+    assert "ready" in drawn
+    assert "r1&#160;is&#160;down" in drawn
+    assert "@font-face" not in drawn
+
+
+def test_a_way_is_drawn_with_its_scale() -> None:
+    drawn = drawing([(0.0, 0.0), (4.0, 0.0), (4.0, 2.0)])
+    assert 'points="30.0,350.0 670.0,350.0 670.0,30.0"' in drawn
+    assert "1 m; green" in drawn
