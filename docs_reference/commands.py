@@ -132,7 +132,7 @@ def _run() -> list[str]:
     about, _, examples = rest.partition("Examples:\n")
     return [
         *paragraphs(about.strip()),
-        block(usage.removeprefix("Usage: "), "text"),
+        block("\n".join(line.strip() for line in usage.removeprefix("Usage: ").splitlines()), "text"),
         "",
         *_examples([line.strip() for line in examples.splitlines()]),
     ]

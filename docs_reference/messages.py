@@ -29,7 +29,7 @@ UNITS = (
     "V", "A", "Ah", "°", "°C", "N", "N·m", "m per cell",
 )  # fmt: skip
 WITHOUT_UNIT = (
-    "0 to 1", "-1 to 1", "without unit", "the same of", "cos(a / 2)", "as x", "in the unit", "own unit", "the number",
+    "0 to 1", "-1 to 1", "without unit", "the same", "cos(a / 2)", "in the unit", "own unit", "the number",
 )  # fmt: skip
 """What the description of a number with a point says that has no unit."""
 

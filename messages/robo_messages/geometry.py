@@ -16,11 +16,11 @@ class Vector3(Message):
     """A free vector; its unit is that of the field that holds it."""
 
     x: float = 0.0
-    """In the unit of the field that holds the vector."""
+    """Along x, in the unit of the field that holds the vector."""
     y: float = 0.0
-    """As x."""
+    """Along y, the same."""
     z: float = 0.0
-    """As x."""
+    """Along z, the same."""
 
 
 @message("geometry/Point")

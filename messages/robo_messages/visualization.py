@@ -69,7 +69,7 @@ class Marker(Message):
     type: Int32 = ARROW
     """ARROW … ARROW_STRIP."""
     action: Int32 = ADD
-    """ADD, which also changes, DELETE this one, or DELETEALL of the group."""
+    """ADD, which also changes; DELETE this one; DELETEALL of its group, or all where `ns` is empty."""
     pose: Pose = field(default_factory=Pose)
     """In the header's frame, m."""
     scale: Vector3 = field(default_factory=Vector3)
