@@ -60,7 +60,7 @@ class Inbox:
         """Wait until the messages so far fulfil a condition."""
         with self._changed:
             there = self._changed.wait_for(lambda: bool(self.messages) and condition(self.messages), timeout)
-            assert there, f"not within {timeout} s: {what}"
+            assert there, f"not within {timeout} s: {what}; {len(self.messages)} have come"
 
     def forget(self) -> None:
         with self._changed:

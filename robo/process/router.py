@@ -14,11 +14,18 @@ import msgspec
 
 from robo.environment import NETWORK_VARIABLE
 from robo.errors import RoboError
+from robo.wire import tcp
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 
 LINGER = 0.5
-"""How long a router goes on after its robot has ended, s: for what is on the way to slow readers."""
+"""How long a router goes on after its robot has ended, s: for what is on the way to readers."""
+STALLED = 1.0
+"""How long slow readers may take nothing of what waits for them before the router leaves all the same, s."""
+BREATH = 0.1
+"""How long nothing may wait until nothing more comes, s."""
+LONGEST_LINGER = 10.0
+"""How long it goes on at most, s, however little slow readers take at a time."""
 
 
 def main() -> None:
@@ -47,10 +54,29 @@ def route(network: Network, is_over: Callable[[], bool], linger: float = LINGER)
     session = open_session(msgspec.structs.replace(network, shared_memory=False))
     while not ended.wait(1.0) and not is_over():
         pass
-    # Zenoh does not tell when its queues are empty, and closing empties them the short way.
-    time.sleep(linger)
+    if linger:
+        serve_the_last(linger)
     if not close_session(session):
         os._exit(0)
+
+
+def serve_the_last(linger: float, waiting: Callable[[], int] = tcp.unsent) -> None:
+    """Go on for so many seconds, and until readers have taken what waits for them.
+
+    Zenoh does not tell when its queues are empty, and closing empties them the short way; but where something waits
+    in them, the connections are full.
+
+    Args:
+        linger: s.
+        waiting: how many bytes wait in connections.
+    """
+    begin = moved = now = time.monotonic()
+    left = waiting()
+    while now < begin + linger or (now < begin + LONGEST_LINGER and now < moved + (STALLED if left else BREATH)):
+        time.sleep(0.02)
+        before, left, now = left, waiting(), time.monotonic()
+        if left != before:
+            moved = now
 
 
 if __name__ == "__main__":

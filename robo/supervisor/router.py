@@ -10,7 +10,7 @@ import msgspec
 from robo.environment import NETWORK_VARIABLE
 from robo.machine.child import describe_exit
 from robo.machine.forks import Fork, Template
-from robo.process.router import LINGER
+from robo.process.router import LONGEST_LINGER
 from robo.wire.network import Network
 
 _MODULE = "robo.process.router"
@@ -88,4 +88,4 @@ class Router:
         """Stop it; it takes leave of those that it is linked to."""
         if self._process.running:
             ended = asyncio.create_task(self._process.wait())
-            await self._process.stop(ended, patience=LINGER + 0.5)
+            await self._process.stop(ended, patience=LONGEST_LINGER + 1.0)

@@ -58,7 +58,7 @@ def test_a_real_log_is_tracked_to_the_millimetre(endpoint: str, intel_log: Path)
         positions, odometry = Inbox(plain, "r1/current_position"), Inbox(plain, "r1/odom")
         assert replay.wait(60) == 0
         for inbox in (positions, odometry):
-            inbox.wait_for(13_700, 10)
+            inbox.wait_for(13_700)
         last = positions.messages[-1]
         assert last["z"] == pytest.approx(534.082, abs=0.01)
         assert (last["x"], last["y"]) == pytest.approx((-0.322783, -0.0967671))

@@ -2,12 +2,14 @@
 
 import asyncio
 from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
 
 import msgspec
 import pytest
 
 from robo.environment import NETWORK_VARIABLE
 from robo.machine.forks import Fork
+from robo.process import router as process_router
 from robo.supervisor.router import Router
 from robo.wire.network import Network
 from tests.virtual_time import now, run
@@ -92,5 +94,33 @@ def test_it_is_given_the_time_to_pass_on_what_is_on_the_way() -> None:
         await kept.stop()
 
     run(stop())
-    assert process.patience == 1.0
+    assert process.patience == process_router.LONGEST_LINGER + 1.0
     assert not process.running
+
+
+@pytest.mark.parametrize(
+    ("waits", "ends_at"),
+    [
+        pytest.param([], 0.5, id="nobody waits for anything"),
+        pytest.param([(0.3, 9)], 0.5, id="what waited is taken in time"),
+        pytest.param([(0.6, 9), (0.8, 4)], 0.9, id="a slow reader is waited for"),
+        pytest.param([(0.6, 9), (0.65, 0), (0.7, 5)], 0.8, id="a pause is no end"),
+        pytest.param([(100.0, 9)], 1.0, id="a reader that takes nothing is left"),
+        pytest.param([(i / 2, 1000 - i) for i in range(1, 100)], 10.0, id="nobody is waited for without end"),
+    ],
+)
+def test_a_router_serves_its_last_readers(
+    waits: list[tuple[float, int]], ends_at: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seconds = 0.0
+
+    def sleep(time: float) -> None:
+        nonlocal seconds
+        seconds += time
+
+    def waiting() -> int:
+        return next((left for until, left in waits if seconds < until), 0)
+
+    monkeypatch.setattr(process_router, "time", SimpleNamespace(monotonic=lambda: seconds, sleep=sleep))
+    process_router.serve_the_last(0.5, waiting)
+    assert seconds == pytest.approx(ends_at, abs=0.05)

@@ -5,6 +5,7 @@ import struct
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 
 import pytest
 
@@ -72,6 +73,22 @@ def test_connections_end_without_holding_anybody_up(listening: str) -> None:
         assert struct.unpack("ii", of_a_user.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)) == (1, 10)
         assert of_a_user.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 0
         assert connection.getpeername() == address, "and goes on"
+
+
+def test_what_others_have_not_taken_is_known() -> None:
+    before = tcp.unsent()
+    one, other = socket.socketpair()
+    with one, other:
+        one.setblocking(False)
+        with suppress(BlockingIOError):
+            while True:
+                one.send(bytes(100_000))
+        assert tcp.unsent() > before + 50_000
+        other.setblocking(False)
+        with suppress(BlockingIOError):
+            while True:
+                other.recv(100_000)
+        assert tcp.unsent() < before + 50_000
 
 
 @pytest.mark.parametrize(("answer", "speaks"), [(b"HTTP/1.0 400", False), (b"", None), (b"\x20\x00\xe1\x09", True)])
