@@ -16,6 +16,7 @@
     ├── ManifestError         a launch manifest with mistakes
     ├── NodeNotFound          no node of this name runs
     ├── NodeUnreachable       a node runs and does not answer
+    ├── CreateError           a package, node or message that cannot be made, for what is there already
     ├── RunError              a run that is not there, or could not do what it was asked to
     └── UsageError            a command line that makes no sense
 
@@ -109,6 +110,10 @@ class NodeUnreachable(RoboError, TimeoutError):
 
 class RunError(RoboError):
     """A run is not there, or could not do what it was asked to."""
+
+
+class CreateError(RoboError):
+    """A package, node or message cannot be made for what is there already; the message has a line for each reason."""
 
 
 class UsageError(RoboError):

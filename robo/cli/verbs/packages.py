@@ -1,0 +1,69 @@
+"""`robo create`: packages of one's own."""
+
+from typing import Annotated
+
+import typer
+
+from robo.cli.tree import Section
+from robo.cli.verb import verb
+
+verbs = Section("Packages")
+
+_TOPIC = "[NODE:]TOPIC:TYPE"
+
+
+@verb(
+    verbs,
+    "create",
+    "robo create my_robot",
+    "robo create my_robot --node gripper --publishes grip:std/String",
+    "robo create my_robot --node eye --subscribes scan:sensor/LaserScan --service look:std/Trigger --dry-run",
+    short_help="Make a package of your own, or add to it.",
+)
+def create(
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help="What the new package is called.", show_default=False)
+    ] = None,
+    node: Annotated[
+        list[str] | None, typer.Option("--node", metavar="NAME", help="A node of it; may be said several times.")
+    ] = None,
+    publishes: Annotated[
+        list[str] | None,
+        typer.Option("--publishes", metavar=_TOPIC, help="What the node publishes, for example scan:sensor/LaserScan."),
+    ] = None,
+    subscribes: Annotated[
+        list[str] | None, typer.Option("--subscribes", metavar=_TOPIC, help="What it subscribes.")
+    ] = None,
+    service: Annotated[
+        list[str] | None,
+        typer.Option("--service", metavar="[NODE:]NAME:TYPE", help="What it serves, for example close:std/Trigger."),
+    ] = None,
+    message: Annotated[
+        list[str] | None, typer.Option("--message", metavar="NAME", help="A message type of it.")
+    ] = None,
+    license: Annotated[  # noqa: A002
+        str | None, typer.Option("--license", metavar="SPDX", help="Its license, for example MIT.", show_default=False)
+    ] = None,
+    description: Annotated[
+        str | None, typer.Option("--description", metavar="TEXT", help="What it is, in a line.", show_default=False)
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="List the files and write nothing.")] = False,
+) -> None:
+    """Make a package of your own in a new folder: nodes, messages, manifest, parameters, tests, container.
+
+    Called without any words, it asks. Without --node the package gets a node `talker` that publishes a text. Several
+    nodes may have topics: write gripper:grip:std/String. Nothing is overwritten.
+    """
+    from robo.cli.views.create import run_create
+    from robo.create.asked import Asked
+
+    asked = Asked(
+        nodes=tuple(node or ()),
+        publishes=tuple(publishes or ()),
+        subscribes=tuple(subscribes or ()),
+        services=tuple(service or ()),
+        messages=tuple(message or ()),
+        license=license,
+        description=description,
+    )
+    run_create(name, asked, dry_run=dry_run)

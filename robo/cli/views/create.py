@@ -1,0 +1,109 @@
+"""What `robo create` asks, does and prints."""
+
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import msgspec
+
+from robo.cli.printing import note, print_line
+from robo.create import names
+from robo.create.asked import FIRST_NODE, FIRST_TOPIC, Asked, about_faults, contents
+from robo.create.files import conflicts, write
+from robo.create.project import find_project
+from robo.create.render import MANIFEST, PackagePlan, package_files
+from robo.errors import CreateError, UsageError
+from robo.text.terminal import visible
+
+
+def run_create(name: str | None, asked: Asked, *, dry_run: bool) -> None:
+    """Make a package.
+
+    Raises:
+        UsageError: the words make no sense; a line for each mistake.
+        CreateError: something is in the way, or cannot be written.
+    """
+    project = find_project(Path.cwd())
+    if project is not None:
+        raise CreateError(f"{project.folder} is the package {project.name}; a new one goes into a folder outside of it")
+    if name is None:
+        name, asked = _questioned(asked)
+    _new_package(name, asked, dry_run=dry_run)
+
+
+def _new_package(name: str, asked: Asked, *, dry_run: bool) -> None:
+    if not asked.nodes and not (asked.publishes or asked.subscribes or asked.services):
+        asked = msgspec.structs.replace(asked, nodes=(FIRST_NODE,), publishes=(FIRST_TOPIC,))
+    problems = [fault for fault in (names.package_fault(name), *about_faults(asked)) if fault]
+    try:
+        found = contents(asked, name)
+    except UsageError as error:
+        raise UsageError("\n".join([*problems, str(error)])) from None
+    if problems:
+        raise UsageError("\n".join(problems))
+    about = (asked.description or f"The robot {name}").strip()
+    files = package_files(PackagePlan(name, about, asked.license, found.nodes, found.messages))
+    folder = Path(name)
+    if dry_run:
+        in_the_way = conflicts(folder, files)
+        if in_the_way:
+            raise CreateError("\n".join(in_the_way))
+        _list(folder / path for path in files)
+        return
+    write(folder, files)
+    _list(folder / path for path in files)
+    note(f"Next:\n  cd {name}\n  robo up {MANIFEST} --robot-name r1      # run it\n  python -m pytest      # test it")
+
+
+def _list(paths: Iterable[Path]) -> None:
+    for path in paths:
+        print_line(str(path))
+
+
+def _questioned(asked: Asked) -> tuple[str, Asked]:
+    """The name of a package and what belongs into it, from a terminal.
+
+    Raises:
+        UsageError: there is no terminal, or words were given that belong to a package that has no name.
+    """
+    if asked != Asked():
+        raise UsageError(
+            "name the package: robo create NAME; to add to one that is there, call robo create in its folder"
+        )
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise UsageError("name the package: robo create NAME; only on a terminal it is asked for")
+    name = _ask("Name of the package", "my_robot", lambda word: [names.package_fault(word)])
+    about = _ask("What it is, in a line", f"The robot {name}", lambda text: about_faults(Asked(description=text)))
+    node = _ask("Its first node", FIRST_NODE, lambda word: [names.node_fault(word)])
+    topic = _ask(
+        "What that publishes, as TOPIC:TYPE", FIRST_TOPIC if node == FIRST_NODE else f"{node}:std/String",
+        lambda word: _faults(Asked(nodes=(node,), publishes=(word,)), name),
+    )  # fmt: skip
+    license_ = _ask("License, an SPDX name; none", "", lambda word: about_faults(Asked(license=word)) if word else [])
+    return name, Asked(nodes=(node,), publishes=(topic,), license=license_ or None, description=about)
+
+
+def _faults(asked: Asked, package: str) -> list[str]:
+    try:
+        contents(asked, package)
+    except UsageError as error:
+        return [str(error)]
+    return []
+
+
+def _ask(question: str, default: str, faults_of: Callable[[str], Iterable[str | None]]) -> str:
+    """An answer without mistakes; Enter takes the default.
+
+    Raises:
+        UsageError: the input has ended.
+    """
+    while True:
+        try:
+            answer = input(f"{question} [{default}]: " if default else f"{question}: ").strip() or default
+        except EOFError:
+            raise UsageError("the answers ended too early; nothing is created") from None
+        faults = [fault for fault in faults_of(answer) if fault]
+        if not faults:
+            return answer
+        for fault in faults:
+            note(visible(fault))

@@ -1,0 +1,1 @@
+"""The robot sample_robot: its nodes, what they decide, and its messages."""
