@@ -21,6 +21,7 @@ from robo.export.compose.keeper import DELAY
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from tests.conftest import free_port
+from tests.packages import shared_wheel
 from tests.support import PATIENCE, Inbox, eventually, run_robo
 
 ROOT = Path(__file__).parents[2]
@@ -341,6 +342,24 @@ groups:
 """,
 }
 """A package as a user's: sources in src/, a dependency, a command, message types."""
+
+
+def test_a_package_that_robo_create_makes_is_healthy_in_a_container(
+    project: Project, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    made = run_robo("create", "my_robot", cwd=str(tmp_path))
+    assert made.returncode == 0, made.stderr
+    folder = tmp_path / "my_robot"
+    (folder / "wheels").mkdir()
+    shutil.copy(shared_wheel(tmp_path_factory), folder / "wheels")
+    at = ("--project-directory", str(folder), "--file", str(folder / "docker-compose.yml"))
+    try:
+        project(*at, "up", "--build", "--wait", "--detach")
+        assert project.state("robot")["State"]["Health"]["Status"] == "healthy"
+        heard = project(*at, "exec", "-T", "robot", "robo", "topic", "echo", "r1/chatter", "--once", "--duration", "30")
+        assert "chatter" in heard
+    finally:
+        project(*at, "down", "--timeout", "3", "--rmi", "local", check=False)
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in (ROOT / "launch").glob("*.yaml")))
