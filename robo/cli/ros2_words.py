@@ -34,6 +34,7 @@ GROUP_VERBS: dict[tuple[str, str], str] = {
     ("interface", "package"): "robo interface list shows the types of all packages",
     ("interface", "packages"): "robo interface list shows the types of all packages",
     ("interface", "proto"): "robo interface show TYPE --json shows the defaults",
+    ("pkg", "create"): "robo create NAME makes a package",
     ("pkg", "xml"): "robo pkg show PACKAGE",
     ("param", "delete"): "a node's class declares its parameters: they can be set, and not deleted",
     ("service", "echo"): "robo has no record of calls; robo node info NODE counts them",

@@ -1,4 +1,4 @@
-"""The package that one stands in: the nearest `pyproject.toml` that announces one, here or above."""
+"""The package that one stands in: the nearest `pyproject.toml` that announces one which is there, here or above."""
 
 import tomllib
 from pathlib import Path
@@ -6,10 +6,8 @@ from pathlib import Path
 import msgspec
 
 from robo.errors import CreateError, UnreadableFile
+from robo.packages.announced import PACKAGES, PROJECT_FILE
 from robo.text.files import read_text
-
-ENTRY_POINTS = "robo.packages"
-"""The group of entry points by which a package is found."""
 
 
 class Project(msgspec.Struct, frozen=True):
@@ -27,41 +25,37 @@ def find_project(here: Path) -> Project | None:
     """The package that a folder belongs to; None where it belongs to none.
 
     Raises:
-        CreateError: a `pyproject.toml` cannot be read, or announces what is not there.
+        CreateError: a `pyproject.toml` cannot be read, or announces several packages.
     """
     for folder in (here, *here.parents):
-        file = folder / "pyproject.toml"
+        file = folder / PROJECT_FILE
         if not file.is_file():
             continue
         try:
             said = tomllib.loads(read_text(file))
         except (UnreadableFile, tomllib.TOMLDecodeError) as error:
             raise CreateError(f"{file} cannot be read: {error}") from None
-        announced = _announced(said)
-        if announced:
-            return _project(folder, announced)
+        project = _project(folder, _announced(said))
+        if project is not None:
+            return project
     return None
 
 
 def _announced(said: dict[str, object]) -> list[str]:
     """The modules of the entry points of our group."""
     inner: object = said
-    for key in ("project", "entry-points", ENTRY_POINTS):
+    for key in ("project", "entry-points", PACKAGES):
         inner = inner.get(key) if isinstance(inner, dict) else None
     return [str(module) for module in inner.values()] if isinstance(inner, dict) else []
 
 
-def _project(folder: Path, announced: list[str]) -> Project:
+def _project(folder: Path, announced: list[str]) -> Project | None:
     found = []
     for module in announced:
         for place in (folder / module.replace(".", "/"), folder / "src" / module.replace(".", "/")):
             if (place / "__init__.py").is_file():
                 found.append(Project(module, folder, place))
-    if len(found) == 1:
-        return found[0]
-    file = folder / "pyproject.toml"
-    if found:
+    if len(found) > 1:
+        file = folder / PROJECT_FILE
         raise CreateError(f"{file} announces several packages, {', '.join(announced)}; robo create adds to one alone")
-    raise CreateError(
-        f"{file} announces the package {announced[0]}, and there is no {announced[0].replace('.', '/')}/__init__.py"
-    )
+    return found[0] if found else None
