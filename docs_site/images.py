@@ -78,6 +78,7 @@ def picture(title: str, *parts: tuple[str, str]) -> str:
     for number, (command, printed) in enumerate(parts):
         console.print(Text("\n$ " if number else "$ ", "green"), Text(command, "bold"), sep="", no_wrap=True)
         console.print(Text.from_ansi(printed.rstrip("\n")), no_wrap=True, overflow="crop")
+    console.print()  # else the lowest row of the last line is cut off
     return re.sub(r"@font-face \{.*?\}\n?", "", console.export_svg(title=title, unique_id="robo"), flags=re.DOTALL)
 
 
@@ -154,6 +155,7 @@ def main(words: Sequence[str]) -> None:
     command = "robo up --robot-name r1"
     shown = terminal.run(command, "--listen", terminal.endpoint, until=r"(position \(.*\n[^$]*){3}")
     terminal.run(f"{command} -d --wait", "--listen", terminal.endpoint)
+    terminal.run("robo topic hz r1/odom --count 3")  # until the supervisor knows rates and processor time
     seen = [(line, terminal.run(line)) for line in ("robo ps", "robo topic list", "robo top --once")]
     terminal.run("robo down")
     (FOLDER / "up.svg").write_text(picture("a robot in the terminal", (command, shown), *seen[:1]))

@@ -6,7 +6,7 @@
 <!-- beside: COMMAND -->       what the page takes to be running; on a line of its own, anywhere
 
 Below a command of a `console` block stands what it prints: each line comes, in this order. `…` and all numbers stand
-for what varies.
+for what varies. A line `cd FOLDER` holds for the rest of the page.
 """
 
 import re

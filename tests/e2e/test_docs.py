@@ -22,6 +22,7 @@ class Reader:
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
+        self._at = desk.folder
         (desk.folder / ".venv").symlink_to(sys.prefix)
 
     def follow(self, block: Block) -> None:
@@ -29,18 +30,24 @@ class Reader:
         if block.mark == "not run":
             return
         if block.mark == "file":
-            file = self._desk.folder / block.about
-            file.parent.mkdir(exist_ok=True)
+            file = self._at / block.about
+            file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(block.text)
         elif block.language == "python":
-            (self._desk.folder / "snippet.py").write_text(block.text)
+            (self._at / "snippet.py").write_text(block.text)
             self._type("python snippet.py", [])
         for command, output in block.commands():
             line = INSTALL.sub("", command)
-            if re.search(r"\brobo (up|router)\b", line) and is_endless(line):
-                self._leave(self._desk.start(line), ends=block.mark == "Ctrl-C after each")
+            if folder := re.fullmatch(r"cd (\S+)", line):
+                self._at = (self._at / folder[1]).resolve(strict=True)
+            elif re.search(r"\brobo (up|router)\b", line) and is_endless(line):
+                self._leave(self._desk.start(self._here(line)), ends=block.mark == "Ctrl-C after each")
             else:
                 self._type(line, output)
+
+    def _here(self, line: str) -> str:
+        """A line as it is typed in the folder that the page has gone into."""
+        return line if self._at == self._desk.folder else f"cd {self._at} && {line}"
 
     def _leave(self, terminal: Running, *, ends: bool) -> None:
         """Wait until it runs, and let it run in its terminal, or end it."""
@@ -55,7 +62,7 @@ class Reader:
         if " jq " in line and shutil.which("jq") is None:
             return
         fails = any(text.startswith("error: ") for text in output)
-        code, said = self._desk.run(line, ends=fails or not is_endless(line))
+        code, said = self._desk.run(self._here(line), ends=fails or not is_endless(line))
         assert (code != 0) == fails, f"{line} ended with {code}\n{said}"
         assert "Traceback" not in said, f"{line}\n{said}"
         if fails or not is_endless(line):

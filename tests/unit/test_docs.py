@@ -81,3 +81,9 @@ def test_the_page_for_those_who_come_from_ros_2_says_what_the_commands_answer() 
     rows = re.findall(r"^\| (`.*?`) \| (.*) \|$", page.partition("## What is not there")[2], re.MULTILINE)
     told = {word: line.replace("`", "") for words, line in rows for word in re.findall(r"`(?:ros2 )?(\w+)`", words)}
     assert told == {word: line.replace("`", "") for word, line in ros2_words.VERBS.items()}
+
+
+def test_the_index_names_every_page() -> None:
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    pages = {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").glob("*.md")} - {"index.md"}
+    assert pages <= set(re.findall(r"\]\(([^)#]+)", index)), "each page has a line in docs/index.md"
