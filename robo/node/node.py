@@ -30,7 +30,6 @@ from robo.node.topics import TopicPublisher, TopicSubscription
 from robo.node.troubles import Troubles
 from robo.node.tuning import Tuning
 from robo.node.turn import Turn
-from robo.parameters.model import Parameters as AnyParameters
 from robo.parameters.model import build
 from robo.wire import keys
 from robo.wire.qos import DEFAULT_DEPTH, DEFAULT_TIMEOUT
@@ -60,8 +59,6 @@ class Node(Hooks):
     counted, and the node goes on; `raise SystemExit(code)` ends it. In a process of its own it also ends,
     with exit code 1, when a thread dies of an exception, be it one that the subclass has started.
     """
-
-    parameters: AnyParameters
 
     def __init__(
         self,
@@ -93,6 +90,7 @@ class Node(Hooks):
         self._identity = Identity.of(name or self.contract.name, namespace, remappings)
         self.name, self.namespace = self._identity.name, self._identity.namespace
         self.full_name = self._identity.full_name
+        # Its type is inferred: one that is declared may not be narrower in a subclass, as pyright sees it.
         self.parameters = build(type(self).Parameters, parameters or {}, self.full_name)
         self.clock: Clock = clock or (SimClock() if self.parameters.use_sim_time else Clock())
         self.logger = NodeLogger(self.full_name[1:].replace("/", "."), lambda: self.clock.monotonic())
