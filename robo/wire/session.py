@@ -89,7 +89,11 @@ def close_session(session: zenoh.Session) -> bool:
         return True
     _open.remove(session)
     closing = threading.Thread(target=_close, args=(session,), name="robo-close", daemon=True)
-    closing.start()
+    try:
+        closing.start()
+    except RuntimeError:  # Python 3.12 begins no thread once it is about to end
+        _close(session)
+        return True
     closing.join(CLOSE_TIMEOUT)
     if closing.is_alive():
         _logger.info("the session did not close within %g s", CLOSE_TIMEOUT)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import threading
 from pathlib import Path
 from typing import cast
 
@@ -12,6 +13,7 @@ from robo.cli.launch.router import print_config
 from robo.errors import NetworkError, UsageError
 from robo.wire import zenoh_threads
 from robo.wire.network import Network, settings_by_path, settings_of, zenoh_config
+from robo.wire.session import close_session, open_session
 
 ROOT = Path(__file__).parents[2]
 
@@ -83,3 +85,14 @@ def test_shared_memory_can_be_switched_off(monkeypatch: pytest.MonkeyPatch) -> N
     assert "transport/shared_memory/enabled" not in settings_of(Network())
     monkeypatch.setenv("ROBO_SHM", "off")
     assert settings_of(Network())["transport/shared_memory/enabled"] is False
+
+
+def test_a_session_is_closed_where_no_thread_can_be_begun_any_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    session = open_session(Network(mode="peer"))
+
+    def start(_: threading.Thread) -> None:
+        raise RuntimeError("can't create new thread at interpreter shutdown")
+
+    monkeypatch.setattr(threading.Thread, "start", start)
+    assert close_session(session)
+    assert session.is_closed()
