@@ -176,11 +176,13 @@ def _unknown_remaps(resolution: Resolution) -> Iterable[Problem]:
     """Remappings of names that the node does not have; of a group, that none of its nodes has."""
     used: set[Position] = set()
     unused: dict[tuple[Position, str], list[ProcessPlan]] = {}
-    topics: dict[str, list[str]] = {}
+    declared: dict[str, list[str]] = {}
     for process in resolution.plan.processes:
-        declared = [*_declared(resolution, process, "pub"), *_declared(resolution, process, "sub")]
-        own = topics[process.full_name] = [topic for topic, _ in declared]
-        keys = {names.resolve(topic, namespace=process.namespace, node=process.name) for topic in own}
+        topics = [*_declared(resolution, process, "pub"), *_declared(resolution, process, "sub")]
+        own = declared[process.full_name] = [topic for topic, _ in topics]
+        if contract := resolution.contracts.get(process.full_name):
+            own += [end.service for end in (*contract.services, *contract.clients)]
+        keys = {names.resolve(name, namespace=process.namespace, node=process.name) for name in own}
         silent = not own and process.full_name not in resolution.contracts
         for old, origin in resolution.remaps.get(process.full_name, {}).items():
             if silent or names.resolve(old, namespace=process.namespace, node=process.name) in keys:
@@ -190,13 +192,13 @@ def _unknown_remaps(resolution: Resolution) -> Iterable[Problem]:
     for (position, old), processes in unused.items():
         if position in used:
             continue
-        instead = suggest(old, [topic for process in processes for topic in topics[process.full_name]])
+        instead = suggest(old, [name for process in processes for name in declared[process.full_name]])
         first = processes[0]
         if len(processes) == 1:
             owner = f"{first.full_name} ({first.service or 'a command'}) has no"
         else:
             owner = f"none of {', '.join(process.full_name for process in processes)} has a"
-        yield Problem(position, f"remap {old} to {first.remap[old]}: {owner} topic {shown(old)}; {instead}")
+        yield Problem(position, f"remap {old} to {first.remap[old]}: {owner} topic or service {shown(old)}; {instead}")
 
 
 def _promise(topic: TopicPlan, by_key: Mapping[str, Sequence[TopicEnd]], *, may_be_served: bool) -> Iterable[Problem]:

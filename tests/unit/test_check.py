@@ -88,7 +88,7 @@ def test_a_command_that_does_not_say_what_it_publishes_may_feed_anything() -> No
 def test_a_remapping_of_a_name_that_the_node_does_not_have() -> None:
     remapped = "tracker: {service: robo_services.position_tracker, remap: {odm: odom}}"
     assert faults(group(SOURCE, remapped)) == [
-        "m.yaml:6:66: remap odm to odom: /r1/tracker (robo_services.position_tracker) has no topic 'odm'; "
+        "m.yaml:6:66: remap odm to odom: /r1/tracker (robo_services.position_tracker) has no topic or service 'odm'; "
         "did you mean odom?"
     ]
 
@@ -97,8 +97,14 @@ def test_a_remapping_of_a_group_is_for_those_that_have_the_name() -> None:
     other = "controller: {service: robo_services.velocity_controller}"
     assert faults(group(SOURCE, TRACKER, other, more="\n    remap: {/r1/cmd_vel: raw}")) == []
     (found,) = faults(group(SOURCE, TRACKER, more="\n    remap: {cmd_vel: raw}"))
-    assert found.startswith("m.yaml:4:13: remap cmd_vel to raw: none of /r1/source, /r1/tracker has a topic 'cmd_vel'")
-    assert found.endswith("there is odom, current_position")
+    none = "none of /r1/source, /r1/tracker has a topic or service 'cmd_vel'"
+    assert found.startswith(f"m.yaml:4:13: remap cmd_vel to raw: {none}")
+    assert "there is odom, current_position" in found
+
+
+def test_a_service_may_have_another_name_too() -> None:
+    remapped = "tracker: {service: robo_services.position_tracker, remap: {reset_distance: reset, odom: wheel}}"
+    assert faults(group("source: {run: x, publishes: {wheel: nav/Odometry}}", remapped)) == []
 
 
 def test_a_remapped_topic_is_named_as_the_node_calls_it() -> None:
