@@ -12,17 +12,40 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from robo.testing.bench import NodeEnded
     from robo.testing.clock import Clock
+    from robo.testing.cut import CannotCut
+    from robo.testing.launch import Launch
     from robo.testing.leaks import Leak
     from robo.testing.node import Call, NodeUnderTest, NotThere, RunNode, StillWaiting
+    from robo.testing.robot import NodeDied, Robot
+    from robo.testing.run import LaunchFailed
     from robo.testing.stepper import Hung
 
-__all__ = ["Call", "Clock", "Hung", "Leak", "NodeEnded", "NodeUnderTest", "NotThere", "RunNode", "StillWaiting"]
+__all__ = [
+    "Call",
+    "CannotCut",
+    "Clock",
+    "Hung",
+    "Launch",
+    "LaunchFailed",
+    "Leak",
+    "NodeDied",
+    "NodeEnded",
+    "NodeUnderTest",
+    "NotThere",
+    "Robot",
+    "RunNode",
+    "StillWaiting",
+]
 
 _HOMES = {
     "bench": ("NodeEnded",),
     "clock": ("Clock",),
+    "cut": ("CannotCut",),
+    "launch": ("Launch",),
     "leaks": ("Leak",),
     "node": ("Call", "NodeUnderTest", "NotThere", "RunNode", "StillWaiting"),
+    "robot": ("NodeDied", "Robot"),
+    "run": ("LaunchFailed",),
     "stepper": ("Hung",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from typing import TYPE_CHECKING
 
 import pytest
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from robo.testing.bench import Bench
     from robo.testing.clock import Clock
+    from robo.testing.launch import Launch
     from robo.testing.node import RunNode
 
 
@@ -31,6 +32,18 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     leaks = sys.modules.get("robo.testing.leaks")
     if leaks is not None:
         leaks.end_run(config.stash.get(_EXIT_CODE, 1))
+
+
+_LAUNCH = pytest.StashKey["Launch"]()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Show with a test that has failed what its robots were about."""
+    report = yield
+    if report.failed and _LAUNCH in item.stash:
+        report.sections += [(f"robot {robot.name}", robot.report()) for robot in item.stash[_LAUNCH].robots]
+    return report
 
 
 @pytest.fixture
@@ -78,3 +91,17 @@ def run_node(_robo_bench: Bench) -> RunNode:
     from robo.testing.node import RunNode
 
     return RunNode(_robo_bench)
+
+
+@pytest.fixture
+def launch(
+    nothing_left: None, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Launch]:
+    """Starts robots: real processes, at ports and in folders of this test alone; they end with the test."""
+    del nothing_left  # it looks once they have ended
+    from robo.testing.launch import Launch
+
+    starter = Launch(lambda: tmp_path_factory.mktemp("robot"), request.config.rootpath)
+    request.node.stash[_LAUNCH] = starter
+    yield starter
+    starter.close()

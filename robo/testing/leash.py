@@ -1,0 +1,24 @@
+"""`python -m robo.testing.leash PID COMMAND...`: becomes a command that is told to end when its parent ends.
+
+However a test run ends, `kill -9` included, the robots that it has started end as well.
+"""
+
+import ctypes
+import os
+import signal
+import sys
+
+_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG, linux/prctl.h
+
+
+def main(words: list[str]) -> None:
+    """Become the command."""
+    parent, *command = words
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGTERM, 0, 0, 0)
+    if os.getppid() == int(parent):  # else it has died before this could be said
+        os.execv(command[0], command)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
