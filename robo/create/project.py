@@ -5,6 +5,8 @@ from pathlib import Path
 
 import msgspec
 
+from robo.create.addition import MESSAGE_TESTS, MESSAGES
+from robo.create.render import MANIFEST, PARAMETERS
 from robo.errors import CreateError, UnreadableFile
 from robo.packages.announced import PACKAGES, PROJECT_FILE
 from robo.text.files import read_text
@@ -19,6 +21,26 @@ class Project(msgspec.Struct, frozen=True):
     """Where its `pyproject.toml` is."""
     package: Path
     """Where its Python files are."""
+
+    @property
+    def sources(self) -> str:
+        """The path of its Python files within its folder."""
+        return self.package.relative_to(self.folder).as_posix()
+
+    def files(self) -> dict[str, str]:
+        """The texts of the files that may be added to, by their paths within its folder.
+
+        Raises:
+            CreateError: one cannot be read.
+        """
+        found = {}
+        for path in (MANIFEST, PARAMETERS, f"{self.sources}/{MESSAGES}", MESSAGE_TESTS):
+            try:
+                found[path] = read_text(self.folder / path)
+            except UnreadableFile as error:
+                if not error.missing:
+                    raise CreateError(f"{path} cannot be read: {error}") from None
+        return found
 
 
 def find_project(here: Path) -> Project | None:

@@ -100,8 +100,7 @@ def parse(
         )
         return None
     if placeholders:
-        # Characters that mean nothing to YAML stand in for the braces: positions stay what they are.
-        text = _PLACEHOLDER.sub(f"${_OPEN}\\1{_CLOSE}", text)
+        text = masked(text)
     builder = _Builder(name, problems, keep_repeated=keep_repeated)
     try:
         # Events, not PyYAML's own tree: that one descends without a limit and crashes on deep files.
@@ -118,6 +117,11 @@ def parse(
         problems.append(Problem(error.position, str(error)))
         return None
     return builder.root or Map((), Position(name, 1, 1))
+
+
+def masked(text: str) -> str:
+    """A text in which each `${name}` is one word to YAML: other characters stand in for its braces, as many of them."""
+    return _PLACEHOLDER.sub(f"${_OPEN}\\1{_CLOSE}", text)
 
 
 def _place(text: str, name: str, error: yaml.MarkedYAMLError) -> Position:

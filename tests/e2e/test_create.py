@@ -79,6 +79,19 @@ def test_a_new_package_runs_and_passes_its_tests(maker: Maker) -> None:
     runs_and_passes(maker, "r1/chatter")
     assert "is the package my_robot" in maker.type("robo create other", fails=True)
 
+    git = "git -c user.name=Me -c user.email=me@example.org -c init.defaultBranch=main"
+    maker.type(f"{git} init --quiet && {git} add --all && {git} commit --quiet --message all")
+    wish = "robo create --node gripper --publishes grip:my_robot/Grip --subscribes chatter:std/String --message Grip"
+    listed = maker.type(f"{wish} --dry-run")
+    assert maker.type("git status --porcelain") == ""
+    assert maker.type(f"cd launch && {wish}").replace("../", "") == listed
+    changes = maker.type("git diff --numstat").splitlines()
+    assert [line.split()[1:] for line in changes] == [
+        ["0", "config/robot.yaml"], ["0", "launch/robot.yaml"], ["0", "my_robot/messages.py"]
+    ]  # fmt: skip
+    runs_and_passes(maker, "r1/grip")
+    assert "gripper is there already" in maker.type("robo create --node gripper", fails=True)
+
 
 def test_who_calls_it_bare_is_asked(maker: Maker) -> None:
     if shutil.which("script") is None:

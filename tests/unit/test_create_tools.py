@@ -10,8 +10,10 @@ import pytest
 from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
 
+from robo.create.addition import added
 from robo.create.asked import Asked, contents
 from robo.create.files import write
+from robo.create.project import find_project
 from robo.create.render import PackagePlan, package_files
 from robo.errors import UsageError
 
@@ -96,7 +98,20 @@ def test_the_tools_accept_a_package(wish: Asked, tmp_path: Path) -> None:
     run("ruff", "check", "--no-cache", folder=tmp_path)
     run("ruff", "format", "--check", "--no-cache", folder=tmp_path)
     run("mypy", "--strict", "--cache-dir", str(tmp_path / ".mypy_cache"), folder=tmp_path)
-    done = subprocess.run(
-        [sys.executable, "-m", "robo", "check", "launch/robot.yaml"], cwd=tmp_path, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
+    run("robo", "check", "launch/robot.yaml", folder=tmp_path)
+
+
+def test_the_tools_accept_a_package_that_has_grown(tmp_path: Path) -> None:
+    make(tmp_path, "my_robot", Asked(nodes=("first",), messages=("One",)))
+    project = find_project(tmp_path)
+    assert project is not None
+    for wish in (Asked(messages=("Two",)), EVERYTHING):
+        files = project.files()
+        addition = added("my_robot", project.sources, contents(wish, "my_robot"), files, ())
+        assert addition.problems == ()
+        changes = {tmp_path / path: (files[path], text) for path, text in addition.changed.items()}
+        write(tmp_path, addition.new, changes)
+    run("ruff", "check", "--no-cache", folder=tmp_path)
+    run("ruff", "format", "--check", "--no-cache", folder=tmp_path)
+    run("mypy", "--strict", "--cache-dir", str(tmp_path / ".mypy_cache"), folder=tmp_path)
+    run("robo", "check", "launch/robot.yaml", folder=tmp_path)

@@ -18,6 +18,8 @@ _TOPIC = "[NODE:]TOPIC:TYPE"
     "robo create my_robot",
     "robo create my_robot --node gripper --publishes grip:std/String",
     "robo create my_robot --node eye --subscribes scan:sensor/LaserScan --service look:std/Trigger --dry-run",
+    "cd my_robot && robo create --node gripper --publishes grip:std/String",
+    "cd my_robot && robo create --message Grip",
     short_help="Make a package of your own, or add to it.",
 )
 def create(
@@ -47,11 +49,17 @@ def create(
     description: Annotated[
         str | None, typer.Option("--description", metavar="TEXT", help="What it is, in a line.", show_default=False)
     ] = None,
+    code_only: Annotated[
+        bool, typer.Option("--code-only", help="Within a package: leave its manifest and parameter file as they are.")
+    ] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="List the files and write nothing.")] = False,
 ) -> None:
     """Make a package of your own in a new folder: nodes, messages, manifest, parameters, tests, container.
 
-    Called without any words, it asks. Without --node the package gets a node `talker` that publishes a text. Several
+    Within a package, without NAME, it adds nodes and messages: code, tests, and lines in the manifest and in the
+    parameter file. Lines that are there stay as they are.
+
+    Called without any words, it asks. Without --node a new package gets a node `talker` that publishes a text. Several
     nodes may have topics: write gripper:grip:std/String. Nothing is overwritten.
     """
     from robo.cli.views.create import run_create
@@ -66,4 +74,4 @@ def create(
         license=license,
         description=description,
     )
-    run_create(name, asked, dry_run=dry_run)
+    run_create(name, asked, dry_run=dry_run, code_only=code_only)
