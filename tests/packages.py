@@ -1,5 +1,6 @@
 """robo as a user has it: installed from its wheel, in an environment of its own, without a network."""
 
+import os
 import subprocess
 import sys
 import sysconfig
@@ -21,7 +22,9 @@ def wheel(folder: Path) -> Path:
 
 def shared_wheel(base: pytest.TempPathFactory) -> Path:
     """Robo's wheel, built once for all workers of a run of tests."""
-    folder = base.getbasetemp().parent / "robo_wheel"
+    # Workers have folders of their own, below that of the run.
+    mine = base.getbasetemp()
+    folder = (mine.parent if "PYTEST_XDIST_WORKER" in os.environ else mine) / "robo_wheel"
     folder.mkdir(exist_ok=True)
     with open(folder / "lock", "w") as lock:
         flock(lock, LOCK_EX)

@@ -27,7 +27,9 @@ _MODULES = {"manifest", "messages", "share"}
 """What a package has beside its nodes, or tests beside theirs."""
 USED = {"Annotated", "Clock", "Meta", "Node", "Parameters", "Publisher", "RunNode", "Unit"}
 """Classes that the files of a node import beside messages."""
-_TAKEN_IN_CLASSES = {*dir(Node), "count", "logger", "parameters", "robo", "send", "service", "subscribe", "timer"}
+_TAKEN_IN_CLASSES = {
+    *dir(Node), "count", "l", "logger", "parameters", "robo", "send", "service", "subscribe", "timer"
+}  # fmt: skip
 
 
 def package_fault(name: str) -> str | None:

@@ -35,7 +35,7 @@ EXAMPLES = examples_of(get_command(app))
 NOT_RUN = {("keeper",): "it needs a container engine; tests/integration/test_keeper.py has one of its own"}
 ALONE = {("up",), ("router",), ("run",)}
 """Verbs that are tried where no robot runs."""
-NO_MATTER = {("check",), ("schema",), ("export", "compose"), ("export", "dockerfile"), ("node", "show")}
+NO_MATTER = {("check",), ("create",), ("schema",), ("export", "compose"), ("export", "dockerfile"), ("node", "show")}
 """Verbs that look at no network."""
 
 NODE = '''

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, reject, settings
+from hypothesis import HealthCheck, Phase, given, reject, settings
 from hypothesis import strategies as st
 
 from robo.create.addition import added
@@ -59,7 +59,13 @@ def make(folder: Path, name: str, wish: Asked) -> None:
     write(folder, package_files(PackagePlan(name, "A robot", None, found.nodes, found.messages)))
 
 
-@settings(max_examples=25, suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much])
+# Without shrinking: each try runs two programs.
+@settings(
+    max_examples=25,
+    derandomize=True,
+    phases=[Phase.generate],
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
+)
 @given(asked())
 def test_the_linter_and_the_formatter_accept_any_package(wish: Asked) -> None:
     with tempfile.TemporaryDirectory() as made:

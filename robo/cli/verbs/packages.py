@@ -15,11 +15,11 @@ _TOPIC = "[NODE:]TOPIC:TYPE"
 @verb(
     verbs,
     "create",
-    "robo create my_robot",
-    "robo create my_robot --node gripper --publishes grip:std/String",
-    "robo create my_robot --node eye --subscribes scan:sensor/LaserScan --service look:std/Trigger --dry-run",
-    "cd my_robot && robo create --node gripper --publishes grip:std/String",
-    "cd my_robot && robo create --message Grip",
+    "robo create rover",
+    "robo create arm --node gripper --publishes grip:std/String",
+    "robo create eye --node camera --subscribes scan:sensor/LaserScan --service look:std/Trigger --dry-run",
+    "cd rover && robo create --node gripper --publishes grip:std/String",
+    "cd rover && robo create --message Grip",
     short_help="Make a package of your own, or add to it.",
 )
 def create(
