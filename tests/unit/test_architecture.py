@@ -61,6 +61,7 @@ MAY_LOAD = {
     "node": {"yaml"},
     "param": {"yaml"},
     "service": {"yaml"},
+    "create": {"yaml"},
     "interface": {"yaml"},
     "plot": {"rich"},
     "screen": {"rich"},
