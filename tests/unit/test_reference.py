@@ -7,8 +7,8 @@ import pytest
 from typer.main import get_command
 
 import robo_messages
-from docs_reference import commands, manifest, messages, nodes, pages, reports
-from docs_reference.markdown import Gap, code, described, paragraphs, prose, table
+from docs_tools.reference import commands, manifest, messages, nodes, pages, reports
+from docs_tools.reference.markdown import Gap, code, described, paragraphs, prose, table
 from robo import environment
 from robo.cli.app import app
 from robo.interfaces.catalogue import FieldInfo

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from docs_site.build import Broken, faults, navigation, pages, settings, stage
-from docs_site.images import drawing, picture
+from docs_tools.site.build import Broken, faults, navigation, pages, settings, stage
+from docs_tools.site.images import drawing, picture
 from tests.pages import ROOT
 
 
@@ -19,7 +19,7 @@ def repository(tmp_path: Path) -> Path:
         "docs/node.md": "# The `node`\n[home](../README.md) [m](../launch/a.yaml) [z](https://zenoh.io)\n",
         "docs/reference/types.md": "# Types\n",
         "docs/fresh.md": "# Fresh\n```yaml\n[a](b)\n```\n",
-        "docs_site/zensical.toml": '[project]\nsite_name = "it"\n',
+        "docs_tools/site/zensical.toml": '[project]\nsite_name = "it"\n',
         "examples/README.md": "# Examples\n",
         "launch/a.yaml": "groups: {}\n",
         "launch/b.yaml": "groups: {}\n",

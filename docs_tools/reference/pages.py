@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from docs_reference import commands, environment, keys, manifest, messages, nodes, reports
-from docs_reference.markdown import table
+from docs_tools.reference import commands, environment, keys, manifest, messages, nodes, reports
+from docs_tools.reference.markdown import table
 
-FOLDER = Path(__file__).parents[1] / "docs" / "reference"
-COMMAND = "python -m docs_reference"
+FOLDER = Path(__file__).parents[2] / "docs" / "reference"
+COMMAND = "python -m docs_tools.reference"
 _MADE = f"<!-- Made from the code by `{COMMAND}`: change what the code says, not this page. -->"
 
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from typer.main import get_command
 
-from docs_reference.markdown import block, code, described, link, paragraphs, prose, sentence, table
+from docs_tools.reference.markdown import block, code, described, link, paragraphs, prose, sentence, table
 from robo.cli.app import app
 from robo.cli.launch import run
 from robo.process import health

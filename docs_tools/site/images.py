@@ -1,4 +1,4 @@
-"""The pictures in docs/images, made from real output: `python -m docs_site.images [LOG]`.
+"""The pictures in docs/images, made from real output: `python -m docs_tools.site.images [LOG]`.
 
 They are committed, as a README has to show them without being built; made again where what they show has changed. Needs
 graphviz (`dot`) and a free machine of one's own for half a minute. LOG is the CARMEN log whose track is drawn.
@@ -21,7 +21,7 @@ from xml.sax.saxutils import escape
 from rich.console import Console
 from rich.text import Text
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "images"
 WIDTH = 106
 """Of a terminal, characters."""

@@ -7,7 +7,7 @@ from typing import Any, Final, get_args, get_type_hints
 import msgspec
 from msgspec import inspect as shapes
 
-from docs_reference.markdown import code, described, link, paragraphs, prose, table
+from docs_tools.reference.markdown import code, described, link, paragraphs, prose, table
 from robo.supervisor.commands import Commands
 from robo.text.docstrings import attribute_docs
 from robo.wire import reports

@@ -4,7 +4,7 @@ import ast
 import re
 from pathlib import Path
 
-from docs_reference.markdown import code, described, prose, table
+from docs_tools.reference.markdown import code, described, prose, table
 from robo import environment
 from robo.text.docstrings import assigned_docs
 

@@ -16,7 +16,7 @@ from urllib.parse import unquote
 
 import msgspec
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 SECTIONS = {
     "Begin here": ("index", "tutorial", "create", "node", "own_base", "testing", "packages"),
@@ -110,7 +110,7 @@ def _entry(root: Path, page: Path) -> dict[str, str]:
 
 def settings(root: Path) -> str:
     """The generator's settings, with the list of pages."""
-    text = (root / "docs_site" / "zensical.toml").read_text(encoding="utf-8")
+    text = (root / "docs_tools" / "site" / "zensical.toml").read_text(encoding="utf-8")
     return text.replace("[project]\n", f"[project]\nnav = {_toml(navigation(root))}\n", 1)
 
 

@@ -5,7 +5,7 @@ from typing import Final
 
 import msgspec
 
-from docs_reference.markdown import code, described, link, prose, table
+from docs_tools.reference.markdown import code, described, link, prose, table
 from robo.launch.expression import as_text
 from robo.launch.forms import FILLED, MOST, Schema
 from robo.launch.language import Key, keys_of, short_of

@@ -1,9 +1,9 @@
-"""`python -m docs_site [FOLDER]` builds the site, by default in the folder `site`."""
+"""`python -m docs_tools.site [FOLDER]` builds the site, by default in the folder `site`."""
 
 import sys
 from pathlib import Path
 
-from docs_site.build import ROOT, Broken, build
+from docs_tools.site.build import ROOT, Broken, build
 
 
 def main() -> int:

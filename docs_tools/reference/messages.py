@@ -10,7 +10,7 @@ import msgspec
 from msgspec import inspect as shapes
 
 import robo_messages
-from docs_reference.markdown import Gap, block, code, described, link, paragraphs, prose, table
+from docs_tools.reference.markdown import Gap, block, code, described, link, paragraphs, prose, table
 from robo.interfaces import catalogue, ros_text
 from robo.wire.codec import jsonable
 from robo_messages import Message

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator
 
 import robo
 import robo_services
-from docs_reference import messages
-from docs_reference.markdown import Gap, code, described, paragraphs, prose, sentence, table
+from docs_tools.reference import messages
+from docs_tools.reference.markdown import Gap, code, described, paragraphs, prose, sentence, table
 from robo.launch.expression import as_text
 from robo.node.contract import ClientDeclaration, Contract, ServiceDeclaration, contract_of
 from robo.parameters.hints import ParameterInfo, range_text

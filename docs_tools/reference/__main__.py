@@ -1,9 +1,9 @@
-"""`python -m docs_reference`: make the pages of the reference anew."""
+"""`python -m docs_tools.reference`: make the pages of the reference anew."""
 
 import sys
 
-from docs_reference.markdown import Gap
-from docs_reference.pages import FOLDER, pages
+from docs_tools.reference.markdown import Gap
+from docs_tools.reference.pages import FOLDER, pages
 
 
 def main() -> None:

@@ -6,8 +6,8 @@ from typing import Any
 
 import msgspec
 
-from docs_reference import messages
-from docs_reference.markdown import code, described, paragraphs, prose, table
+from docs_tools.reference import messages
+from docs_tools.reference.markdown import code, described, paragraphs, prose, table
 from robo.text.docstrings import attribute_docs
 from robo.wire import keys
 

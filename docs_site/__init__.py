@@ -1,1 +1,0 @@
-"""What makes the site of the pages, and its pictures: `python -m docs_site`, `python -m docs_site.images`."""
