@@ -79,7 +79,7 @@ def find(name: str) -> Package:
     folders = folders_of(name)
     if not folders:
         raise LookupError(f"there is no package {shown(name)}{hint(name, [*there, *_importable()], _IS_IT)}")
-    return Package(name=name, module=name, folders=folders, share=share_of(folders), source=_found_in(folders))
+    return Package(name=name, module=name, folders=folders, share=share_of(folders), source=_found_in(folders, name))
 
 
 _IS_IT = "; is it installed here?"
@@ -112,14 +112,16 @@ def _package(one: Announced) -> Package:
         description=one.description,
     )
     if not one.distribution:
-        return msgspec.structs.replace(package, source=_found_in(folders))
+        return msgspec.structs.replace(package, source=_found_in(folders, one.value))
     if any(folder.resolve().is_relative_to(one.home.resolve()) for folder in folders):
         return package
-    return msgspec.structs.replace(package, source=_found_in(folders), distribution="", version="", hides=one.by)
+    found_in = _found_in(folders, one.value)
+    return msgspec.structs.replace(package, source=found_in, distribution="", version="", hides=one.by)
 
 
-def _found_in(folders: tuple[Path, ...]) -> Source:
-    return "folder" if any(folder.is_relative_to(Path.cwd()) for folder in folders) else "path"
+def _found_in(folders: tuple[Path, ...], module: str) -> Source:
+    """Where a package is that is not installed. An environment below the current folder is not this folder."""
+    return "folder" if Path.cwd().joinpath(*module.split(".")) in folders else "path"
 
 
 def _importable() -> list[str]:

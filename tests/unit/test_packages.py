@@ -75,6 +75,12 @@ def test_the_project_of_this_folder_hides_what_is_installed(
     assert "this folder, not installed; hides my-robot 1.0" in said("pkg", "list")[1]
 
 
+def test_an_environment_in_this_folder_is_not_this_folder(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    user_package.write(site, {"bare/__init__.py": ""})
+    monkeypatch.chdir(site.parent)
+    assert packages.find("bare").source == "path"
+
+
 @pytest.mark.parametrize("place", ["my_robot", "src/my_robot"])
 def test_the_share_folder_of_a_checkout_is_the_project(
     site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
