@@ -124,7 +124,9 @@ def test_an_input_on_which_nothing_comes_is_told_with_where_to_look() -> None:
         cpu=None, memory=None, published={}, received={}, run="a", host="here",
     )  # fmt: skip
     scan = Input(topic="r1/scan", received=0, age=7.9, malformed=0, dropped=0)
-    why = Explanation(process=process, exits=[], unmet_needs=[], inputs=[scan], callback_errors=0, next_start=None)
+    odom = Input(topic="r1/odom", received=0, age=1.2, malformed=0, dropped=0)  # it may not have been told yet
+    inputs = [scan, odom]
+    why = Explanation(process=process, exits=[], unmet_needs=[], inputs=inputs, callback_errors=0, next_start=None)
     assert explained(why)[2:] == [
         "  has received nothing on r1/scan for 7.9s",
         "    robo topic info r1/scan: who publishes it; robo logs /r1/safety_monitor: what it says of it",

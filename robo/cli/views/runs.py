@@ -235,11 +235,13 @@ def explained(found: Explanation, refused: Sequence[Stranger] = ()) -> list[str]
     for entry in found.inputs:
         if status.running:
             pass  # what has come waits for that callback: the input is not to blame
+        elif entry.age <= _STALE:
+            pass  # a node tells once a second what it has received: in its first one, nothing so far
         elif entry.received == 0:
             lines.append(f"  has received nothing on {entry.topic} for {duration(entry.age)}")
             whom = f"robo topic info {entry.topic}: who publishes it"
             lines.append(f"    {whom}; robo logs {status.node}: what it says of it")
-        elif entry.age > _STALE:
+        else:
             lines.append(f"  has received nothing on {entry.topic} for {duration(entry.age)}, {entry.received} before")
         if entry.malformed:
             lines.append(f"  could not read {entry.malformed} messages on {entry.topic}")
