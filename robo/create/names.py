@@ -31,6 +31,9 @@ _TAKEN_IN_CLASSES = {
     *dir(Node), "count", "l", "logger", "parameters", "robo", "send", "service", "subscribe", "timer"
 }  # fmt: skip
 
+_AMBIGUOUS = frozenset(("I", "O", "l"))
+"""Names that are read as digits, which linters refuse."""
+
 
 def package_fault(name: str) -> str | None:
     """What is wrong with the name of a new package, and what to do; None for nothing."""
@@ -64,6 +67,8 @@ def node_fault(name: str) -> str | None:
         return fault
     if name in _MODULES or class_of(name) in USED:
         return f"node name {name!r}: that is something else in every package; try {name}_node"
+    if class_of(name) in _AMBIGUOUS:
+        return f"node name {name!r}: its class {class_of(name)} reads like a digit; try {name}_node"
     if name.endswith("_logic"):
         return f"node name {name!r}: modules that end in _logic hold what nodes decide; try {name}_node"
     if name.startswith("test_"):
@@ -75,6 +80,8 @@ def message_fault(name: str) -> str | None:
     """The same for a new message type of the package."""
     if "/" in name:
         return f"message name {shown(name)}: write only the type's own name, {name.rpartition('/')[2] or 'Grip'}"
+    if name in _AMBIGUOUS:
+        return f"message name {name!r} reads like a digit; say what it is about, for example GripState"
     if keyword.iskeyword(name) or name == "Message":
         return f"message name {name!r} is taken; say what it is about, for example GripState"
     if not _PASCAL.match(name):
@@ -114,7 +121,8 @@ def labels(ends: Iterable[str]) -> dict[str, str]:
 
 def attribute(label: str) -> str:
     """What a node calls its publisher: a name that nothing else in its class has."""
-    return f"{label}_publisher" if label in _TAKEN_IN_CLASSES or keyword.iskeyword(label) else label
+    taken = label in _TAKEN_IN_CLASSES | _AMBIGUOUS or keyword.iskeyword(label)
+    return f"{label}_publisher" if taken else label
 
 
 def handler(label: str) -> str:

@@ -79,13 +79,14 @@ def test_the_name_of_a_package(name: str, advice: str | None) -> None:
         "publisher",
         "a-b",
         "clock",
+        "o",
     ],
 )
 def test_names_that_no_node_can_have(name: str) -> None:
     assert names.node_fault(name)
 
 
-@pytest.mark.parametrize("name", ["grip", "Message", "None", "my_robot/Grip", "Grip_State", "3D", "G" * 41])
+@pytest.mark.parametrize("name", ["grip", "Message", "None", "my_robot/Grip", "Grip_State", "3D", "I", "G" * 41])
 def test_names_that_no_message_can_have(name: str) -> None:
     assert names.message_fault(name)
 
