@@ -163,7 +163,7 @@ robo.run(Arm(name="arm"))  # wrong
 def mypy(file: Path) -> dict[int, str]:
     """The lines in which mypy finds a mistake, and what it says."""
     if importlib.util.find_spec("mypy") is None:
-        pytest.skip("mypy is not installed; it comes with the extra dev")
+        pytest.skip("mypy is not installed; it comes with the extra test")
     command = [sys.executable, "-m", "mypy", "--strict", "--output=json", f"--cache-dir={file.parent}", file.name]
     result = subprocess.run(command, cwd=file.parent, capture_output=True, text=True, check=False)
     assert result.returncode in (0, 1), result.stdout + result.stderr
@@ -175,7 +175,7 @@ def pyright(file: Path) -> dict[int, str]:
     """The lines in which pyright finds a mistake, and what it says: as a package for pip, which fetches nothing."""
     program = shutil.which("basedpyright", path=str(Path(sys.executable).parent))
     if program is None:
-        pytest.skip("pyright is not installed; basedpyright comes with the extra dev")
+        pytest.skip("pyright is not installed; basedpyright comes with the extra test")
     (file.parent / "pyrightconfig.json").write_text('{"typeCheckingMode": "strict"}')
     command = [program, "--outputjson", "--pythonpath", sys.executable, file.name]
     result = subprocess.run(command, cwd=file.parent, capture_output=True, text=True, check=False)

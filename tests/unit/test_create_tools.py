@@ -48,7 +48,7 @@ def asked(draw: st.DrawFn) -> Asked:
 def run(tool: str, *words: str, folder: Path) -> None:
     """Run a tool in a package; it has nothing to say."""
     if find_spec(tool) is None:
-        pytest.skip(f"there is no {tool} here; the extra dev has it")
+        pytest.skip(f"there is no {tool} here; the extra test has it")
     done = subprocess.run([sys.executable, "-m", tool, *words], cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
 
