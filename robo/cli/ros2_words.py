@@ -23,7 +23,6 @@ VERBS: dict[str, str] = {
     "srv": "robo interface list shows all types, robo interface show TYPE one",
     "teleop": "robo has no teleoperation yet; robo stop velocity_controller, then robo topic pub r1/cmd_vel_raw"
     " geometry/Twist '{linear: {x: 0.2}}' -r 10",
-    "test": "tests of nodes are plain pytest: with MyNode(session=session): …",
     "tf": "robo has no tree of frames yet; geometry/TransformStamped is there as a message",
     "tf2": "robo has no tree of frames yet; geometry/TransformStamped is there as a message",
     "wtf": "robo doctor checks this machine, robo why NODE tells why a node is as it is",

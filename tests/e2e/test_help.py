@@ -35,7 +35,9 @@ EXAMPLES = examples_of(get_command(app))
 NOT_RUN = {("keeper",): "it needs a container engine; tests/integration/test_keeper.py has one of its own"}
 ALONE = {("up",), ("router",), ("run",)}
 """Verbs that are tried where no robot runs."""
-NO_MATTER = {("check",), ("create",), ("schema",), ("export", "compose"), ("export", "dockerfile"), ("node", "show")}
+NO_MATTER = {
+    ("check",), ("create",), ("schema",), ("test",), ("export", "compose"), ("export", "dockerfile"), ("node", "show")
+}  # fmt: skip
 """Verbs that look at no network."""
 
 NODE = '''
@@ -100,9 +102,11 @@ class Lab:
             "my_robot/messages.py": GRIPPER,
             "launch/mine.yaml": MANIFEST,
             "two_hosts.yaml": TWO_HOSTS,
+            "gripper/pyproject.toml": "[project]\nname = 'gripper'\n",
+            "gripper/tests/test_gripper.py": "def test_gripper() -> None:\n    pass\n",
             "params.yaml": "velocity_controller: {ros__parameters: {linear_velocity: 0.3}}\n",
         }.items():
-            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).parent.mkdir(exist_ok=True, parents=True)
             (folder / name).write_text(text)
         (folder / "bin").mkdir()
         for program in ("jq", "dot"):  # where there is none, one that passes on what it reads

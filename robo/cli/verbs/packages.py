@@ -1,5 +1,6 @@
-"""`robo create`: packages of one's own."""
+"""`robo create` and `robo test`: packages of one's own."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -75,3 +76,39 @@ def create(
         description=description,
     )
     run_create(name, asked, dry_run=dry_run, code_only=code_only)
+
+
+@verb(
+    verbs,
+    "test",
+    "robo test",
+    "robo test . --junit results.xml",
+    "robo test -- -k gripper -x",
+    "robo test --json | jq '.packages[].failed'",
+    short_help="Run the tests of packages, and sum them up.",
+)
+def run_tests_of(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[PATH] [-- PYTEST ARGUMENTS]",
+            help="A package, or a folder with packages; by default this one.",
+            show_default=False,
+        ),
+    ] = None,
+    junit: Annotated[
+        Path | None, typer.Option("--junit", metavar="FILE", help="Write a report of all packages, as JUnit has it.")
+    ] = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print the summary as JSON; what pytest prints goes to stderr.")
+    ] = False,
+) -> int:
+    """Run the tests of a package with pytest, or of each package below a folder, and sum them up.
+
+    A package is a folder with a `pyproject.toml`. What stands after `--` is for pytest.
+
+    Exit code: 0 all tests passed, 1 one did not, or could not be run, 2 words that make no sense.
+    """
+    from robo.cli.views.test import run_tests
+
+    return run_tests(words or [], junit=junit, json=json)
