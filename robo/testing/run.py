@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+import sysconfig
 import time
 from collections import defaultdict, deque
 from collections.abc import Mapping, Sequence
@@ -124,7 +125,7 @@ def _text(value: object) -> str:
 def _environment() -> dict[str, str]:
     """This process's environment without what is said to robo in it; modules are found where the test finds them."""
     own = {name: value for name, value in os.environ.items() if not name.startswith("ROBO_")}
-    installed = (sys.prefix, sys.base_prefix)
+    installed = tuple(sysconfig.get_path(which) for which in ("stdlib", "platstdlib", "purelib", "platlib"))
     beside = [path for path in sys.path if path and not path.startswith(installed)]
     return own | {"PYTHONPATH": os.pathsep.join(beside)}
 
