@@ -1,157 +1,149 @@
 """The reference robot's control chain as nodes of one process: time and obstacles are the test's."""
 
 import math
+from collections.abc import Callable
 from itertools import pairwise
+from pathlib import Path
 
-import msgpack
 import pytest
 import zenoh
 
-from robo.wire.discovery import wait_for_nodes
+from robo.testing import Clock, NodeUnderTest, RunNode
+from robo_messages import LaserScan, Trigger, Twist, Vector3
 from robo_services import safety_monitor
 from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.safety_monitor import SafetyMonitor
 from robo_services.velocity_controller import VelocityController
-from tests.support import Inbox, eventually
 
 
-def speed(message: dict[str, dict[str, float]]) -> float:
-    return math.hypot(message["linear"]["x"], message["linear"]["y"])
+def speed(twist: Twist) -> float:
+    return math.hypot(twist.linear.x, twist.linear.y)
 
 
-def scan(ahead: float) -> bytes:
+def scan(ahead: float) -> LaserScan:
     ranges = [math.inf] * 360
     ranges[180] = ahead
-    payload: bytes = msgpack.packb(
-        {"angle_min": -math.pi, "angle_increment": math.tau / 360, "range_max": 10.0, "ranges": ranges}
-    )
-    return payload
+    return LaserScan(angle_min=-math.pi, angle_increment=math.tau / 360, range_max=10.0, ranges=ranges)
 
 
-def test_the_controller_ramps_up_and_leaves_a_standing_robot(session: zenoh.Session, other: zenoh.Session) -> None:
-    inbox = Inbox(other, "r1/cmd_vel")
-    with VelocityController(namespace="r1", parameters={"publish_rate": 100, "linear_velocity": 0.2}, session=session):
-        inbox.wait_until(lambda ms: len(ms) > 3 and speed(ms[-1]) == 0.2, "full speed")
-        speeds = [speed(m) for m in inbox.messages]
-        assert all(b - a <= 0.01 + 1e-9 for a, b in pairwise(speeds))
-        assert inbox.messages[-1]["angular"]["z"] == 0.2
-    inbox.wait_until(lambda ms: speed(ms[-1]) == 0.0, "a last zero")
+def last_reason(monitor: NodeUnderTest[SafetyMonitor]) -> str:
+    reason: str = monitor.published("safety_state")[-1].values[1].value
+    return reason
 
 
-def test_the_monitor_passes_slows_stops_and_fails_closed(session: zenoh.Session, other: zenoh.Session) -> None:
-    with SafetyMonitor(namespace="r1", parameters={"scan_timeout": 0.3, "command_timeout": 0.3}, session=session):
-        out, state = Inbox(other, "r1/cmd_vel"), Inbox(other, "r1/safety_state")
-        assert not wait_for_nodes(other, ["/r1/safety_monitor"], 40)
+def until(clock: Clock, condition: Callable[[], bool], what: str, limit: float = 60.0) -> None:
+    """Let time pass until something is so."""
+    end = clock.monotonic() + limit
+    while not condition():
+        assert clock.monotonic() < end, f"not within {limit} s: {what}"
+        clock.advance(0.02)
 
-        def feed(ahead: float | None, x: float | None = 0.4) -> None:
+
+def test_the_controller_ramps_up_and_leaves_a_standing_robot(run_node: RunNode, clock: Clock) -> None:
+    controller = run_node(VelocityController, namespace="r1", publish_rate=100.0, linear_velocity=0.2)
+    clock.advance(1.0)
+    commands = controller.published("cmd_vel")
+    assert all(speed(b) - speed(a) <= 0.01 + 1e-9 for a, b in pairwise(commands))
+    assert speed(commands[-1]) == 0.2
+    assert commands[-1].angular.z == 0.2
+    controller.close()
+    assert speed(controller.published("cmd_vel")[-1]) == 0.0
+
+
+def test_the_monitor_passes_slows_stops_and_fails_closed(run_node: RunNode, clock: Clock) -> None:
+    monitor = run_node(SafetyMonitor, namespace="r1", scan_timeout=0.3, command_timeout=0.3)
+
+    def reached(ahead: float | None, x: float | None = 0.4, seconds: float = 0.1) -> float:
+        """What the base is told after a while in which this was seen and commanded, m/s."""
+        end = clock.monotonic() + seconds
+        while clock.monotonic() < end - 1e-6:
             if ahead is not None:
-                other.put("r1/scan", scan(ahead))
+                monitor.send("scan", scan(ahead))
             if x is not None:
-                other.put("r1/cmd_vel_raw", msgpack.packb({"linear": {"x": x}}))
+                monitor.send("cmd_vel_raw", Twist(Vector3(x=x)))
+            clock.advance(0.02)
+        return speed(monitor.published("cmd_vel")[-1])
 
-        def reaches(wanted: float, ahead: float | None, x: float | None = 0.4) -> None:
-            out.forget()
-
-            def there() -> bool:
-                feed(ahead, x)
-                return bool(out.samples) and abs(speed(out.messages[-1]) - wanted) < 1e-6
-
-            eventually(there, f"{wanted} m/s with {ahead} m ahead and {x} m/s commanded")
-
-        state.wait_until(lambda ms: "no laser scan so far" in ms[-1]["message"], "it says why it stands")
-        assert speed(out.wait_for(1)[-1]) == 0.0
-        reaches(0.4, 5.0)
-        reaches(0.2, 0.4)
-        reaches(0.0, 0.2)
-        reaches(0.4, 5.0)
-        reaches(0.0, 5.0, math.nan)
-        state.wait_until(lambda ms: ms[-1]["values"][1]["value"] == "invalid_command", "it names the NaN")
-        reaches(0.4, 5.0)
-        reaches(0.0, None)  # the laser has died
-        state.wait_until(lambda ms: ms[-1]["values"][1]["value"] == "stale_scan", "it names the laser")
-        reaches(0.4, 5.0)
-        reaches(0.0, 5.0, None)  # whoever commands has died
-        state.wait_until(lambda ms: ms[-1]["values"][1]["value"] == "stale_command", "it names the silence")
+    assert reached(None, None) == 0.0
+    assert "no laser scan so far" in monitor.published("safety_state")[-1].message
+    assert reached(5.0) == 0.4
+    assert reached(0.4) == pytest.approx(0.2)
+    assert reached(0.2) == 0.0
+    assert reached(5.0) == 0.4
+    assert reached(5.0, math.nan) == 0.0
+    assert last_reason(monitor) == "invalid_command"
+    assert reached(5.0) == 0.4
+    assert reached(None, seconds=0.26) == 0.4
+    assert reached(None, seconds=0.06) == 0.0  # the laser has died
+    assert last_reason(monitor) == "stale_scan"
+    assert reached(5.0) == 0.4
+    assert reached(5.0, None, seconds=0.26) == 0.4
+    assert reached(5.0, None, seconds=0.06) == 0.0  # whoever commands has died
+    assert last_reason(monitor) == "stale_command"
 
 
 def test_a_monitor_that_gets_no_scan_says_what_may_be_done(
-    session: zenoh.Session, other: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+    run_node: RunNode, clock: Clock, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(safety_monitor, "PATIENCE", 0.1)
-    log = Inbox(other, "r1/log")
-    with SafetyMonitor(namespace="r1", session=session):
-        log.wait_until(
-            lambda ms: any("still no laser scan on r1/scan" in m["msg"] for m in ms), "where, and what may be done"
-        )
+    run_node(SafetyMonitor, namespace="r1")
+    clock.advance(safety_monitor.PATIENCE - 0.1)
+    assert "still no laser scan" not in caplog.text
+    clock.advance(0.2)
+    assert "still no laser scan on r1/scan" in caplog.text
 
 
-def test_a_base_without_a_laser_drives_and_obeys_the_emergency_stop(
-    session: zenoh.Session, other: zenoh.Session
+def test_a_base_without_a_laser_drives_and_obeys_the_emergency_stop(run_node: RunNode, clock: Clock) -> None:
+    monitor = run_node(SafetyMonitor, namespace="r1", laser=False)
+
+    def reached() -> float:
+        monitor.send("cmd_vel_raw", Twist(Vector3(x=0.4)))
+        clock.advance(0.1)
+        return speed(monitor.published("cmd_vel")[-1])
+
+    assert reached() == 0.4
+    monitor.call("emergency_stop", Trigger.Request())
+    assert reached() == 0.0
+    monitor.call("reset_emergency_stop", Trigger.Request())
+    assert reached() == 0.4
+
+
+def test_the_simulated_robot_stops_before_a_wall(run_node: RunNode, clock: Clock, tmp_path: Path) -> None:
+    wall = tmp_path / "wall.yaml"
+    wall.write_text("walls: [[1.2, -2, 1.2, 2]]\n")
+    base = run_node(DiffDriveSim, namespace="r1", world=str(wall), x=0.4)
+    monitor = run_node(SafetyMonitor, namespace="r1")
+    run_node(
+        VelocityController, namespace="r1", remap={"cmd_vel": "cmd_vel_raw"}, linear_velocity=0.2, angular_velocity=0.0
+    )
+    clock.advance(1.5)
+    assert speed(base.published("odom")[-1].twist.twist) > 0.19
+    until(clock, lambda: speed(base.published("odom")[-1].twist.twist) == 0.0, "it has stopped")
+    assert last_reason(monitor) == "obstacle"
+    # The laser is 0.3 m or more away from the wall, and so the base of radius 0.2 m does not touch it.
+    assert 0.7 < base.published("odom")[-1].pose.pose.position.x <= 1.2 - 0.29
+
+
+def test_the_robot_stops_when_its_laser_dies(run_node: RunNode, clock: Clock) -> None:
+    laser = run_node(DiffDriveSim, namespace="r1", name="laser", remap={"odom": "~/odom"})
+    base = run_node(DiffDriveSim, namespace="r1", name="base", laser=False)
+    run_node(SafetyMonitor, namespace="r1")
+    run_node(VelocityController, namespace="r1", remap={"cmd_vel": "cmd_vel_raw"})
+    clock.advance(3.0)
+    assert speed(base.published("odom")[-1].twist.twist) > 0.4
+    laser.close()
+    clock.advance(1.0)
+    assert speed(base.published("odom")[-1].twist.twist) == 0.0
+
+
+def test_a_json_twist_from_a_plain_client_moves_the_robot(
+    run_node: RunNode, clock: Clock, robo_session: zenoh.Session
 ) -> None:
-    with SafetyMonitor(namespace="r1", parameters={"laser": False}, session=session):
-        out = Inbox(other, "r1/cmd_vel")
-
-        def reaches(wanted: float) -> None:
-            out.forget()
-
-            def there() -> bool:
-                other.put("r1/cmd_vel_raw", msgpack.packb({"linear": {"x": 0.4}}))
-                return bool(out.samples) and speed(out.messages[-1]) == wanted
-
-            eventually(there, f"{wanted} m/s without any scan")
-
-        reaches(0.4)
-        assert list(other.get("r1/emergency_stop"))
-        reaches(0.0)
-
-
-def test_the_simulated_robot_stops_before_a_wall(
-    session: zenoh.Session, other: zenoh.Session, tmp_path: object
-) -> None:
-    wall = f"{tmp_path}/wall.yaml"
-    with open(wall, "w", encoding="utf-8") as file:
-        file.write("walls: [[1.2, -2, 1.2, 2]]\n")
-    # So slow that a thread that waits for a busy processor does not bring it nearer than it may come.
-    straight = {"linear_velocity": 0.2, "angular_velocity": 0.0, "publish_rate": 20.0}
-    odometry, state = Inbox(other, "r1/odom"), Inbox(other, "r1/safety_state")
-    with (
-        DiffDriveSim(namespace="r1", parameters={"world": wall, "x": 0.4}, session=session),
-        SafetyMonitor(namespace="r1", session=session),
-        VelocityController(namespace="r1", parameters=straight, remappings={"cmd_vel": "cmd_vel_raw"}, session=session),
-    ):
-
-        def stands_at_the_wall() -> bool:
-            last = odometry.messages[-1] if odometry.samples else None
-            sees = bool(state.messages) and state.messages[-1]["values"][1]["value"] == "obstacle"
-            return last is not None and sees and speed(last["twist"]["twist"]) == 0.0
-
-        eventually(stands_at_the_wall, "it has stopped")
-        x = odometry.messages[-1]["pose"]["pose"]["position"]["x"]
-        # The laser is 0.3 m or more away from the wall, and so the base of radius 0.2 m does not touch it.
-        assert 0.7 < x <= 1.2 - 0.29
-
-
-def test_the_robot_stops_when_its_laser_dies(session: zenoh.Session, other: zenoh.Session) -> None:
-    odometry = Inbox(other, "r1/odom")
-    elsewhere = {"odom": "~/odom"}
-    laser = DiffDriveSim(namespace="r1", name="laser", remappings=elsewhere, session=session)
-    with (
-        DiffDriveSim(namespace="r1", name="base", parameters={"laser": False}, session=session),
-        SafetyMonitor(namespace="r1", session=session),
-        VelocityController(namespace="r1", remappings={"cmd_vel": "cmd_vel_raw"}, session=session),
-    ):
-        laser.start()
-        odometry.wait_until(lambda ms: bool(ms) and speed(ms[-1]["twist"]["twist"]) > 0.4, "it drives")
-        laser.close()
-        odometry.forget()
-        odometry.wait_until(lambda ms: bool(ms) and speed(ms[-1]["twist"]["twist"]) == 0.0, "it stands")
-
-
-def test_a_json_twist_from_a_plain_client_moves_the_robot(session: zenoh.Session, other: zenoh.Session) -> None:
-    odometry = Inbox(other, "r1/odom")
-    with DiffDriveSim(namespace="r1", session=session), SafetyMonitor(namespace="r1", session=session):
-        state = Inbox(other, "r1/safety_state")
-        state.wait_until(lambda ms: ms[-1]["values"][1]["value"] == "no_command", "the laser is seen")
-        other.put("r1/cmd_vel_raw", '{"linear": {"x": 0.3}}', encoding="application/json")
-        odometry.wait_until(lambda ms: ms[-1]["pose"]["pose"]["position"]["x"] > 0.05, "it has moved")
-        odometry.wait_until(lambda ms: speed(ms[-1]["twist"]["twist"]) == 0.0, "it stands again")
+    base = run_node(DiffDriveSim, namespace="r1")
+    monitor = run_node(SafetyMonitor, namespace="r1")
+    until(clock, lambda: bool(monitor.published("safety_state")) and last_reason(monitor) == "no_command", "it sees")
+    robo_session.put("r1/cmd_vel_raw", '{"linear": {"x": 0.3}}', encoding="application/json")
+    clock.advance(2.0)
+    odometry = base.published("odom")
+    assert odometry[-1].pose.pose.position.x > 0.05
+    assert max(speed(one.twist.twist) for one in odometry) > 0.1
+    assert speed(odometry[-1].twist.twist) == 0.0
