@@ -1,6 +1,5 @@
 """Nodes in the test's own process, seen by a plain Zenoh client."""
 
-import logging
 import signal
 import subprocess
 import sys
@@ -24,7 +23,6 @@ from robo.wire.keys import ALL_TOKENS, EndpointToken, NodeToken, Token, parse_to
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from robo_messages import Image, String, Trigger, Twist, Vector3
-from robo_services.position_tracker import PositionTracker
 from tests.support import PATIENCE, Inbox, eventually
 
 
@@ -517,47 +515,6 @@ def test_main_runs_beside_callbacks_and_ends_the_node(session: zenoh.Session) ->
         with cls(session=session) as node:
             assert node.wait(40)
         assert node.exit_code == code
-
-
-def odometry(x: float, y: float, at: float) -> bytes:
-    stamp = {"sec": int(at), "nanosec": round(at % 1 * 1e9)}
-    encoded: bytes = msgpack.packb({"header": {"stamp": stamp}, "pose": {"pose": {"position": {"x": x, "y": y}}}})
-    return encoded
-
-
-def test_the_tracker_in_the_tests_own_process(session: zenoh.Session, other: zenoh.Session) -> None:
-    with PositionTracker(namespace="r1", parameters={"max_distance": 5}, session=session):
-        inbox, log = Inbox(other, "r1/current_position"), Inbox(other, "r1/log")
-        assert not wait_for_nodes(other, ["/r1/position_tracker"], 40)
-        for i, (x, y) in enumerate([(0.0, 0.0), (3.0, 4.0), (float("nan"), 0.0), (3.0, 3.0), (9.0, 3.0)]):
-            other.put("r1/odom", odometry(x, y, at=5.0 * i))
-        positions = inbox.wait_for(4)
-        assert [p["z"] for p in positions] == [0.0, 5.0, 6.0, 12.0]
-        assert positions[-1] == {"x": 9.0, "y": 3.0, "z": 12.0}
-        log.wait_until(lambda ms: any("more than max_distance" in m["msg"] for m in ms), "the warning")
-        assert sum("max_distance" in m["msg"] for m in log.messages) == 1
-
-
-def test_the_tracker_leaves_out_what_the_base_cannot_have_done(
-    session: zenoh.Session, other: zenoh.Session, caplog: pytest.LogCaptureFixture
-) -> None:
-    caplog.set_level(logging.INFO)
-    parameters = {"log_rate": 50.0, "max_linear_velocity": 1.5}
-    with PositionTracker(namespace="r1", parameters=parameters, session=session):
-        inbox, log = Inbox(other, "r1/current_position"), Inbox(other, "r1/log")
-        assert not wait_for_nodes(other, ["/r1/position_tracker"], 40)
-        for i in range(100):
-            other.put("r1/odom", odometry(0.01 * i, 0.0, at=0.02 * i))
-            other.put("r1/odom", odometry(1e3 * i + 50, float("inf") if i % 3 else -70.0, at=1e6 * i))
-        for i in range(100, 110):  # the base is put back to its start
-            other.put("r1/odom", odometry(0.01 * (i - 100), 0.0, at=0.02 * i))
-        positions = inbox.wait_for(110)
-        assert positions[99] == {"x": pytest.approx(0.99), "y": 0.0, "z": pytest.approx(0.99)}
-        assert positions[-1] == {"x": pytest.approx(0.09), "y": 0.0, "z": pytest.approx(0.99 + 0.09)}
-        log.wait_until(lambda ms: any("left out 100 of odometry" in m["msg"] for m in ms), "the count")
-        told = [m["msg"] for m in log.messages if "cannot be" in m["msg"]]
-        assert len(told) == 1
-        assert "begins anew, 0.990 m" in "".join(m["msg"] for m in log.messages)
 
 
 def test_nobody_there_is_a_clear_error(endpoint: str) -> None:
