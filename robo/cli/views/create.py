@@ -106,7 +106,8 @@ def _new_package(name: str, asked: Asked, *, dry_run: bool) -> None:
         return
     write(folder, files)
     _list(folder / path for path in files)
-    note(f"Next:\n  cd {name}\n  robo up {MANIFEST} --robot-name r1      # run it\n  python -m pytest      # test it")
+    run, test = f"robo up {MANIFEST} --robot-name r1", "pip install -q pytest && python -m pytest"
+    note(f"Next:\n  cd {name}\n  {run}   # run it\n  {test:{len(run)}}   # test it")
 
 
 def _list(paths: Iterable[Path]) -> None:
