@@ -158,19 +158,22 @@ def _end(option: str, word: str, nodes: Collection[str], of_type: Callable[[str]
 
 def _clashes(plan: NodePlan) -> list[str]:
     """Ends of one node that would get the same name in its code."""
+    published, heard = [end.topic for end in plan.publishes], [end.topic for end in plan.subscribes]
+    served = [end.service for end in plan.serves]
     kinds = (
-        ("--publishes", [end.topic for end in plan.publishes]),
-        ("--subscribes", [end.topic for end in plan.subscribes]),
-        ("--service", [end.service for end in plan.serves]),
+        ("--publishes", published, names.attribute),
+        ("--subscribes", heard, names.handler),
+        ("--service", served, names.answerer),
     )
-    found = []
-    for option, ends in kinds:
+    found, members = [], []
+    for option, ends, member in kinds:
         found += [f"{option} {end} stands twice" for end in dict.fromkeys(ends) if ends.count(end) > 1]
         labels = names.labels(dict.fromkeys(ends))
-        for label in dict.fromkeys(labels.values()):
-            alike = [end for end, other in labels.items() if other == label]
-            if len(alike) > 1:
-                found.append(f"{option} {' and '.join(alike)} of {plan.name} would both be {label} in its code")
+        members += [(member(label), f"{option} {end}") for end, label in labels.items()]
+    for name in dict.fromkeys(name for name, _ in members):
+        alike = [end for other, end in members if other == name]
+        if len(alike) > 1:
+            found.append(f"{' and '.join(alike)} of {plan.name} would both be {name} in its code; name one otherwise")
     return found
 
 

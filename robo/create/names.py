@@ -28,8 +28,10 @@ _MODULES = {"manifest", "messages", "share"}
 USED = {"Annotated", "Clock", "Meta", "Node", "Parameters", "Publisher", "RunNode", "Unit"}
 """Classes that the files of a node import beside messages."""
 _TAKEN_IN_CLASSES = {
-    *dir(Node), "count", "l", "logger", "parameters", "robo", "send", "service", "subscribe", "timer"
+    *dir(Node), "clock", "contract", "exit_code", "full_name", "logger", "memory", "name", "namespace", "parameters",
+    "count", "robo", "send", "service", "subscribe", "timer",
 }  # fmt: skip
+"""What a node has, and what the sample's has beside it and names in its class."""
 
 _AMBIGUOUS = frozenset(("I", "O", "l"))
 """Names that are read as digits, which linters refuse."""
@@ -121,6 +123,8 @@ def labels(ends: Iterable[str]) -> dict[str, str]:
 
 def attribute(label: str) -> str:
     """What a node calls its publisher: a name that nothing else in its class has."""
+    if label[0].isdigit():
+        return f"publisher_{label}"
     taken = label in _TAKEN_IN_CLASSES | _AMBIGUOUS or keyword.iskeyword(label)
     return f"{label}_publisher" if taken else label
 
@@ -128,6 +132,11 @@ def attribute(label: str) -> str:
 def handler(label: str) -> str:
     """What a node calls the callback of a subscription."""
     return f"on_{label}_message" if f"on_{label}" in _TAKEN_IN_CLASSES else f"on_{label}"
+
+
+def answerer(label: str) -> str:
+    """What a node calls the callback of a service."""
+    return f"handle_{label}"
 
 
 def _snake(text: str) -> str:

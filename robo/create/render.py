@@ -187,6 +187,7 @@ def _service(end: ServiceEnd, label: str, code_names: CodeNames) -> Filling:
             '"sample_service"': f'"{end.service}"',
             '"sample_service is': f'"{end.service} is',
             "of sample_service": f"of {end.service}",
+            "def handle_sample_service": f"def {names.answerer(label)}",
             "sample_service": label,
             "Trigger.Request": _spelt(end.type.request, code_names),
             "Trigger.Response": _spelt(end.type.response, code_names),

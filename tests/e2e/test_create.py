@@ -92,6 +92,13 @@ def test_a_new_package_runs_and_passes_its_tests(maker: Maker) -> None:
     runs_and_passes(maker, "r1/grip")
     assert "gripper is there already" in maker.type("robo create --node gripper", fails=True)
 
+    offline = "--quiet --no-index --no-deps --no-build-isolation"
+    maker.type(f"python -m pip install {offline} .")
+    try:
+        assert "my_robot:robot.yaml: fine" in maker.type("cd / && robo check my_robot:robot.yaml")
+    finally:
+        maker.type("python -m pip uninstall --quiet --yes my_robot")
+
 
 def test_who_calls_it_bare_is_asked(maker: Maker) -> None:
     if shutil.which("script") is None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+import robo
 from robo.create import names
 from robo.create.asked import LICENSES, Asked, NodePlan, about_faults, contents
 from robo.create.files import conflicts, write
@@ -122,6 +123,11 @@ def test_a_module_of_the_standard_library_is_no_robot() -> None:
             Asked(nodes=("a",), publishes=("x/y_z:std/String", "x_y/z:std/Bool", "q/z:std/Bool", "q/y_z:std/Bool")),
             "both",
         ),
+        (Asked(nodes=("a",), publishes=("on_x:std/Bool",), subscribes=("x:std/Bool",)), "would both be on_x"),
+        (
+            Asked(nodes=("a",), publishes=("timer:std/Bool", "timer_publisher:std/Bool")),
+            "would both be timer_publisher",
+        ),
         (Asked(nodes=("a",), publishes=("x:std/String",), subscribes=("x:std/Bool",)), "two types"),
         (Asked(nodes=("a",), publishes=("x:std/String",), services=("x:std/Empty",)), "called like a topic"),
         (Asked(nodes=("a", "a")), "--node a stands twice"),
@@ -183,7 +189,13 @@ def test_the_manifest_names_the_nodes_and_what_comes_from_outside() -> None:
 def test_names_in_code_are_nobody_elses() -> None:
     asked = Asked(
         nodes=("eye",),
-        publishes=("status:std/String", "timer:std/Bool", "class:std/String", "jointStates:system/Clock"),
+        publishes=(
+            "status:std/String",
+            "timer:std/Bool",
+            "/_5:std/Bool",
+            "class:std/String",
+            "jointStates:system/Clock",
+        ),
         subscribes=("start:std/String", "a/state:std/Bool", "b/state:std/Bool"),
     )
     files = made(asked)
@@ -191,6 +203,7 @@ def test_names_in_code_are_nobody_elses() -> None:
     for line in (
         'status_publisher = Publisher(String, "status")',
         'timer_publisher = Publisher(Bool, "timer")',
+        'publisher_5 = Publisher(Bool, "/_5")',
         'class_publisher = Publisher(String, "class")',
         'joint_states = Publisher(ClockMessage, "jointStates")',
         "def on_start_message(self, message: String)",
@@ -198,6 +211,12 @@ def test_names_in_code_are_nobody_elses() -> None:
     ):
         assert line in code
     assert "from robo_messages import Clock as ClockMessage" in code
+
+
+def test_nothing_that_a_node_has_is_hidden_by_a_publisher() -> None:
+    node = robo.Node(name="talker")
+    for name in (*vars(node), *dir(node)):
+        assert name.startswith("_") or names.attribute(name) != name, name
 
 
 def test_labels_are_names_of_python() -> None:
