@@ -141,7 +141,7 @@ class Busy(robo.Node):
             threading.Thread(target=self.work, daemon=True).start()
 
     def ready(self) -> bool:
-        print("ready", flush=True)
+        print("ready\\n", end="", flush=True)
         return True
 
     def work(self) -> None:

@@ -20,7 +20,7 @@ from typing import Annotated, assert_type
 import robo
 from msgspec import Meta
 from robo import KEEP_ALL, Client, MessageInfo, Node, Publisher, Unit, service, subscribe, timer
-from robo.testing import Clock, RunNode
+from robo.testing import Clock, Launch, Robot, RunNode
 from robo_messages import LaserScan, Message, Point, SetBool, Trigger, message
 
 
@@ -91,6 +91,18 @@ def test_it_tells(run_node: RunNode, clock: Clock) -> None:
     clock.advance(0.2)
     assert_type(node.node, Arm)
     assert_type(node.published(Arm.place), list[Point])
+    assert node.published("grip")[-1].width == 0.1
+    node.send("scan", LaserScan())
+    node.set(rate=1.0)
+    assert node.call("lights", SetBool.Request(data=True)).success
+
+
+def test_the_robot(launch: Launch) -> None:
+    robot = launch("robot.yaml", use_sim=True)
+    assert_type(robot, Robot)
+    last = robot.wait_for("place", lambda place: place.x > 0.1, timeout=10.0)
+    assert robot.messages("place")[-1] == last
+    robot.kill("arm")
 
 
 if __name__ == "__main__":
@@ -100,6 +112,7 @@ if __name__ == "__main__":
 WRONG = """
 import robo
 from robo import Client, MessageInfo, Node, Publisher, service, subscribe, timer
+from robo.testing import Clock, Launch, RunNode
 from robo_messages import LaserScan, Point, SetBool, Trigger, Twist
 
 
@@ -155,6 +168,17 @@ class Arm(Node):
         pass
 
 
+def test_it(run_node: RunNode, clock: Clock, launch: Launch) -> None:
+    node = run_node(Arm)
+    print(node.published(Arm.place)[0].w)  # wrong
+    node.node.on_scan(Twist())  # wrong
+    node.send("scan", 1)  # wrong
+    node.call("lights")  # wrong
+    clock.advance("0.1")  # wrong
+    run_node(Point)  # wrong
+    launch("robot.yaml").kil("arm")  # wrong
+
+
 Publisher(Point, "p").publish(Twist())  # wrong
 robo.run(Arm(name="arm"))  # wrong
 """
@@ -172,13 +196,14 @@ def mypy(file: Path) -> dict[int, str]:
 
 
 def pyright(file: Path) -> dict[int, str]:
-    """The lines in which pyright finds a mistake, and what it says: as a package for pip, which fetches nothing."""
+    """The lines in which pyright finds a mistake, and what it says. This form comes by pip and fetches nothing."""
     program = shutil.which("basedpyright", path=str(Path(sys.executable).parent))
     if program is None:
         pytest.skip("pyright is not installed; basedpyright comes with the extra test")
-    (file.parent / "pyrightconfig.json").write_text('{"typeCheckingMode": "strict"}')
-    command = [program, "--outputjson", "--pythonpath", sys.executable, file.name]
-    result = subprocess.run(command, cwd=file.parent, capture_output=True, text=True, check=False)
+    folder = file if file.is_dir() else file.parent
+    (folder / "pyrightconfig.json").write_text('{"typeCheckingMode": "strict"}')
+    command = [program, "--outputjson", "--pythonpath", sys.executable, str(file)]
+    result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert result.returncode in (0, 1), result.stdout + result.stderr
     found = json.loads(result.stdout)["generalDiagnostics"]
     return {one["range"]["start"]["line"] + 1: one["message"] for one in found if one["severity"] == "error"}
@@ -200,3 +225,11 @@ def test_each_mistake_is_seen_in_its_line(checker: Checker, tmp_path: Path) -> N
     found = checker(tmp_path / "arm.py")
     wrong = {number for number, line in enumerate(WRONG.splitlines(), start=1) if re.search("# wrong$", line)}
     assert found.keys() == wrong, found
+
+
+def test_a_package_that_robo_creates_has_no_mistake(tmp_path: Path) -> None:
+    options = ("--node", "gripper", "--publishes", "grip:std/Float64", "--subscribes", "scan:sensor/LaserScan")
+    more = ("--service", "close:std/Trigger", "--message", "Grip")
+    command = [sys.executable, "-m", "robo", "create", "my_robot", *options, *more]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    assert pyright(tmp_path / "my_robot") == {}
