@@ -1,14 +1,14 @@
 """Writing what was made: all of it or nothing, and never over what is there."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
 from robo.errors import CreateError
 
 
-def conflicts(folder: Path, paths: Mapping[str, str]) -> list[str]:
+def conflicts(folder: Path, paths: Iterable[str]) -> list[str]:
     """What stands in the way of new files: a sentence for each."""
     found = []
     for path in paths:
@@ -22,7 +22,7 @@ def conflicts(folder: Path, paths: Mapping[str, str]) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def write(folder: Path, new: Mapping[str, str], changed: Mapping[Path, tuple[str, str]] | None = None) -> None:
+def write(folder: Path, new: Mapping[str, str | bytes], changed: Mapping[Path, tuple[str, str]] | None = None) -> None:
     """Write new files below a folder, and change others.
 
     Args:
@@ -40,9 +40,9 @@ def write(folder: Path, new: Mapping[str, str], changed: Mapping[Path, tuple[str
     try:
         for path, text in new.items():
             undo.make_folders((folder / path).parent)
-            with open(folder / path, "x", encoding="utf-8", newline="") as file:
+            with open(folder / path, "xb") as file:
                 undo.files.append(folder / path)
-                file.write(text)
+                file.write(text if isinstance(text, bytes) else text.encode())
         for changed_file, (before, after) in (changed or {}).items():
             undo.replace(changed_file, before, after)
     except OSError as error:

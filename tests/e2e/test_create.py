@@ -77,6 +77,8 @@ def runs_and_passes(maker: Maker, topic: str) -> None:
 def test_a_new_package_runs_and_passes_its_tests(maker: Maker) -> None:
     maker.type("robo create my_robot")
     runs_and_passes(maker, "r1/chatter")
+    maker.type("python -m pip install -q --no-index --no-deps --target ../again wheels/robo_zenoh-*.whl")
+    assert (maker.project.parent / "again" / "robo" / "share" / "launch" / "robot.yaml").is_file()
     assert "is the package my_robot" in maker.type("robo create other", fails=True)
 
     git = "git -c user.name=Me -c user.email=me@example.org -c init.defaultBranch=main"

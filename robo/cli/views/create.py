@@ -14,6 +14,7 @@ from robo.create.addition import Published
 from robo.create.addition import added as addition
 from robo.create.asked import FIRST_NODE, FIRST_TOPIC, Asked, about_faults, contents
 from robo.create.files import conflicts, write
+from robo.create.own_wheel import own_wheel
 from robo.create.project import Project, find_project
 from robo.create.render import MANIFEST, PARAMETERS, PackagePlan, package_files
 from robo.errors import CreateError, UsageError
@@ -96,7 +97,12 @@ def _new_package(name: str, asked: Asked, *, dry_run: bool) -> None:
     if problems:
         raise UsageError("\n".join(problems))
     about = (asked.description or f"The robot {name}").strip()
-    files = package_files(PackagePlan(name, about, asked.license, found.nodes, found.messages))
+    files: dict[str, str | bytes] = {
+        **package_files(PackagePlan(name, about, asked.license, found.nodes, found.messages))
+    }
+    robo = own_wheel()
+    if robo is not None:  # for the package's container: no package index has this robo
+        files[f"wheels/{robo[0]}"] = robo[1]
     folder = Path(name)
     if dry_run:
         in_the_way = conflicts(folder, files)
