@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import zenoh
 
-from robo.testing.stepper import Inbox, Stepper
+from robo.testing.stepper import Call, Inbox, Stepper
 
 
 class Sent(NamedTuple):
@@ -73,7 +73,8 @@ class NodeSession:
 
     def get(self, key: str, *arguments: Any, **more: Any) -> Any:
         """Ask; others run while the answers are waited for."""
-        return _Answers(self._session.get(key, *arguments, **more), self._stepper)
+        call = self._stepper.call()
+        return _Answers(self._session.get(key, *arguments, **more), self._stepper, call)
 
 
 class _Publisher:
@@ -138,21 +139,22 @@ class _Questions:
 
     def recv(self) -> Any:
         """The next one, once the one before has been answered; raises ZError as Zenoh's channels do."""
-        self._stepper.answered(getattr(self._mine, "asker", None))
-        self._mine.asker = None
+        self._stepper.answered(getattr(self._mine, "call", None))
+        self._mine.call = None
         item = self._inbox.take()
         if item is None:
             raise zenoh.ZError("closed")
-        query, self._mine.asker = item
+        query, self._mine.call = item
         return query
 
 
 class _Answers:
     """The answers to a question."""
 
-    def __init__(self, replies: Any, stepper: Stepper) -> None:
+    def __init__(self, replies: Any, stepper: Stepper, call: Call | None) -> None:
         self._replies = replies
         self._stepper = stepper
+        self._call = call
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._replies, name)
@@ -160,7 +162,7 @@ class _Answers:
     def __iter__(self) -> Iterator[Any]:
         replies = iter(self._replies)
         while True:
-            with self._stepper.asking():
+            with self._stepper.asking(self._call):
                 reply = next(replies, None)
             if reply is None:
                 return

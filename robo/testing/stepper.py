@@ -47,11 +47,20 @@ class Actor:
         """What time it waits for, ns; None while it waits for none."""
         self.woken = threading.Event()
         """What else ends that wait."""
-        self.open = 0
-        """Questions that it has asked and that are not answered yet."""
-        self.asks = False
-        """Whether it waits for an answer."""
+        self.call: Call | None = None
+        """What it has asked last."""
         self.watch = Watch(thread)
+
+
+class Call:
+    """What a thread asks: one question to each server of a service."""
+
+    def __init__(self, asker: Actor) -> None:
+        self.asker = asker
+        self.open = 0
+        """Questions that are not answered yet."""
+        self.waits = False
+        """Whether the thread waits for an answer."""
 
 
 class Inbox:
@@ -179,37 +188,46 @@ class Stepper:
             self._queue.append((inbox, item))
             self._dispatch()
 
-    def post_question(self, inbox: Inbox, item: object) -> None:
-        """Hand a question over at once, with who asks it, in the thread that asks: it waits for the answer."""
-        with self._lock:
-            asker = self._actors.get(threading.current_thread())
-            if asker is not None:
-                asker.open += 1
-            self._hand_over(inbox, (item, asker))
-
-    def answered(self, asker: Actor | None) -> None:
-        """A question is answered: who has asked it goes on before anything else happens."""
-        with self._lock:
-            if asker is not None:
-                asker.open -= 1
-                if asker.asks:
-                    self._run(asker)
-
-    @contextmanager
-    def asking(self) -> Iterator[None]:
-        """Let others run while this thread waits for an answer."""
+    def call(self) -> Call | None:
+        """What the thread that calls this is about to ask; None for a thread that is no node's."""
         with self._lock:
             me = self._actors.get(threading.current_thread())
-            if me is not None and me.open:
-                me.asks = True
-                self._park(me)
+            if me is None:
+                return None
+            me.call = Call(me)
+            return me.call
+
+    def post_question(self, inbox: Inbox, item: object) -> None:
+        """Hand a question over at once, with its call, in the thread that asks: it waits for the answer."""
+        with self._lock:
+            asker = self._actors.get(threading.current_thread())
+            call = None if asker is None else asker.call
+            if call is not None:
+                call.open += 1
+            self._hand_over(inbox, (item, call))
+
+    def answered(self, call: Call | None) -> None:
+        """A question is answered: who waits for that goes on before anything else happens."""
+        with self._lock:
+            if call is not None:
+                call.open -= 1
+                if call.waits:
+                    self._run(call.asker)
+
+    @contextmanager
+    def asking(self, call: Call | None) -> Iterator[None]:
+        """Let others run while this thread waits for an answer."""
+        with self._lock:
+            if call is not None and call.open:
+                call.waits = True
+                self._park(call.asker)
         try:
             yield
         finally:
             with self._lock:
-                if me is not None:
-                    me.asks = False
-                    self._run(me)
+                if call is not None:
+                    call.waits = False
+                    self._run(call.asker)
 
     def take(self, inbox: Inbox) -> Any:
         """Park until there is an item. Returns None once the inbox is closed."""
