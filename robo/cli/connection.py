@@ -1,7 +1,8 @@
 """What the tools share: reaching a running robot, and printing."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 
 import msgspec
 import zenoh
@@ -17,7 +18,29 @@ from robo.wire.network import Network, zenoh_config
 from robo.wire.session import open_session
 
 
-def connect_to_robot(reach: Reach) -> zenoh.Session:
+@contextmanager
+def connect_to_robot(reach: Reach) -> Iterator[zenoh.Session]:
+    """While this goes on, a session as a client of the robot's router.
+
+    Raises:
+        UsageError: a word is not a valid endpoint.
+        NetworkError: no robot runs there; tells what was tried and what would start one. Or the router, in the end,
+            has not taken what was said last.
+    """
+    session = join_robot(reach)
+    try:
+        yield session
+    except BaseException:
+        with suppress(zenoh.ZError):  # what went wrong before is to be told
+            session.close()
+        raise
+    try:
+        session.close()
+    except zenoh.ZError as error:
+        raise NetworkError(f"the robot's router has not taken what was said last: {error}") from None
+
+
+def join_robot(reach: Reach) -> zenoh.Session:
     """A session as a client of the robot's router.
 
     Raises:

@@ -46,10 +46,10 @@ def package_fault(name: str) -> str | None:
         return f"package name {name!r}: that is a folder of every package; try my_{name} or {name}_robot"
     if name in sys.stdlib_module_names:
         return f"package name {name!r}: Python has a module of this name; try my_{name} or {name}_robot"
-    if name in {known.partition("/")[0] for known in type_names()}:
-        return f"package name {name!r}: {name}/… are message types that ship; try my_{name} or {name}_robot"
     if _is_importable(name):
         return f"package name {name!r}: a package of this name is installed or stands here; try my_{name}"
+    if name in {known.partition("/")[0] for known in type_names()}:
+        return f"package name {name!r}: {name}/… are message types that ship; try my_{name} or {name}_robot"
     return None
 
 

@@ -3,9 +3,14 @@
 import socket
 import time
 
+import pytest
+import zenoh
+
+from robo.cli import connection
 from robo.cli.connection import unreached
 from robo.cli.link import Link
 from robo.cli.reach import Reach
+from robo.errors import NetworkError
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from tests.conftest import free_port
@@ -54,3 +59,25 @@ def test_a_link_to_a_node_alone_is_a_link_too(endpoint: str) -> None:
     eventually(lambda: link.look() == f"the link to {endpoint} is lost; it is dialled until it answers", "it is gone")
     assert link.lost == f"the link to {endpoint} is lost"
     close_session(tool)
+
+
+class HangingRouter:
+    """A session whose router takes nothing any more."""
+
+    def __init__(self) -> None:
+        self.closed = 0
+
+    def close(self) -> None:
+        self.closed += 1
+        raise zenoh.ZError("close operation timed out!")
+
+
+def test_a_router_that_hangs_is_told_in_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    hangs = HangingRouter()
+    monkeypatch.setattr(connection, "join_robot", lambda _: hangs)
+    told = "has not taken what was said last: close operation timed out"
+    with pytest.raises(NetworkError, match=told), connection.connect_to_robot(Reach()):
+        pass
+    with pytest.raises(KeyboardInterrupt), connection.connect_to_robot(Reach()):
+        raise KeyboardInterrupt
+    assert hangs.closed == 2

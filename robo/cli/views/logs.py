@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import zenoh
 
-from robo.cli.connection import connect_to_robot
+from robo.cli.connection import connect_to_robot, join_robot
 from robo.cli.link import watched
 from robo.cli.printing import note, print_json, print_table
 from robo.cli.reach import Reach
@@ -100,7 +100,7 @@ def _where_files_lack(chosen: logs.LoggedRun) -> tuple[str, zenoh.Session | None
     if not supervisor_lives(chosen.info.run, unknown=False):
         return "", None
     try:
-        session = connect_to_robot(Reach(tuple(chosen.info.endpoints), chosen.info.robot, _ASK_TIMEOUT))
+        session = join_robot(Reach(tuple(chosen.info.endpoints), chosen.info.robot, _ASK_TIMEOUT))
     except RoboError:
         return "", None  # its files are what there is
     try:
