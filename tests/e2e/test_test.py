@@ -8,8 +8,8 @@ import pytest
 
 from robo.cli.views import test as view
 from robo.errors import UsageError
-from robo.testing import packages
-from robo.testing.packages import Failure, Result
+from robo.packages import tests
+from robo.packages.tests import Failure, Result
 from tests.support import run_robo
 
 ARM = """
@@ -60,14 +60,14 @@ def workspace(tmp_path: Path) -> Path:
 
 
 def test_packages_are_found_below_a_folder(workspace: Path) -> None:
-    assert [(one.name, one.folder.name) for one in packages.find(workspace)] == [("my_arm", "arm"), ("my_base", "base")]
-    assert [one.name for one in packages.find(workspace / "src" / "arm")] == ["my_arm"]
+    assert [(one.name, one.folder.name) for one in tests.find(workspace)] == [("my_arm", "arm"), ("my_base", "base")]
+    assert [one.name for one in tests.find(workspace / "src" / "arm")] == ["my_arm"]
     (workspace / "src" / "arm" / "pyproject.toml").write_text("no toml")
-    assert [one.name for one in packages.find(workspace)] == ["arm", "my_base"]
+    assert [one.name for one in tests.find(workspace)] == ["arm", "my_base"]
     with pytest.raises(UsageError, match=r"there is no folder .*nowhere"):
-        packages.find(workspace / "nowhere")
+        tests.find(workspace / "nowhere")
     with pytest.raises(UsageError, match="a package is a folder with a"):
-        packages.find(workspace / "src" / "arm" / "tests")
+        tests.find(workspace / "src" / "arm" / "tests")
 
 
 def test_failures_are_summed_up_with_their_places(workspace: Path) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from robo.cli.printing import amount, paint, print_json, print_line, write_file
 from robo.errors import UsageError
-from robo.testing import packages
-from robo.testing.packages import Result
+from robo.packages import tests
+from robo.packages.tests import Result
 from robo.text import colours
 
 
@@ -27,7 +27,7 @@ def run_tests(words: Sequence[str], *, junit: Path | None, json: bool) -> int:
         UsageError: there is no such folder, no package in it, or no pytest.
     """
     named = bool(words) and not words[0].startswith("-")
-    found = packages.find(Path(words[0] if named else "."))
+    found = tests.find(Path(words[0] if named else "."))
     if find_spec("pytest") is None:
         raise UsageError("pytest is not installed here: pip install pytest")
     if junit is not None:
@@ -36,11 +36,11 @@ def run_tests(words: Sequence[str], *, junit: Path | None, json: bool) -> int:
     for package in found:
         if len(found) > 1 and not json:
             print_line(paint(f"{package.name}: {package.folder}", colours.BOLD))
-        result, report = packages.run(package, words[1:] if named else words, beside_data=json)
+        result, report = tests.run(package, words[1:] if named else words, beside_data=json)
         results.append(result)
         reports.append(report)
     if junit is not None:
-        packages.write_junit(reports, junit)
+        tests.write_junit(reports, junit)
     if json:
         print_json({"packages": results, "fine": all(one.is_fine for one in results)})
     else:
