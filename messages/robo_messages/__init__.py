@@ -18,6 +18,7 @@ from robo_messages._registry import (
     UnknownType,
     decode,
     decode_json,
+    decoder_of,
     encode,
     encode_json,
     find_type,
@@ -60,6 +61,14 @@ from robo_messages.std import Bool, Duration, Header, String, Time
 from robo_messages.system import Clock, Log, Parameter, ParameterEvent
 
 if TYPE_CHECKING:
+    from robo_messages.action import (
+        UUID,
+        CancelGoal,
+        GoalInfo,
+        GoalStatus,
+        GoalStatusArray,
+    )
+    from robo_messages.example import Fibonacci
     from robo_messages.geometry_more import (
         Accel,
         AccelStamped,
@@ -74,6 +83,16 @@ if TYPE_CHECKING:
         Vector3Stamped,
         Wrench,
         WrenchStamped,
+    )
+    from robo_messages.lifecycle import (
+        ChangeState,
+        GetAvailableStates,
+        GetAvailableTransitions,
+        GetState,
+        State,
+        Transition,
+        TransitionDescription,
+        TransitionEvent,
     )
     from robo_messages.std_arrays import (
         ByteMultiArray,
@@ -113,10 +132,12 @@ if TYPE_CHECKING:
     )
 
 _LATER = {
+    "robo_messages.action": "UUID GoalInfo GoalStatus GoalStatusArray",
     "robo_messages.geometry_more": (
         "Accel AccelStamped Point32 PointStamped Polygon PolygonStamped PoseArray PoseWithCovarianceStamped "
         "QuaternionStamped TwistWithCovarianceStamped Vector3Stamped Wrench WrenchStamped"
     ),
+    "robo_messages.lifecycle": "State Transition TransitionDescription TransitionEvent",
     "robo_messages.std_arrays": (
         "ByteMultiArray Float32MultiArray Float64MultiArray Int8MultiArray Int16MultiArray Int32MultiArray "
         "Int64MultiArray MultiArrayDimension MultiArrayLayout UInt8MultiArray UInt16MultiArray UInt32MultiArray "
@@ -129,13 +150,25 @@ _LATER = {
 }
 """Modules that are imported when one of their types is asked for: most nodes save the time and the memory."""
 
+_PARTS_LATER = {
+    ("_Request", "_Response"): {
+        "robo_messages.action": "CancelGoal",
+        "robo_messages.lifecycle": "ChangeState GetAvailableStates GetAvailableTransitions GetState",
+    },
+    ("_Goal", "_Result", "_Feedback"): {"robo_messages.example": "Fibonacci"},
+}
+"""The same of services and actions, whose parts are the types."""
+
 __all__ = [
+    "UUID",
     "Accel",
     "AccelStamped",
     "BatteryState",
     "Bool",
     "Byte",
     "ByteMultiArray",
+    "CancelGoal",
+    "ChangeState",
     "Char",
     "Clock",
     "ColorRGBA",
@@ -144,10 +177,17 @@ __all__ = [
     "DiagnosticStatus",
     "Duration",
     "Empty",
+    "Fibonacci",
     "Float32",
     "Float32MultiArray",
     "Float64",
     "Float64MultiArray",
+    "GetAvailableStates",
+    "GetAvailableTransitions",
+    "GetState",
+    "GoalInfo",
+    "GoalStatus",
+    "GoalStatusArray",
     "Header",
     "Image",
     "Imu",
@@ -194,10 +234,14 @@ __all__ = [
     "QuaternionStamped",
     "Range",
     "SetBool",
+    "State",
     "String",
     "Time",
     "Transform",
     "TransformStamped",
+    "Transition",
+    "TransitionDescription",
+    "TransitionEvent",
     "Trigger",
     "Twist",
     "TwistStamped",
@@ -219,6 +263,7 @@ __all__ = [
     "WrenchStamped",
     "decode",
     "decode_json",
+    "decoder_of",
     "encode",
     "encode_json",
     "find_type",
@@ -231,13 +276,22 @@ __all__ = [
 ]
 
 _module_of = {name: module for module, names in _LATER.items() for name in names.split()}
+_parts_of: dict[str, tuple[str, ...]] = {}
+for _parts, _later in _PARTS_LATER.items():
+    for _module, _names in _later.items():
+        _module_of |= dict.fromkeys(_names.split(), _module)
+        _parts_of |= dict.fromkeys(_names.split(), _parts)
 _registry.import_later(
-    {f"{module.rpartition('.')[2].partition('_')[0]}/{name}": module for name, module in _module_of.items()}
+    {
+        f"{module.rpartition('.')[2].partition('_')[0]}/{name}{part}": module
+        for name, module in _module_of.items()
+        for part in _parts_of.get(name, ("",))
+    }
 )
 
 if not TYPE_CHECKING:  # a type checker is to find just the names above
 
-    def __getattr__(name: str) -> type[Message]:
+    def __getattr__(name: str) -> type:
         module = _module_of.get(name)
         if module is None:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -2,6 +2,7 @@
 
 import importlib
 import math
+import threading
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
@@ -45,11 +46,28 @@ def message(name: str) -> Callable[[type[M]], type[M]]:
 
     def register(cls: type[M]) -> type[M]:
         other = _by_name.get(name)
-        owner = (other.__module__, other.__qualname__) if other is not None else (_later.get(name), type_name)
+        later = _later.get(name), type_name.replace("_", ".")  # a part of a service is a class in a class
+        owner = (other.__module__, other.__qualname__) if other is not None else later
         if owner[0] is not None and owner != (cls.__module__, cls.__qualname__):
             raise ValueError(f"message name {name!r} belongs to {owner[0]}.{owner[1]}")
         _by_name[name] = cls
         _by_type[cls] = name
+        return cls
+
+    return register
+
+
+def form_of(registered: type[Message]) -> Callable[[type[M]], type[M]]:
+    """Let another class stand for a registered type: its messages travel under the same name, with the same fields.
+
+    A name still means the registered class.
+
+    >>> @form_of(Twist)
+    ... class PlanarTwist(Message): ...
+    """
+
+    def register(cls: type[M]) -> type[M]:
+        _by_type[cls] = type_name(registered)
         return cls
 
     return register
@@ -101,6 +119,7 @@ def type_names() -> list[str]:
 _encoder = msgspec.msgpack.Encoder()
 _json_encoder = msgspec.json.Encoder()
 _decoders: dict[type[Message], msgspec.msgpack.Decoder[Any]] = {}
+_making = threading.Lock()
 
 
 def encode(msg: Message) -> bytes:
@@ -117,9 +136,19 @@ def decode(payload: bytes | bytearray | memoryview, type_: type[M]) -> M:
     """
     decoder = _decoders.get(type_)
     if decoder is None:
-        decoder = _decoders[type_] = msgspec.msgpack.Decoder(type_)
+        decoder = _decoders[type_] = decoder_of(type_)
     result: M = decoder.decode(payload)
     return result
+
+
+def decoder_of(type_: type[M]) -> msgspec.msgpack.Decoder[M]:
+    """What decodes messages of one type, for whoever has many of them; any thread may ask for one.
+
+    With msgspec 0.22 two threads may not make decoders at once: of a type, or a part of it, that is new to both, the
+    second one gets what the first has half made, and crashes with it.
+    """
+    with _making:
+        return msgspec.msgpack.Decoder(type_)
 
 
 def encode_json(msg: Message) -> bytes:

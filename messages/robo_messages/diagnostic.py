@@ -1,7 +1,5 @@
 """How well parts of a robot do (ROS: diagnostic_msgs)."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar
 
 from msgspec import Meta, field

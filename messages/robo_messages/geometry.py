@@ -2,8 +2,6 @@
 right-handed, x forward, y left, z up; yaw counter-clockwise from +x.
 """
 
-from __future__ import annotations
-
 from msgspec import field
 
 from robo_messages._registry import Message, message

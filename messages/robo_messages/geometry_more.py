@@ -3,8 +3,6 @@
 Imported when one of its types is asked for.
 """
 
-from __future__ import annotations
-
 from msgspec import field
 
 from robo_messages._registry import Message, message

@@ -1,6 +1,6 @@
 """Odometry, paths and maps (ROS: nav_msgs)."""
 
-from __future__ import annotations
+from typing import TYPE_CHECKING, Self
 
 from msgspec import field
 
@@ -8,6 +8,10 @@ from robo_messages._registry import Message, message
 from robo_messages._types import Float32, SignedBytes, UInt32
 from robo_messages.geometry import Pose, PoseStamped, PoseWithCovariance, TwistWithCovariance
 from robo_messages.std import Header, Time
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
 
 
 @message("nav/Odometry")
@@ -61,3 +65,43 @@ class OccupancyGrid(Message):
     data: SignedBytes = memoryview(b"")
     """height x width cells, one signed byte each (`data.cast("b")`), row-major from (0, 0):
     0 free … 100 occupied, -1 unknown. A binary field: a map has a million cells."""
+
+    @property
+    def array(self) -> "NDArray[np.int8]":
+        """The cells as a numpy array (height, width): `grid.array[y, x]`.
+
+        It looks into `data`: of a received message it is read-only, and keeps the payload alive. Needs numpy.
+
+        Raises:
+            ModuleNotFoundError: numpy is not installed.
+            ValueError: `data` is too small for `info`.
+        """
+        from robo_messages import arrays
+
+        return arrays.grid_array(self.info.height, self.info.width, self.data)
+
+    @classmethod
+    def from_array(
+        cls, array: "ArrayLike", resolution: float, origin: Pose | None = None, header: Header | None = None
+    ) -> Self:
+        """A map that looks into an array of int8; another one is copied.
+
+        Args:
+            array: the cells, (height, width): 0 free … 100 occupied, -1 unknown.
+            resolution: m per cell.
+            origin: pose of the lower left corner of cell (0, 0), m.
+            header: the map's frame, and since when it is as it says.
+
+        Raises:
+            ModuleNotFoundError: numpy is not installed.
+            ValueError: it has another shape, or holds what is no signed byte.
+        """
+        from robo_messages import arrays
+
+        cells = arrays.cells_of(array)
+        height, width = cells.shape
+        info = MapMetaData(resolution=resolution, width=width, height=height)
+        info.origin = origin if origin is not None else info.origin
+        grid = cls(info=info, data=arrays.bytes_of(cells))
+        grid.header = header if header is not None else grid.header
+        return grid

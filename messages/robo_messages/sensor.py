@@ -1,9 +1,7 @@
 """What sensors say (ROS: sensor_msgs)."""
 
-from __future__ import annotations
-
 import math
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from msgspec import Meta, field
 
@@ -21,6 +19,9 @@ from robo_messages._types import (
 )
 from robo_messages.geometry import Quaternion, Vector3
 from robo_messages.std import Header
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 
 @message("sensor/LaserScan")
@@ -45,7 +46,7 @@ class LaserScan(Message):
     """Largest valid range, m."""
     ranges: list[Float32] = []
     """m, one per ray. REP-117: -inf too close, +inf no return, NaN no measurement. A plain array, so
-    that any client reads it; `benchmarks/` measures it beside a packed one."""
+    that any client reads it; `benchmarks/` measures it beside a packed one. `LaserScanArray` has a numpy array."""
     intensities: list[Float32] = []
     """One per ray in the device's own unit, or empty."""
 
@@ -195,6 +196,37 @@ class Image(Message):
     data: memoryview = memoryview(b"")
     """height x step bytes, row by row. A decoded one points into the payload: no copy is made."""
 
+    @property
+    def array(self) -> "NDArray[Any]":
+        """The pixels as a numpy array (height, width), or (height, width, channels) of more than one channel.
+
+        It looks into `data`: of a received message it is read-only, and keeps the payload alive. Needs numpy.
+
+        Raises:
+            ModuleNotFoundError: numpy is not installed.
+            ValueError: `encoding` is not known, or `data` or `step` is too small.
+        """
+        from robo_messages import arrays
+
+        return arrays.image_array(self)
+
+    @classmethod
+    def from_array(cls, array: "NDArray[Any]", encoding: str, header: Header | None = None) -> Self:
+        """A picture that looks into an array; one whose rows do not lie in order is copied.
+
+        Args:
+            array: the pixels, of the shape that `array` has.
+            encoding: what they are, for example `rgb8`, `mono8`, `16UC1`.
+            header: when it was taken, and the camera's frame.
+
+        Raises:
+            ModuleNotFoundError: numpy is not installed.
+            ValueError: `encoding` is not known, or takes another shape or type.
+        """
+        from robo_messages import arrays
+
+        return arrays.image_from(cls, array, encoding, header)
+
 
 @message("sensor/CompressedImage")
 class CompressedImage(Message):
@@ -296,6 +328,37 @@ class PointCloud2(Message):
     """height x row_step bytes. A decoded one points into the payload: no copy is made."""
     is_dense: bool = False
     """No point is invalid."""
+
+    @property
+    def array(self) -> "NDArray[Any]":
+        """The points as a structured numpy array (width,), or (height, width) of more than one row: `cloud.array["x"]`.
+
+        It looks into `data`: of a received message it is read-only, and keeps the payload alive. Needs numpy.
+
+        Raises:
+            ModuleNotFoundError: numpy is not installed.
+            ValueError: `fields`, the steps and `data` do not fit.
+        """
+        from robo_messages import arrays
+
+        return arrays.cloud_array(self)
+
+    @classmethod
+    def from_array(cls, array: "NDArray[Any]", header: Header | None = None, is_dense: bool | None = None) -> Self:
+        """A cloud that looks into an array; one that does not lie in order is copied.
+
+        Args:
+            array: a structured one, (points,) or (rows, points); or floats as x, y, z with a last axis of 3.
+            header: when it was measured, and the frame of the points.
+            is_dense: whether all numbers are finite; by default it is looked at.
+
+        Raises:
+            ModuleNotFoundError: numpy is not installed.
+            ValueError: it has another shape, or a field of a type that a PointField has not.
+        """
+        from robo_messages import arrays
+
+        return arrays.cloud_from(cls, PointField, array, header, is_dense)
 
 
 @message("sensor/Joy")

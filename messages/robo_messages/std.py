@@ -1,7 +1,5 @@
 """Time, headers and the plain one-value messages (ROS: builtin_interfaces, std_msgs)."""
 
-from __future__ import annotations
-
 import time
 from typing import Annotated
 
@@ -23,17 +21,17 @@ class Time(Message, order=True):
     """Nanoseconds on top, 0 to 999,999,999."""
 
     @classmethod
-    def now(cls) -> Time:
+    def now(cls) -> "Time":
         """The wall clock's time."""
         return cls.from_nanoseconds(time.time_ns())
 
     @classmethod
-    def from_nanoseconds(cls, nanoseconds: int) -> Time:
+    def from_nanoseconds(cls, nanoseconds: int) -> "Time":
         """From ns since the epoch; a time before it has a negative `sec`, as in ROS."""
         return cls(*divmod(nanoseconds, NANOSECONDS))
 
     @classmethod
-    def from_seconds(cls, seconds: float) -> Time:
+    def from_seconds(cls, seconds: float) -> "Time":
         """From s since the epoch, rounded to the nearest ns that a float can tell."""
         return cls.from_nanoseconds(round(seconds * NANOSECONDS))
 
@@ -56,7 +54,7 @@ class Duration(Message, order=True):
     """Nanoseconds on top, 0 to 999,999,999."""
 
     @classmethod
-    def from_seconds(cls, seconds: float) -> Duration:
+    def from_seconds(cls, seconds: float) -> "Duration":
         """From s."""
         return cls(*divmod(round(seconds * NANOSECONDS), NANOSECONDS))
 
@@ -75,7 +73,7 @@ class Header(Message):
     """The frame, for example `odom`, `base_link`, `base_laser`."""
 
     @classmethod
-    def now(cls, frame_id: str = "") -> Header:
+    def now(cls, frame_id: str = "") -> "Header":
         """A header stamped with the wall clock's time."""
         return cls(Time.now(), frame_id)
 

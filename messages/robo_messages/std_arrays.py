@@ -5,8 +5,6 @@ each thing, with its unit. Arrays of single bytes are binary fields, as in `Imag
 asked for.
 """
 
-from __future__ import annotations
-
 from msgspec import field
 
 from robo_messages import _types as width

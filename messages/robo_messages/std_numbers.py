@@ -3,8 +3,6 @@
 Imported when one of its types is asked for.
 """
 
-from __future__ import annotations
-
 from robo_messages import _types as width
 from robo_messages._registry import Message, message
 

@@ -1,7 +1,5 @@
 """What robo itself says: time, log records, changes of parameters (ROS: rosgraph_msgs, rcl_interfaces)."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from msgspec import field

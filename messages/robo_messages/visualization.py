@@ -1,7 +1,5 @@
 """Shapes for a viewer to draw (ROS: visualization_msgs). Imported when one of its types is asked for."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 from msgspec import field
