@@ -47,6 +47,10 @@ RUN_VARIABLE = "ROBO_RUN"
 """Every process of a launch carries its run's id in its environment, which children inherit. Set by the supervisor;
 read by whoever looks for what a run has left behind."""
 
+OWNER_VARIABLE = "ROBO_OWNER"
+"""The full name of the process of a launch that this one is, or was started by. Set by the supervisor; read where
+something is left behind."""
+
 SUPERVISED_VARIABLE = "ROBO_SUPERVISED"
 """Set by the supervisor for what it starts: lines on stderr bear no time and no colour, for it adds both."""
 

@@ -8,8 +8,12 @@
     ├── ContractError         a node class that does not say clearly what it does
     ├── EngineError           a container engine that cannot be reached, or refuses
     ├── NetworkError          the Zenoh network cannot be reached or opened
+    ├── LifecycleError        a managed node that cannot go through a transition, or did not come to active
+    │   └── NotActive         a managed node was called while it was not active
     ├── ServiceError          a service's handler raised, or its answer cannot be read
     │   └── ServiceTimeout    a service did not answer in time, or nobody serves it
+    ├── ActionError           an action refuses a goal, or a goal has not succeeded
+    │   └── ActionTimeout     a goal, or what was asked of its server, took longer than granted
     ├── MessageError          data that are no message of the type that was asked for
     ├── TopicNotFound         nobody publishes or subscribes a topic of this name
     ├── TopicTaken            somebody publishes already what a tool was asked to publish
@@ -23,6 +27,8 @@
 Each message tells what is wrong, where, and what to do. A user's own mistake is one of these and
 never a traceback.
 """
+
+from typing import Any
 
 
 class RoboError(Exception):
@@ -66,6 +72,14 @@ class NetworkError(RoboError, ConnectionError):
     """The Zenoh network cannot be reached or opened."""
 
 
+class LifecycleError(RoboError):
+    """A managed node cannot go through a transition in its present state, or did not come to active."""
+
+
+class NotActive(LifecycleError):
+    """A managed node was called while it was not active."""
+
+
 class ServiceError(RoboError):
     """A service's handler raised, or its answer cannot be read."""
 
@@ -79,6 +93,21 @@ class ServiceError(RoboError):
 
 class ServiceTimeout(ServiceError, TimeoutError):
     """A service did not answer in time, or nobody serves it."""
+
+
+class ActionError(RoboError):
+    """An action's server refuses a goal, the goal was canceled or aborted, or its server has gone."""
+
+    def __init__(self, text: str, status: int = 0, result: Any = None) -> None:
+        super().__init__(text)
+        self.status = status
+        """How the goal has ended, a `GoalState`: CANCELED or ABORTED; UNKNOWN where there is none, or nobody knows."""
+        self.result = result
+        """The result of a goal that has ended, as far as its handler came."""
+
+
+class ActionTimeout(ActionError, TimeoutError):
+    """A goal has no result in time, or its server does not answer."""
 
 
 class MessageError(RoboError, ValueError):

@@ -42,10 +42,10 @@ class Custody:
         """Collect what nodes have left behind and has ended; to be called a few times a second."""
         orphans.reap(self.spawned)
 
-    async def sweep(self, warn: Callable[[str], None]) -> None:
+    async def sweep(self, tell: Callable[[orphans.Left], None]) -> None:
         """End every process of the run that is still there, and tell of each."""
-        for pid in await asyncio.to_thread(orphans.sweep, self.run, (self._watchdog.pid,), adopted=True):
-            warn(f"ended process {pid}, which a node had left behind")
+        for left in await asyncio.to_thread(orphans.sweep, self.run, (self._watchdog.pid,), adopted=True):
+            tell(left)
 
     def release(self) -> None:
         """The run has ended as it should: nobody needs to watch over it any more."""

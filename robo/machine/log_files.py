@@ -41,6 +41,8 @@ class RunInfo(msgspec.Struct, frozen=True, kw_only=True):
     nodes: list[str]
     groups: list[str] = []
     """Of each node."""
+    processes: list[str] = []
+    """Of each node the one that it shares with others, by its full name; empty where it has its own."""
     endpoints: list[str] = []
     """Where its router listens for tools and other robots."""
 

@@ -6,13 +6,15 @@ leave their parent's group and session.
 
 import ctypes
 import os
+import re
 import signal
 import sys
 from collections.abc import Callable, Collection, Container, Iterator
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from robo.environment import RUN_VARIABLE
+from robo.environment import OWNER_VARIABLE, RUN_VARIABLE
 from robo.wire.run_id import supervisor_lives
 
 if TYPE_CHECKING:
@@ -22,6 +24,33 @@ PATIENCE = (0.5, 0.25, 0.5)
 """How long to wait after INT, TERM and KILL, s. All of it is less than 2 s."""
 
 _SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER, linux/prctl.h
+
+
+_FORKED = {"robo.process.node", "robo.process.shared"}
+"""Stand in the command line of a node, or of several, and of what these have forked; the last word is its full name."""
+
+
+class Left(NamedTuple):
+    """A process that somebody has left behind, and that was ended."""
+
+    pid: int
+    node: str
+    """Whose it was: the full name of a process of the run; empty where nothing tells."""
+    command: str
+    """Its command line."""
+
+    def sentence(self, label: str) -> str:
+        """What is told of it; `label` is what is said for its node."""
+        return f"ended process {self.pid}, which {label or 'a node'} had left behind: {self.command}"
+
+    @classmethod
+    def read(cls, sentence: str) -> "Left | None":
+        """What a sentence tells of, with the label for the node; None where it tells of something else."""
+        found = _SENTENCE.fullmatch(sentence)
+        return cls(int(found[1]), found[2], found[3]) if found is not None else None
+
+
+_SENTENCE = re.compile(r"ended process (\d+), which (.+?) had left behind: (.*)", re.DOTALL)
 
 
 def processes_of(run: str) -> list[int]:
@@ -34,7 +63,7 @@ def leftovers() -> list[int]:
     return [pid for pid, run in _marked() if not supervisor_lives(run)]
 
 
-def sweep(run: str, spare: Collection[int] = (), *, also: Collection[int] = (), adopted: bool = False) -> list[int]:
+def sweep(run: str, spare: Collection[int] = (), *, also: Collection[int] = (), adopted: bool = False) -> list[Left]:
     """End every process of a run: INT, TERM, KILL.
 
     Args:
@@ -44,7 +73,7 @@ def sweep(run: str, spare: Collection[int] = (), *, also: Collection[int] = (), 
         adopted: also those descendants of this process that do not carry the id any more.
 
     Returns:
-        The process ids of those that were there.
+        Those that were there.
     """
     known = [p for pid in also for p in _family(pid)]
 
@@ -59,7 +88,16 @@ def sweep(run: str, spare: Collection[int] = (), *, also: Collection[int] = (), 
 
 def end_leftovers() -> list[int]:
     """End what earlier runs have left behind, and return the process ids."""
-    return _end(leftovers)
+    return [one.pid for one in _end(leftovers)]
+
+
+def left_in_group(leader: int) -> list[Left]:
+    """Who is still there of the process group of a process that has ended."""
+    try:
+        os.killpg(leader, 0)
+    except OSError:  # nobody: so it is nearly always
+        return []
+    return [_described(process) for process in _alive([pid for pid in _pids() if _group_of(pid) == leader])]
 
 
 def adopt_orphans() -> None:
@@ -84,13 +122,13 @@ def reap(own: Container[int]) -> None:
         os.waitpid(ended.si_pid, os.WNOHANG)
 
 
-def _end(find: Callable[[], list[int]]) -> list[int]:
+def _end(find: Callable[[], list[int]]) -> list[Left]:
     import psutil
 
-    first: list[int] = []
+    first: list[Left] = []
     for number, patience in zip((signal.SIGINT, signal.SIGTERM, signal.SIGKILL), PATIENCE, strict=True):
         found = list(_alive(find()))
-        first = first or [process.pid for process in found]
+        first = first or [_described(process) for process in found]
         for process in found:
             try:
                 process.send_signal(number)
@@ -101,6 +139,26 @@ def _end(find: Callable[[], list[int]]) -> list[int]:
             break
         psutil.wait_procs(found, timeout=patience)
     return first
+
+
+def _described(process: "psutil.Process") -> Left:
+    import psutil
+
+    words: list[str] = []
+    owner = ""
+    with suppress(psutil.Error):
+        words = process.cmdline()
+        owner = process.environ().get(OWNER_VARIABLE, "")
+    if not owner and not _FORKED.isdisjoint(words):  # of what was forked the environment is shown as its template's
+        owner = words[-1]
+    return Left(process.pid, owner, " ".join(words))
+
+
+def _group_of(pid: int) -> int | None:
+    try:
+        return os.getpgid(pid)
+    except OSError:
+        return None
 
 
 def _family(pid: int) -> "list[psutil.Process]":

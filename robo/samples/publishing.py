@@ -12,9 +12,9 @@ import zenoh
 from robo.errors import MessageError
 from robo.samples.records import Record, payload_of, sample_of
 from robo.text.unreadable import UNREADABLE
-from robo.wire import codec
+from robo.wire import codec, sources
 from robo.wire.keys import EndpointToken, source_id
-from robo.wire.qos import DEFAULT_DEPTH
+from robo.wire.qos import QoS
 
 _REMEMBERED = 10_000
 """Own messages that are remembered, to know them when they come back."""
@@ -45,8 +45,8 @@ class Sender:
         name = f"topic_pub_{os.getpid()}"
         known_type = type_name if _is_key(type_name) else ""
         id_ = source_id(self._publisher.id)
-        token = EndpointToken(namespace, name, "pub", known_type, DEFAULT_DEPTH, key, id_)
-        self._source = zenoh.SourceInfo(self._publisher.id, 0)
+        token = EndpointToken(namespace, name, "pub", known_type, QoS.DEFAULT, key, id_)
+        self._source = sources.counted(self._publisher.id)
         self._token = session.liveliness().declare_token(token.key())
         self._number = 0
         self._sent: deque[tuple[int, int | None]] = deque(maxlen=_REMEMBERED)
@@ -57,7 +57,7 @@ class Sender:
         now = time.time_ns()
         self._sent.append((now, self._number))
         stamp = codec.pack_attachment(self._number, now)
-        self._publisher.put(payload, encoding=encoding, attachment=stamp, source_info=self._source)
+        self._publisher.put(payload, encoding=encoding, attachment=stamp, source_info=self._source())
 
     def has_sent(self, origin: tuple[int, int | None]) -> bool:
         """Whether a message, by publish time and sequence number, is one of its own that has come back."""

@@ -16,9 +16,14 @@ import zenoh
 
 from robo.wire import codec
 from robo.wire.codec import Attachment
+from robo.wire.latched import kept
+from robo.wire.qos import KEEP_ALL
 
 MOST_BYTES = 256_000_000
 """What may wait for a tool."""
+
+LONGEST_LOOK = 0.5
+"""How long to wait for a latched publisher that does not say what it keeps, s."""
 
 _CHANNEL = 10_000
 """Messages that Zenoh may hand over before the thread has run."""
@@ -39,8 +44,16 @@ class Arrival(NamedTuple):
 class Stream:
     """The messages of key expressions, until closed."""
 
-    def __init__(self, session: zenoh.Session, keys: Sequence[str], most_bytes: int = MOST_BYTES) -> None:
-        """`keys` may overlap: each message comes once."""
+    def __init__(
+        self, session: zenoh.Session, keys: Sequence[str], most_bytes: int = MOST_BYTES, *, latched: bool = False
+    ) -> None:
+        """
+        Args:
+            session: the network.
+            keys: they may overlap: each message comes once.
+            most_bytes: what may wait.
+            latched: begin with what latched publishers have said last.
+        """
         self._most_bytes = most_bytes
         self._waiting: deque[Arrival] = deque()
         self._bytes = 0
@@ -53,6 +66,12 @@ class Stream:
         self._subscribers = [
             session.declare_subscriber(key, zenoh.handlers.FifoChannel(_CHANNEL)) for key in self._expressions
         ]
+        self._said_before: set[tuple[str, int]] = set()
+        """What has come so and may come once more: publisher and number."""
+        for number, expression in enumerate(self._expressions if latched else ()):
+            for sample in kept(session, str(expression), KEEP_ALL, LONGEST_LOOK):
+                self._said_before.update(_numbered(sample))
+                self._take(number, sample)
         for number, subscriber in enumerate(self._subscribers):
             threading.Thread(
                 target=self._drain, args=(number, subscriber.handler), name="robo-stream", daemon=True
@@ -99,21 +118,24 @@ class Stream:
                 sample = recv()
             except zenoh.ZError:
                 return  # undeclared
-            arrived = time.time_ns()
-            key = str(sample.key_expr)
-            if sample.kind != zenoh.SampleKind.PUT or not self._is_mine(number, key):
+            if self._said_before and not self._said_before.isdisjoint(_numbered(sample)):
                 continue
-            attachment = (
-                codec.unpack_attachment(sample.attachment.to_bytes()) if sample.attachment is not None else None
-            )
-            arrival = Arrival(key, arrived, len(sample.payload), attachment, sample)
-            with self._changed:
-                self._waiting.append(arrival)
-                self._bytes += arrival.size
-                while self._bytes > self._most_bytes and len(self._waiting) > 1:
-                    self._bytes -= self._waiting.popleft().size
-                    self.left_out += 1
-                self._changed.notify()
+            self._take(number, sample)
+
+    def _take(self, number: int, sample: zenoh.Sample) -> None:
+        arrived = time.time_ns()
+        key = str(sample.key_expr)
+        if sample.kind != zenoh.SampleKind.PUT or not self._is_mine(number, key):
+            return
+        attachment = codec.unpack_attachment(sample.attachment.to_bytes()) if sample.attachment is not None else None
+        arrival = Arrival(key, arrived, len(sample.payload), attachment, sample)
+        with self._changed:
+            self._waiting.append(arrival)
+            self._bytes += arrival.size
+            while self._bytes > self._most_bytes and len(self._waiting) > 1:
+                self._bytes -= self._waiting.popleft().size
+                self.left_out += 1
+            self._changed.notify()
 
     def _is_mine(self, number: int, key: str) -> bool:
         """Whether a key is this expression's: the first one that matches it has it."""
@@ -125,3 +147,9 @@ class Stream:
             first = next(i for i, expression in enumerate(self._expressions) if expression.intersects(exact))
             self._first_of[key] = first
         return first == number
+
+
+def _numbered(sample: zenoh.Sample) -> list[tuple[str, int]]:
+    """Publisher and number of a message, where it says them."""
+    source = sample.source_info
+    return [(str(source.source_id), source.source_sn)] if source is not None else []

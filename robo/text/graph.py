@@ -1,4 +1,4 @@
-"""The graph of nodes, topics and services, and its drawings. Pure.
+"""The graph of nodes, topics, services and actions, and its drawings. Pure.
 
 A manifest's plan and a running system give the same kind of graph (`robo check --graph`, `robo graph`), so
 that one can be held against the other.
@@ -38,7 +38,7 @@ class GraphTopic(msgspec.Struct, frozen=True, order=True):
 
 
 class GraphService(msgspec.Struct, frozen=True, order=True):
-    """A service and its ends."""
+    """A service, or an action, and its ends."""
 
     key: str
     types: list[str]
@@ -54,14 +54,15 @@ class Graph(msgspec.Struct, frozen=True):
     nodes: list[GraphNode]
     topics: list[GraphTopic]
     services: list[GraphService]
+    actions: list[GraphService] = []
 
 
-EndpointKind = Literal["pub", "sub", "srv", "cli"]
+EndpointKind = Literal["pub", "sub", "srv", "cli", "act", "acl"]
 """As `wire.keys` has it."""
 
 
 class Edge(msgspec.Struct, frozen=True):
-    """One end of a topic or a service."""
+    """One end of a topic, a service or an action."""
 
     node: str
     kind: EndpointKind
@@ -71,7 +72,7 @@ class Edge(msgspec.Struct, frozen=True):
 
 
 class _Ends:
-    """All ends of a key of one sort, a topic or a service."""
+    """All ends of a key of one sort: a topic, a service or an action."""
 
     def __init__(self) -> None:
         self._types: set[str] = set()
@@ -92,16 +93,19 @@ class _Ends:
 
 
 def build(nodes: Iterable[GraphNode], edges: Iterable[Edge]) -> Graph:
-    """The graph of nodes and the ends that they have."""
+    """The graph of nodes and the ends that they have, but for those that ROS hides: those within an action."""
     topics: dict[str, _Ends] = {}
     services: dict[str, _Ends] = {}
+    actions: dict[str, _Ends] = {}
+    sorts = {"pub": topics, "sub": topics, "srv": services, "cli": services, "act": actions, "acl": actions}
     for edge in edges:
-        of_topic = edge.kind in ("pub", "sub")
-        (topics if of_topic else services).setdefault(edge.key, _Ends()).add(edge)
+        if "/_" not in f"/{edge.key}":
+            sorts[edge.kind].setdefault(edge.key, _Ends()).add(edge)
     return Graph(
         sorted(set(nodes)),
         [_topic(key, ends) for key, ends in sorted(topics.items())],
         [_service(key, ends) for key, ends in sorted(services.items())],
+        [_action(key, ends) for key, ends in sorted(actions.items())],
     )
 
 
@@ -120,6 +124,14 @@ def _service(key: str, ends: _Ends) -> GraphService:
     problems += ["nobody serves it"] if not servers else []
     problems += [f"served by {len(servers)} nodes"] if len(servers) > 1 else []
     return GraphService(key, ends.types(), servers, ends.nodes("cli"), problems)
+
+
+def _action(key: str, ends: _Ends) -> GraphService:
+    servers = ends.nodes("act")
+    problems = ends.clash()
+    problems += ["nobody executes it"] if not servers else []
+    problems += [f"executed by {len(servers)} nodes"] if len(servers) > 1 else []
+    return GraphService(key, ends.types(), servers, ends.nodes("acl"), problems)
 
 
 def without_system(graph: Graph) -> Graph:
@@ -148,12 +160,12 @@ def _text(graph: Graph) -> str:
             for t in graph.topics
         ]
         lines += ["", "topics", *_indented(rows)]
-    if graph.services:
+    for title, served in (("services", graph.services), ("actions", graph.actions)):
         rows = [
             (s.key, " ≠ ".join(s.types) or "-", f"{who(s.clients)} → {who(s.servers)}", *_marks(s.problems))
-            for s in graph.services
+            for s in served
         ]
-        lines += ["", "services", *_indented(rows)]
+        lines += ["", title, *_indented(rows)] if rows else []
     return "\n".join(lines)
 
 
@@ -179,6 +191,11 @@ def _mermaid(graph: Graph) -> str:
         lines += [f"  {nodes[name]} -.-> s{i}" for name in service.clients]
         lines += [f"  s{i} -.-> {nodes[name]}" for name in service.servers]
         bad += [f"s{i}"] if service.problems else []
+    for i, action in enumerate(graph.actions):
+        lines.append(f'  a{i}[["{"<br/>".join([action.key, " / ".join(action.types), *action.problems])}"]]')
+        lines += [f"  {nodes[name]} ==> a{i}" for name in action.clients]
+        lines += [f"  a{i} ==> {nodes[name]}" for name in action.servers]
+        bad += [f"a{i}"] if action.problems else []
     if bad:
         lines += ["  classDef problem stroke:#c00,stroke-width:2px", f"  class {','.join(bad)} problem"]
     return "\n".join(map(visible, lines))
@@ -191,12 +208,11 @@ def _dot(graph: Graph) -> str:
         lines.append(f"  {_quoted(topic.key)} [shape=ellipse, {_label(topic.key, topic.types, topic.problems)}];")
         lines += [f"  {_quoted(name)} -> {_quoted(topic.key)};" for name in topic.publishers]
         lines += [f"  {_quoted(topic.key)} -> {_quoted(name)};" for name in topic.subscribers]
-    for service in graph.services:
-        lines.append(
-            f"  {_quoted(service.key)} [shape=hexagon, {_label(service.key, service.types, service.problems)}];"
-        )
-        lines += [f"  {_quoted(name)} -> {_quoted(service.key)} [style=dashed];" for name in service.clients]
-        lines += [f"  {_quoted(service.key)} -> {_quoted(name)} [style=dashed];" for name in service.servers]
+    for served, shape, style in ((graph.services, "hexagon", "dashed"), (graph.actions, "octagon", "bold")):
+        for one in served:
+            lines.append(f"  {_quoted(one.key)} [shape={shape}, {_label(one.key, one.types, one.problems)}];")
+            lines += [f"  {_quoted(name)} -> {_quoted(one.key)} [style={style}];" for name in one.clients]
+            lines += [f"  {_quoted(one.key)} -> {_quoted(name)} [style={style}];" for name in one.servers]
     return "\n".join([*map(visible, lines), "}"])
 
 
@@ -216,7 +232,7 @@ def _json(graph: Graph) -> str:
 def _all_nodes(graph: Graph) -> list[str]:
     """Every name at an end of an edge, those without a node of their own included."""
     ends = [name for topic in graph.topics for name in (*topic.publishers, *topic.subscribers)]
-    ends += [name for service in graph.services for name in (*service.servers, *service.clients)]
+    ends += [name for served in (*graph.services, *graph.actions) for name in (*served.servers, *served.clients)]
     return sorted({*(node.name for node in graph.nodes), *ends})
 
 

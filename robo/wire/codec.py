@@ -71,7 +71,7 @@ class Decoder(Generic[M]):
 
     def __init__(self, type_: type[M]) -> None:
         self._type = type_
-        self.fast: Callable[[bytes], M] = msgspec.msgpack.Decoder(type_).decode
+        self.fast: Callable[[bytes], M] = robo_messages.decoder_of(type_).decode
 
     def decode(self, payload: bytes, encoding: str) -> M:
         """Decode a payload of either form.

@@ -18,17 +18,25 @@ import zenoh
 
 from robo.text.choices import choice_of
 from robo.wire import names
+from robo.wire.qos import QoS, from_word
 
 PREFIX = "@robo"
 ALL_TOKENS = f"{PREFIX}/**"
 
-EndpointKind = Literal["pub", "sub", "srv", "cli"]
+EndpointKind = Literal["pub", "sub", "srv", "cli", "act", "acl"]
 ENDPOINT_KINDS: tuple[EndpointKind, ...] = get_args(EndpointKind)
-VERBS: dict[EndpointKind, str] = {"pub": "publishes", "sub": "subscribes", "srv": "serves", "cli": "calls"}
+VERBS: dict[EndpointKind, str] = {
+    "pub": "publishes",
+    "sub": "subscribes",
+    "srv": "serves",
+    "cli": "calls",
+    "act": "executes",
+    "acl": "sends goals to",
+}
 """What a node does at each kind of end, for sentences."""
 
 _MOST_DIGITS = 9
-"""Of a number in a key: no process id is longer, and no depth of a topic makes sense beyond."""
+"""Of a number in a key: no process id is longer."""
 
 
 class _OfNode(msgspec.Struct, frozen=True):
@@ -84,21 +92,22 @@ class ClaimToken(_OfNode, frozen=True):
 
 
 class EndpointToken(_OfNode, frozen=True):
-    """A publisher, a subscription, a service or a client of one."""
+    """A publisher, a subscription, a service or an action, or a client of one."""
 
     kind: EndpointKind
     type_name: str
-    """The type of its messages, or of the service."""
-    depth: int
-    """How many messages it keeps, 0 for all; of a service and a client always 0."""
+    """The type of its messages, of the service or of the action."""
+    qos: QoS
+    """The depth and what differs from the default: `1,latched,data_high`; a depth of 0 keeps all, as services
+    and actions do."""
     topic: str
-    """The topic's key expression, or the service's."""
+    """The topic's key expression, the service's or the action's."""
     id: str = ""
     """Of a publisher: Zenoh's id of it, as `source_id` makes it."""
 
     def key(self) -> str:
         """The token's key expression."""
-        parts = (self.type_name, names.join(str(self.depth), self.id), self.topic)
+        parts = (self.type_name, names.join(self.qos.word, self.id), self.topic)
         return names.join(PREFIX, self.namespace, self.kind, self.node, *map(_mangle, parts))
 
 
@@ -113,16 +122,17 @@ def parse_token(key: str) -> Token | None:
     namespace = "/".join(chunks[1:-5])
     kind, node = chunks[-5], chunks[-4]
     a, b, c = map(_unmangle, chunks[-3:])
-    numeral, _, id_ = b.partition("/")
-    number = parse_number(numeral)
-    if number is None or not (a + b + c).isprintable():
+    if not (a + b + c).isprintable():
         return None
     found: Token | None = None
     if kind in ("node", "claim"):
         host, _, run = c.partition("/")
-        found = (NodeToken if kind == "node" else ClaimToken)(namespace, node, a, number, host, run)
+        if (pid := parse_number(b)) is not None:
+            found = (NodeToken if kind == "node" else ClaimToken)(namespace, node, a, pid, host, run)
     elif (end := choice_of(kind, ENDPOINT_KINDS)) is not None:
-        found = EndpointToken(namespace, node, end, a, number, c, id_)
+        word, _, id_ = b.partition("/")
+        if (quality := from_word(word)) is not None:
+            found = EndpointToken(namespace, node, end, a, quality, c, id_)
     return found if found is not None and found.key() == key else None
 
 
@@ -139,6 +149,26 @@ def source_id(entity: zenoh.EntityGlobalId) -> str:
 def tokens_of_publishers(topic: str) -> str:
     """The key expression of the tokens of all who publish on a topic."""
     return names.join(PREFIX, "**/pub/*/*/*", _mangle(topic))
+
+
+def latched_key(topic: str, depth: int, *, whole: bool = True) -> str:
+    """Where the latched publishers of a topic answer for what they have said last, each `depth` messages, 0 for all.
+
+    It is Zenoh's own, of its advanced publishers; their tokens are such keys too.
+    """
+    key = f"{topic}/@adv/**" if whole else topic
+    return f"{key}?_max={depth}" if depth else key
+
+
+def tokens_of_latched(topic: str) -> str:
+    """The key expression of the tokens of all latched publishers of a topic: Zenoh's own."""
+    return f"{topic}/@adv/pub/**"
+
+
+def latched_id(key: str) -> str:
+    """The id of the publisher of which such a token speaks, as `source_id` makes it; empty for another key."""
+    parts = key.rpartition("/@adv/pub/")[2].split("/")
+    return ":".join(parts[:2]) if len(parts) >= 2 and "/@adv/pub/" in key else ""
 
 
 def status_key(namespace: str, node: str) -> str:
@@ -211,6 +241,24 @@ def parameters_key(namespace: str, node: str, verb: str) -> str:
     exactly this key, acts. `*` asks for all verbs, or all nodes of a namespace.
     """
     return names.join(namespace, node, "parameters", verb)
+
+
+ActionPart = Literal["send_goal", "cancel_goal", "get_result", "feedback", "status"]
+
+
+def action_key(action: str, part: ActionPart | Literal["*"]) -> str:
+    """Where an action is spoken to. `send_goal`, `cancel_goal` and `get_result`, asked on exactly this key, act; on
+    `feedback` and `status` its server publishes.
+    """
+    return names.join(action, _ACTION, part)
+
+
+_ACTION = "_action"
+
+
+def is_hidden(key: str) -> bool:
+    """Whether a key is one of those that ROS hides: a part of it begins with `_`."""
+    return "/_" in f"/{key}"
 
 
 def _mangle(chunk: str) -> str:

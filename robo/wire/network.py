@@ -11,6 +11,7 @@ import zenoh
 from robo.environment import CONNECT_VARIABLE, LISTEN_VARIABLE, SHARED_MEMORY_VARIABLE
 from robo.errors import NetworkError
 from robo.text.paths import unnested
+from robo.wire import shared_memory
 
 Mode = Literal["peer", "client", "router"]
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -140,12 +141,13 @@ def _own_settings(network: Network) -> dict[str, object]:
         "connect/exit_on_failure": not router,
         # A process that hangs or whose cable is cut is given up after this long.
         "transport/link/tx/lease": 2000,
-        # Zenoh sends what is larger than this through shared memory, and each process that takes part
-        # holds 20 MB of it. By default (3 kB) laser scans would, and gain nothing.
-        "transport/shared_memory/transport_optimization/message_size_threshold": 65_536,
     }
-    if not network.shared_memory or os.environ.get(SHARED_MEMORY_VARIABLE) == "off":
+    if not network.shared_memory or os.environ.get(SHARED_MEMORY_VARIABLE) == "off" or shared_memory.hindrance():
         settings["transport/shared_memory/enabled"] = False
+    else:
+        # Publishers put large messages into shared memory themselves. Zenoh's own way copies them once more, and where
+        # there is not enough it fills up what there is, or ends its threads.
+        settings["transport/shared_memory/transport_optimization/enabled"] = False
     if router:
         settings |= {"listen/retry": _RETRY, "listen/timeout_ms": -1, "listen/exit_on_failure": False}
         # Tools ask routers who is connected, and what is declared by those that are no nodes of robo's.
@@ -155,7 +157,7 @@ def _own_settings(network: Network) -> dict[str, object]:
         # Between processes of one machine a longer queue keeps both ends busy; over a slow link it would
         # hold old messages. Leave `transport/unicast/qos` on: without it a publisher that drops a
         # message once on a full queue now and then drops all of them from then on (zenoh 1.10).
-        settings["transport/link/tx/queue/size/data"] = 16
+        settings["transport/link/tx/queue/size/data"] = settings["transport/link/tx/queue/size/background"] = 16
     return settings
 
 

@@ -8,7 +8,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 
 import msgspec
 import zenoh
@@ -53,7 +53,7 @@ class QueryLoop:
         self,
         session: zenoh.Session,
         key: str,
-        answer: Callable[[zenoh.Query, str], None],
+        answer: Callable[[zenoh.Query, str], "bool | None"],
         *,
         acts: Sequence[str] = (),
         tells: Sequence[str] = (),
@@ -63,7 +63,8 @@ class QueryLoop:
         Args:
             session: the network.
             key: of the queryable: of all that it answers, `r1/base/parameters/*`.
-            answer: is given each query with the key on which it is to be answered, one after the other.
+            answer: is given each query with the key on which it is to be answered, one after the other; where it
+                returns true it keeps the query, and is to answer and `drop` it later.
             acts: keys on which something is done; a query names them exactly.
             tells: keys on which something is only read; a query with wildcards reads them as well.
             complete: whether one of several queryables of this key is enough for whoever asks any of them.
@@ -99,26 +100,31 @@ class QueryLoop:
                 return  # undeclared
             with self._lock:
                 self._idle -= 1
-            with query:
-                self._answer_all(query)
+            with ExitStack() as over:
+                over.enter_context(query)
+                if self._answer_all(query):
+                    over.pop_all()
             with self._lock:
                 if self._idle >= MOST_IDLE:
                     self._workers.remove(threading.current_thread())
                     return
                 self._idle += 1
 
-    def _answer_all(self, query: zenoh.Query) -> None:
+    def _answer_all(self, query: zenoh.Query) -> bool:
+        """Answer a query on all the keys that it reaches. Returns whether it is kept, to be answered later."""
         asked = str(query.key_expr)
         keys = reached(asked, self._acts, self._tells)
+        kept = False
         with suppress(zenoh.ZError):  # whoever asked may be gone, or this node may be leaving
             for key in keys:
                 try:
-                    self._answer(query, key)
+                    kept |= bool(self._answer(query, key))
                 except Exception as error:  # whatever a request brings about, the next one is answered
                     _logger.exception("a query on %s failed", self._name)
                     reply_error(query, Fault.of(error))
             if not keys:
                 reply_error(query, self._refusal(asked))
+        return kept
 
     def _refusal(self, asked: str) -> "Fault":
         """What is said to a query that reaches the queryable and none of its keys."""

@@ -7,7 +7,7 @@ from msgspec import Meta
 
 from robo.wire import names
 
-State = Literal["starting", "ready", "degraded", "restarting", "stopping", "stopped", "failed", "completed"]
+State = Literal["starting", "ready", "standby", "degraded", "restarting", "stopping", "stopped", "failed", "completed"]
 
 
 class ProcessName(NamedTuple):
@@ -19,6 +19,8 @@ class ProcessName(NamedTuple):
     """Its full name."""
     group: str
     """With the groups around it: `control/arm`; empty where it is in none."""
+    process: str = ""
+    """The full name of the process that it shares with other nodes; empty where it has its own."""
 
     @property
     def label(self) -> str:
@@ -26,9 +28,11 @@ class ProcessName(NamedTuple):
         return names.label(self.robot, self.node)
 
     def is_meant(self, word: str) -> bool:
-        """Whether a word means it: its full name, its name with or without namespace, a group or namespace of it."""
+        """Whether a word means it: its name or its process's, whole or in part; a group or a namespace of it."""
         wanted = word.strip("/")
-        own = (self.node.strip("/"), self.label, self.node.rpartition("/")[2])
+        own = [self.node.strip("/"), self.label, self.node.rpartition("/")[2]]
+        if self.process:
+            own += [self.process.strip("/"), names.label(self.robot, self.process), self.process.rpartition("/")[2]]
         around = f"/{wanted}/" in f"/{self.group}/" or self.is_within(wanted)
         return wanted in own or (wanted != "" and around)
 
@@ -69,16 +73,21 @@ class ProcessStatus(msgspec.Struct, frozen=True, kw_only=True):
     host: str
     """The name of the machine."""
     running: str = ""
-    """The callback that holds up all others of the node; empty while none does."""
+    """The callback that holds up all others of its turn, which is mostly the node's; empty while none does."""
     running_for: float = 0.0
     """How long it had been running when the node last said so, s."""
     log_problem: str = ""
     """Why nothing of the run comes into its log files just now; empty where it does."""
+    process: str = ""
+    """The full name of the process that it shares with other nodes; empty where it has its own. What is said of the
+    memory is of the whole process then, and what is said of processor time of the node alone."""
+    process_cpu: float | None = None
+    """Processor time that such a process uses, in percent of one core."""
 
     @property
     def name(self) -> ProcessName:
         """What it is called."""
-        return ProcessName(self.robot, self.node, self.group)
+        return ProcessName(self.robot, self.node, self.group, self.process)
 
 
 class Exit(msgspec.Struct, frozen=True, kw_only=True):
@@ -225,6 +234,19 @@ class Refused(msgspec.Struct, frozen=True):
     """How long ago the last one came, s."""
 
 
+class TurnStatus(msgspec.Struct, frozen=True):
+    """What a turn beside the node's own has seen: callbacks of different turns may run at the same time."""
+
+    callbacks: list[str]
+    """Who shares it."""
+    busy: float
+    """How long they have run, as in `NodeStatus`, s."""
+    running: str
+    """The one that runs just now; empty where none does."""
+    running_for: float
+    """How long it has been running, s."""
+
+
 class NodeStatus(msgspec.Struct, frozen=True):
     """What a node has seen so far; also the reply to a query on its status key."""
 
@@ -251,15 +273,21 @@ class NodeStatus(msgspec.Struct, frozen=True):
     busy: float = 0.0
     """How long its callbacks have run, the one that runs and waiting for services included, s."""
     running: str = ""
-    """The callback that runs just now; empty where none does."""
+    """The callback that runs just now, of several the one that has run for longest; empty where none does."""
     running_for: float = 0.0
-    """How long it has been running, s. One that does not return holds up all others of the node."""
+    """How long it has been running, s. One that does not return holds up all others of its turn."""
+    turns: dict[str, TurnStatus] = {}
+    """The turns that callbacks have beside the node's own, by name."""
     zid: str = ""
     """The id of its Zenoh session; only in the reply to a query."""
     links: list[str] = []
     """The ids of the Zenoh sessions to which it is linked; only in the reply to a query."""
     time: int = 0
     """The node's wall clock, ns since the epoch; only in the reply to a query."""
+    lifecycle: str = ""
+    """The state of a managed node, as ROS calls it: `inactive`; empty for a plain node."""
+    large_messages: str = ""
+    """How they travel on its machine: `shared memory`, or `sockets: ` and why; only in the reply to a query."""
 
 
 class Beat(msgspec.Struct, frozen=True):
@@ -271,6 +299,8 @@ class Beat(msgspec.Struct, frozen=True):
     """Whether a callback holds the beat back: no sign of life, but its status says which one."""
     files: list[str] = []
     """The source files of the process, Python's own and installed ones left out; in the first beat only."""
+    cpu: float | None = None
+    """Processor time that the node has used so far, s; null where that is all that its process has used."""
 
 
 class LogRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):

@@ -14,7 +14,7 @@ import threading
 import zenoh
 
 from robo.errors import NetworkError
-from robo.wire import zenoh_threads
+from robo.wire import shared_memory, zenoh_threads
 from robo.wire.network import Network, on_this_machine, without_source, zenoh_config
 
 os.environ.setdefault(zenoh_threads.VARIABLE, zenoh_threads.OF_A_NODE)
@@ -43,6 +43,7 @@ def open_session(network: Network) -> zenoh.Session:
             "  Is a robot running there? `robo up` starts one; --connect names another place."
         ) from None
     _open.append(session)
+    shared_memory.use(session, directly=network.mode != "client" and network.shared_memory)
     if not on_this_machine(network):
         import robo.wire.tcp  # noqa: F401 - for _on_link; a node that is linked to its robot alone needs no sockets
 

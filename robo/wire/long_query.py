@@ -1,0 +1,125 @@
+"""A question whose answer may take long: the result of a goal. It outlives a link that is lost for a moment.
+
+The answer comes on one of Zenoh's threads, which does no more than note it. Where the question ends without one, it is
+asked again, as soon as somebody looks: the router in between may have started again. Where nobody answers for GRACE,
+whoever was asked is gone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import zenoh
+
+from robo.wire import queries
+from robo.wire.queries import Fault
+
+LONGEST = 3600.0
+"""How long one question stays open, s; then it is asked again."""
+
+GRACE = 2.0
+"""For how long nobody may answer, s."""
+
+PERIOD = 0.2
+"""How often it is asked again meanwhile, s."""
+
+
+class Gone(Exception):
+    """Nobody is there who could answer."""
+
+
+class _Try:
+    """One time of asking."""
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        self.answer: zenoh.Sample | Fault | None = None
+        self.lapsed = False
+        self.over = False
+        self._changed = changed
+
+    def take(self, reply: zenoh.Reply) -> None:
+        if self.answer is None:
+            self.answer = reply.ok if reply.ok is not None else queries.read_fault(reply)
+            self.lapsed = self.answer is None
+
+    def end(self) -> None:
+        self.over = True
+        self._changed()
+
+
+class LongQuery:
+    """Asks until there is an answer, or nobody who could give one."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        key: str,
+        payload: bytes,
+        encoding: str,
+        changed: Callable[[], None],
+        now: Callable[[], float],
+    ) -> None:
+        """
+        Args:
+            session: the network.
+            key: whom to ask.
+            payload: what.
+            encoding: of the payload.
+            changed: is called, on any thread, when it is time to `look`.
+            now: the time, s.
+        """
+        self._session = session
+        self._key = key
+        self._payload = payload
+        self._encoding = encoding
+        self._changed = changed
+        self._now = now
+        self._lost_since: float | None = None
+        self._again_at = 0.0
+        self._try = self._ask()
+
+    def look(self) -> zenoh.Sample | Fault | None:
+        """The answer, if it is there.
+
+        Raises:
+            Gone: nobody answers any more.
+        """
+        current = self._try
+        if not current.over or current.answer is not None:
+            return current.answer
+        now = self._now()
+        if current.lapsed:
+            self._lost_since = None
+        elif self._lost_since is None:
+            self._lost_since, self._again_at = now, now
+        elif now - self._lost_since >= GRACE:
+            raise Gone
+        if now >= self._again_at:
+            self._again_at = now + PERIOD
+            self._try = self._ask()
+        return None
+
+    def lose(self) -> None:
+        """Whoever was asked is not there just now: no answer to that time of asking will come.
+
+        Zenoh does not end a question whose server is killed while it holds it.
+        """
+        self._try.end()
+
+    @property
+    def look_again_at(self) -> float:
+        """By when to look again, if nothing changes before; infinity where that is not needed."""
+        return self._again_at if self._try.over and self._try.answer is None else float("inf")
+
+    def _ask(self) -> _Try:
+        asked = _Try(self._changed)
+        self._session.get(
+            self._key,
+            zenoh.handlers.Callback(asked.take, asked.end, indirect=False),
+            payload=self._payload,
+            encoding=self._encoding,
+            timeout=LONGEST,
+            target=zenoh.QueryTarget.ALL_COMPLETE,
+            consolidation=zenoh.ConsolidationMode.NONE,
+        )
+        return asked
