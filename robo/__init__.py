@@ -19,10 +19,14 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from robo.errors import (
+        ActionError,
+        ActionTimeout,
         ContractError,
         InvalidName,
+        LifecycleError,
         ManifestError,
         NetworkError,
+        NotActive,
         NotKept,
         ParameterError,
         ParameterFileError,
@@ -31,14 +35,18 @@ if TYPE_CHECKING:
         ServiceTimeout,
         UsageError,
     )
+    from robo.node.actions import ActionClient, GoalCanceled, action
     from robo.node.declare import Client, Publisher, service, subscribe, timer
+    from robo.node.lifecycle import LifecycleState, TransitionCallbackReturn
+    from robo.node.managed import LifecycleNode
     from robo.node.message_info import MessageInfo
     from robo.node.node import Node
     from robo.parameters.hints import NON_FINITE, READ_ONLY, Step, Unit
     from robo.parameters.model import Parameters
     from robo.process.runner import run
+    from robo.wire.goals import GoalState
     from robo.wire.network import Network
-    from robo.wire.qos import KEEP_ALL
+    from robo.wire.qos import KEEP_ALL, QoS
     from robo.wire.reports import NodeStatus
     from robo.wire.session import open_session
 
@@ -46,26 +54,38 @@ __all__ = [
     "KEEP_ALL",
     "NON_FINITE",
     "READ_ONLY",
+    "ActionClient",
+    "ActionError",
+    "ActionTimeout",
     "Client",
     "ContractError",
+    "GoalCanceled",
+    "GoalState",
     "InvalidName",
+    "LifecycleError",
+    "LifecycleNode",
+    "LifecycleState",
     "ManifestError",
     "MessageInfo",
     "Network",
     "NetworkError",
     "Node",
     "NodeStatus",
+    "NotActive",
     "NotKept",
     "ParameterError",
     "ParameterFileError",
     "Parameters",
     "Publisher",
+    "QoS",
     "RoboError",
     "ServiceError",
     "ServiceTimeout",
     "Step",
+    "TransitionCallbackReturn",
     "Unit",
     "UsageError",
+    "action",
     "open_session",
     "run",
     "service",
@@ -74,14 +94,18 @@ __all__ = [
 ]
 
 _HOMES = {
+    "node.actions": ("ActionClient", "GoalCanceled", "action"),
     "node.declare": ("Client", "Publisher", "service", "subscribe", "timer"),
+    "node.lifecycle": ("LifecycleState", "TransitionCallbackReturn"),
+    "node.managed": ("LifecycleNode",),
     "node.message_info": ("MessageInfo",),
     "node.node": ("Node",),
     "parameters.hints": ("NON_FINITE", "READ_ONLY", "Step", "Unit"),
     "parameters.model": ("Parameters",),
     "process.runner": ("run",),
+    "wire.goals": ("GoalState",),
     "wire.network": ("Network",),
-    "wire.qos": ("KEEP_ALL",),
+    "wire.qos": ("KEEP_ALL", "QoS"),
     "wire.reports": ("NodeStatus",),
     "wire.session": ("open_session",),
 }

@@ -2,22 +2,22 @@
 
 A package of your own is found where it is installed with an entry point in the group `robo.packages` and has a
 module `messages`, or in the group `robo.messages`, where ROBO_MESSAGES names its modules, and where a Python file
-below the current folder says `@message("group/Type")`. A file is imported when one of its types is asked for.
+below the current folder says `@message("group/Type")`. A file is imported when one of its types is asked for, in this
+process; `apart` tells of types and imports what users wrote in another.
 """
 
 import ast
 import contextlib
 import functools
 import importlib
-import importlib.util
 import inspect
 import math
 import os
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal, get_origin, get_type_hints
+from typing import Any, ClassVar, Literal, NamedTuple, get_origin, get_type_hints
 
 import msgspec
 from msgspec import inspect as shapes
@@ -73,31 +73,45 @@ class Listed(msgspec.Struct, frozen=True):
     """Its module, or the file that says it."""
 
 
+class Places(NamedTuple):
+    """Modules that may define a type, each with what it is called in a message: `module arm.messages, which …,`."""
+
+    own: dict[str, str]
+    """Those that are called as its group, or whose file says it."""
+    others: dict[str, str]
+    """All others that are announced."""
+    failed: dict[str, str]
+    """What is announced and no module: by what it is called, a sentence."""
+
+
 def known() -> list[str]:
     """The names of all types, messages first halves of services included, without importing files for it."""
     _import_declared()
-    return sorted({*robo_messages.type_names(), *_in_folder(os.getcwd())})
-
-
-def broken() -> list[str]:
-    """What cannot be imported of the modules that are announced: a sentence for each. The others work."""
-    return list(_import_declared().values())
+    return sorted({*robo_messages.type_names(), *said_in(os.getcwd())})
 
 
 def listed() -> list[Listed]:
     """All types, sorted by name; the two halves of a service as one."""
+    return together(map(listing, known()))
+
+
+def together(types: Iterable[Listed]) -> list[Listed]:
+    """Types sorted by name; of several with one name the first."""
     found: dict[str, Listed] = {}
-    for name in known():
-        service = name.removesuffix("_Request").removesuffix("_Response")
-        kind: Literal["message", "service"] = "service" if service != name else "message"
-        if name in robo_messages.type_names():
-            type_ = robo_messages.find_type(name)
-            owner = _owner(type_) if kind == "service" else type_
-            about, source = first_sentence(owner.__doc__ or ""), type_.__module__
-        else:
-            about, source = "", str(_in_folder(os.getcwd())[name])
-        found.setdefault(service, Listed(service, kind, about, source))
+    for one in types:
+        found.setdefault(one.name, one)
     return [found[name] for name in sorted(found)]
+
+
+def listing(name: str) -> Listed:
+    """One type as a list shows it, half of a service as the service; nothing is imported for it."""
+    service = name.removesuffix("_Request").removesuffix("_Response")
+    kind: Literal["message", "service"] = "service" if service != name else "message"
+    if name not in robo_messages.type_names():
+        return Listed(service, kind, "", str(said_in(os.getcwd())[name]))
+    type_ = robo_messages.find_type(name)
+    owner = _owner(type_) if kind == "service" else type_
+    return Listed(service, kind, first_sentence(owner.__doc__ or ""), type_.__module__)
 
 
 def find(name: str) -> type[Message]:
@@ -107,23 +121,39 @@ def find(name: str) -> type[Message]:
         UnknownType: there is none; names what comes close.
         ContractError: the file or the module that should say it cannot be imported.
     """
-    try:
+    if is_there(name):
         return robo_messages.find_type(name)
-    except UnknownType:
-        pass
-    failed = _import_declared()
-    if name not in robo_messages.type_names():
-        file = _in_folder(os.getcwd()).get(name)
-        if file is not None:
-            _import_file(file)
-        elif (group := name.partition("/")[0]) and "/" in name:
-            for module, why in failed.items():
-                if module.partition(".")[0] in (group, f"{group}_messages"):
-                    raise ContractError(why)
-            _import_group(group)
-    if name in robo_messages.type_names():
+    own_faults = []
+    for module, what in places(name).own.items():
+        if why := _imported(module):
+            own_faults.append(f"{what} cannot be imported: {why}")
+        elif is_there(name):
+            return robo_messages.find_type(name)
+    faults = _import_declared()
+    if is_there(name):
         return robo_messages.find_type(name)
-    raise UnknownType("\n".join([f"no message type is named {name!r}; {_suggest(name)}", *failed.values()]))
+    raise missing(name, (one.name for one in listed()), own_faults, faults.values())
+
+
+def is_there(name: str) -> bool:
+    """Whether a type is known in this process, and not only what is left of a module that could not be imported."""
+    return name in robo_messages.type_names() and robo_messages.find_type(name).__module__ in sys.modules
+
+
+def missing(
+    name: str, there: Iterable[str], own_faults: Sequence[str], faults: Iterable[str]
+) -> UnknownType | ContractError:
+    """What to say of a type that is not found.
+
+    Args:
+        name: what was asked for.
+        there: the names of all types.
+        own_faults: what is wrong with modules that should define it.
+        faults: what is wrong with any that may.
+    """
+    if own_faults:
+        return ContractError(own_faults[0])
+    return UnknownType("\n".join([f"no message type is named {name!r}; {_suggest(name, there)}", *faults]))
 
 
 @functools.lru_cache(1000)
@@ -135,9 +165,9 @@ def find_here(name: str) -> type[Message] | None:
         return None
 
 
-def _suggest(name: str) -> str:
+def _suggest(name: str, there: Iterable[str]) -> str:
     """What may have been meant: a type whose last part it is, or one that is written alike."""
-    there = dict.fromkeys(one.name for one in listed())
+    there = list(there)
     by_last = {one.rpartition("/")[2].lower(): one for one in there}
     last = name.rpartition("/")[2].lower()
     meant = by_last.get(last) or closest(name, there)
@@ -150,7 +180,12 @@ def _suggest(name: str) -> str:
 def halves(name: str) -> list[str]:
     """The message types that a name stands for: itself, or the request and the response of a service."""
     both = [f"{name}_Request", f"{name}_Response"]
-    return both if name not in known() and both[0] in known() else [name]
+    for there in (robo_messages.type_names, known):  # the second one may import
+        if name in (names := there()):
+            return [name]
+        if both[0] in names:
+            return both
+    return [name]
 
 
 def describe(type_: type[Message]) -> Interface:
@@ -214,9 +249,27 @@ def _owner(type_: type[Message]) -> type[Any]:
     return outer if isinstance(outer, type) else type_
 
 
+def places(*names: str) -> Places:
+    """Where a type of one of these names may be defined; they are of one group. Nothing is imported."""
+    announced_modules, failed = _declared()
+    group, slash, _ = names[0].partition("/") if names else ("", "", "")
+    own: dict[str, str] = {}
+    if slash:
+        named = (group, f"{group}_messages")
+        own |= {module: what for module, what in announced_modules.items() if module.partition(".")[0] in named}
+        said = said_in(os.getcwd())
+        for file in (said[name] for name in names if name in said):
+            own.setdefault(module_of(file, Path()), f"{file}, which says it,")
+        for module in (group, f"{group}.messages", f"{group}_messages"):
+            if is_module_name(module) and spec_of(module) is not None:
+                own.setdefault(module, f"module {module}, where {group}/… may be,")
+    others = {module: what for module, what in announced_modules.items() if module not in own}
+    return Places(own, others, failed)
+
+
 @functools.cache
-def _import_declared() -> dict[str, str]:
-    """Import the modules that are announced; those that cannot be, each with a sentence that says why."""
+def _declared() -> tuple[dict[str, str], dict[str, str]]:
+    """The modules that are announced, with what each is called; and a sentence for what is none."""
     there, failed = packages.known()
     modules = {
         f"{package.module}.messages": f"the package {package.name}"
@@ -229,38 +282,36 @@ def _import_declared() -> dict[str, str]:
     for name in os.environ.get(MESSAGES_VARIABLE, "").split(","):
         if name.strip():
             modules.setdefault(name.strip(), MESSAGES_VARIABLE)
+    found = {}
     for module, by in modules.items():
-        if not is_module_name(module):
+        if is_module_name(module):
+            found[module] = f"module {module}, which {by} names,"
+        else:
             failed[module] = f"{shown(module)}, which {by} names, is no name of a module"
-            continue
-        try:
-            _import(module, f"module {module}, which {by} names,")
-        except ContractError as error:
-            failed[module] = str(error)
-    return failed
+    return found, failed
 
 
 @functools.cache
-def _import_group(group: str) -> None:
-    """`my_robot/Gripper` may be in `my_robot`, `my_robot.messages` or `my_robot_messages`."""
-    _make_importable(os.getcwd())
-    for module in (group, f"{group}.messages", f"{group}_messages"):
-        with contextlib.suppress(ModuleNotFoundError, ValueError):  # there is none, or its parent is no package
-            if importlib.util.find_spec(module) is not None:
-                _import(module, f"module {module}, where {group}/… may be,")
+def _import_declared() -> dict[str, str]:
+    """Import the modules that are announced; those that cannot be, each with a sentence that says why."""
+    modules, failed = _declared()
+    faults = dict(failed)
+    for module, what in modules.items():
+        if why := _imported(module):
+            faults[module] = f"{what} cannot be imported: {why}"
+    return faults
 
 
-def _import_file(file: Path) -> None:
-    _import(module_of(file, Path()), f"{file}, which says it,")
-
-
-def _import(module: str, what: str) -> None:
+@functools.cache
+def _imported(module: str) -> str:
+    """Import a module; why that cannot be done, or nothing."""
     _make_importable(os.getcwd())
     with contextlib.redirect_stdout(sys.stderr):
         try:
             importlib.import_module(module)
         except (Exception, SystemExit) as error:  # a user's module may raise anything while it is imported
-            raise ContractError(f"{what} cannot be imported: {explained(error)}") from None
+            return explained(error)
+    return ""
 
 
 def _make_importable(folder: str) -> None:
@@ -270,7 +321,7 @@ def _make_importable(folder: str) -> None:
 
 
 @functools.cache
-def _in_folder(folder: str) -> dict[str, Path]:
+def said_in(folder: str) -> dict[str, Path]:
     """Types by name with the files below a folder that say them; found by reading, not by importing."""
     found: dict[str, Path] = {}
     for number, file in enumerate(python_files(Path(folder))):

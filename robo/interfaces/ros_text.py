@@ -9,15 +9,19 @@ from robo.interfaces import catalogue
 from robo_messages import Message
 
 _PACKAGES = {
+    "action": "action_msgs",
+    "example": "example_interfaces",
     "std": "std_msgs",
     "geometry": "geometry_msgs",
     "nav": "nav_msgs",
     "sensor": "sensor_msgs",
     "diagnostic": "diagnostic_msgs",
+    "lifecycle": "lifecycle_msgs",
     "visualization": "visualization_msgs",
     "system": "rcl_interfaces",
 }
 _ELSEWHERE = {
+    "action/UUID": "unique_identifier_msgs/UUID",
     "std/Time": "builtin_interfaces/Time",
     "std/Duration": "builtin_interfaces/Duration",
     "std/Trigger": "std_srvs/Trigger",
@@ -91,6 +95,8 @@ def ros_type(info: inspect.Type) -> str:
 
 
 def _default(value: object, info: inspect.Type) -> str:
-    """A default other than ROS's own zero."""
+    """A default other than ROS's own zero; arrays have none."""
+    if ros_type(info).endswith("]"):
+        return ""
     single = isinstance(value, (bool, int, float, str)) and not isinstance(info, inspect.StructType)
     return f" {catalogue.default_text(value)}" if single and value else ""

@@ -6,6 +6,8 @@ import threading
 import time
 from collections.abc import Callable
 
+from robo.node.stage import Stage
+from robo.node.turn import Barrier
 from robo_messages import Time
 
 _CLOCK: int = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
@@ -29,6 +31,11 @@ class Clock:
     """What messages are stamped with as they leave, ns since the Unix epoch."""
     arrival_ns: Callable[[], int] = staticmethod(monotonic_ns)
     """What the age of messages is reckoned by where they arrive: time since an arbitrary start, ns."""
+    barrier: Callable[[], Barrier] = staticmethod(threading.Lock)
+    """Makes what a thread waits at for its turn."""
+
+    stage: Stage = Stage()
+    """Where threads meet the loop of async callbacks."""
 
     @property
     def wall(self) -> Clock:

@@ -8,20 +8,35 @@ from __future__ import annotations
 
 import re
 import typing
-from collections.abc import Callable, Sequence
-from functools import partial
-from types import FunctionType, MethodType
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from types import FunctionType
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 import robo_messages
 from robo.errors import ContractError
-from robo.node.declare import MARK, Client, Declares, Publisher, ServiceMark, SubscribeMark, TimerMark
+from robo.node.actions import ActionClient, ActionMark
+from robo.node.callables import check_plain, is_async, place_of
+from robo.node.declare import (
+    HOOKS,
+    LIFECYCLE_HOOKS,
+    MARK,
+    Client,
+    Declares,
+    Publisher,
+    ServiceMark,
+    SubscribeMark,
+    TimerMark,
+)
 from robo.node.message_info import MessageInfo
 from robo.parameters import hints
 from robo.parameters import model as parameters
+from robo.wire.qos import Priority, QoS
 from robo_messages import Message
+
+if TYPE_CHECKING:
+    from robo.node.action_contract import ActionClientDeclaration, ActionDeclaration
 
 
 class SubscriptionDeclaration(msgspec.Struct, frozen=True):
@@ -29,12 +44,14 @@ class SubscriptionDeclaration(msgspec.Struct, frozen=True):
 
     topic: str
     message_type: type[Message]
-    depth: int
+    qos: QoS
     method: str
     informed: bool = False
     """Whether the method takes a `MessageInfo` beside the message."""
     sole_source: str | None = None
     """The parameter that names whose messages alone count."""
+    turn: str = ""
+    """Which turn the method takes; empty for the node's own. So for services and timers."""
 
 
 class PublisherDeclaration(msgspec.Struct, frozen=True):
@@ -42,7 +59,7 @@ class PublisherDeclaration(msgspec.Struct, frozen=True):
 
     topic: str
     message_type: type[Message]
-    depth: int
+    qos: QoS
     attribute: str
 
 
@@ -53,6 +70,7 @@ class ServiceDeclaration(msgspec.Struct, frozen=True):
     request_type: type[Message]
     response_type: type[Message]
     method: str
+    turn: str = ""
 
 
 class ClientDeclaration(msgspec.Struct, frozen=True):
@@ -63,6 +81,7 @@ class ClientDeclaration(msgspec.Struct, frozen=True):
     response_type: type[Message]
     timeout: float
     """s."""
+    priority: Priority
     attribute: str
 
 
@@ -72,6 +91,7 @@ class TimerDeclaration(msgspec.Struct, frozen=True):
     rate: float | str
     """The rate, Hz, or the name of the parameter that says it."""
     method: str
+    turn: str = ""
 
 
 class Contract(msgspec.Struct, frozen=True):
@@ -85,63 +105,11 @@ class Contract(msgspec.Struct, frozen=True):
     timers: tuple[TimerDeclaration, ...]
     services: tuple[ServiceDeclaration, ...]
     clients: tuple[ClientDeclaration, ...]
+    actions: tuple[ActionDeclaration, ...]
+    action_clients: tuple[ActionClientDeclaration, ...]
     parameters: tuple[hints.ParameterInfo, ...]
-
-
-def takes_info(callback: Callable[..., object]) -> bool:
-    """Whether a callback of a subscription takes a `MessageInfo` beside the message."""
-    function: Any = callback
-    code = getattr(function, "__code__", None)
-    while code is not None and code.co_flags & _TAKES_ALL and hasattr(function, "__wrapped__"):
-        function = function.__wrapped__  # what a decorator hands all on to
-        code = getattr(function, "__code__", None)
-    if code is None:
-        return False
-    given = len(getattr(function, "__defaults__", None) or ()) + (getattr(callback, "__self__", None) is not None)
-    return bool(code.co_argcount - given >= 2)
-
-
-_GENERATOR, _ASYNC = 0x20, 0x80 | 0x200  # as in `inspect`, whose import would cost each node 0.5 MB
-
-
-def check_plain(callback: Callable[..., object], name: str = "") -> None:
-    """Refuse a callback whose call would do nothing: an `async def`, or one that yields.
-
-    Args:
-        callback: a function, a method, a partial or an object to call.
-        name: what to call it; by default its own name.
-
-    Raises:
-        ContractError: it is such a one.
-    """
-    function: Any = callback
-    while (inner := _inner(function)) is not None:
-        function = inner
-    code = getattr(function, "__code__", None)
-    if code is None or not code.co_flags & (_GENERATOR | _ASYNC):
-        return
-    what = "is async" if code.co_flags & _ASYNC else "yields, so that calling it does nothing"
-    raise ContractError(
-        f"{place_of(function)}: {name or function.__name__} {what}; a callback is a plain function (def) that returns"
-        " soon: what waits belongs into main() or a thread"
-    )
-
-
-def _inner(function: Any) -> Any:
-    """What a partial, a method or an object calls; None for a function. A decorator may make an async one plain."""
-    if isinstance(function, partial):
-        return function.func
-    if isinstance(function, MethodType):
-        return function.__func__
-    if isinstance(function, (FunctionType, type)) or not callable(function):
-        return None
-    call = type(function).__call__
-    return call if isinstance(call, FunctionType) else None
-
-
-def place_of(function: Any) -> str:
-    """`file:line` of a Python function."""
-    return f"{function.__code__.co_filename}:{function.__code__.co_firstlineno}"
+    managed: bool = False
+    """Whether it is a `LifecycleNode`."""
 
 
 def check_constructor(cls: type[Declares]) -> None:
@@ -166,7 +134,7 @@ def check_constructor(cls: type[Declares]) -> None:
         return
 
 
-_TAKES_ALL, _TAKES_KEYWORDS = 0x04, 0x08  # as in `inspect`
+_TAKES_KEYWORDS = 0x08  # as in `inspect`
 _GIVEN_TO_A_NODE = {"name", "namespace", "parameters", "remappings", "sources"}
 
 
@@ -180,7 +148,7 @@ def contract_of(cls: type[Declares]) -> Contract:
 
     Raises:
         ContractError: a callback does not say its message type, a timer names a parameter that is
-            not there, a message type has no name, a parameter has no default, a callback is async, or
+            not there, a message type has no name, a parameter has no default, a callback yields, a hook is async, or
             Parameters is no robo.Parameters.
     """
     publishers: list[PublisherDeclaration] = []
@@ -188,10 +156,19 @@ def contract_of(cls: type[Declares]) -> Contract:
     timers: list[TimerDeclaration] = []
     services: list[ServiceDeclaration] = []
     clients: list[ClientDeclaration] = []
+    actions: list[ActionDeclaration] = []
+    action_clients: list[ActionClientDeclaration] = []
     infos = _parameters(cls)
-    for name, member in _members(cls).items():
+    members = _members(cls)
+    _check_hooks(cls, members)
+    for name, member in members.items():
         mark = getattr(member, MARK, None)
         if mark is not None:
+            if isinstance(mark, ActionMark):
+                check_plain(member, f"{cls.__name__}.{name}", may_yield=True)
+            else:
+                is_async(member, f"{cls.__name__}.{name}")
+        elif name in HOOKS:
             check_plain(member, f"{cls.__name__}.{name}")
         if isinstance(member, Publisher):
             publishers.append(_publisher(cls, name, member))
@@ -203,6 +180,10 @@ def contract_of(cls: type[Declares]) -> Contract:
             services.append(_service(cls, name, member, mark))
         elif isinstance(mark, TimerMark):
             timers.append(_timer(cls, name, mark, infos))
+        elif isinstance(mark, ActionMark):
+            actions.append(_action(cls, name, member, mark, infos))
+        elif isinstance(member, ActionClient):
+            action_clients.append(_action_client(cls, name, member))
     return Contract(
         snake_case(cls.__name__),
         _clean(cls.__dict__.get("__doc__") or ""),
@@ -211,7 +192,10 @@ def contract_of(cls: type[Declares]) -> Contract:
         tuple(timers),
         tuple(services),
         tuple(clients),
+        tuple(actions),
+        tuple(action_clients),
         infos,
+        cls.IS_MANAGED,
     )
 
 
@@ -224,15 +208,33 @@ def _parameters(cls: type[Declares]) -> tuple[hints.ParameterInfo, ...]:
     return tuple(parameters.describe(cls.Parameters))
 
 
+def _check_hooks(cls: type[Declares], members: Mapping[str, Any]) -> None:
+    """Refuse hooks of a managed node that would not be called, or whose call would do nothing."""
+    for name in LIFECYCLE_HOOKS:
+        hook = members.get(name)
+        if cls.IS_MANAGED and hook is not None:
+            check_plain(hook, f"{cls.__name__}.{name}")
+        elif name in _HOOKS_ALONE and isinstance(hook, FunctionType) and not hasattr(hook, MARK):
+            raise ContractError(
+                f"{place_of(hook)}: {cls.__name__}.{name} is a hook of managed nodes and would never be called; derive"
+                " from robo.LifecycleNode, or call it otherwise"
+            )
+
+
+_HOOKS_ALONE = LIFECYCLE_HOOKS[:4]
+"""Names that say nothing else; a plain node may well have an `on_error` of its own."""
+
+
 def _publisher(cls: type[Declares], name: str, declared: Publisher[Any]) -> PublisherDeclaration:
     _check_type(cls, name, declared.message_type)
-    return PublisherDeclaration(declared.topic, declared.message_type, declared.depth, name)
+    return PublisherDeclaration(declared.topic, declared.message_type, declared.qos, name)
 
 
 def _client(cls: type[Declares], name: str, declared: Client[Any, Any]) -> ClientDeclaration:
     _check_type(cls, name, declared.request_type)
     _check_type(cls, name, declared.response_type)
-    return ClientDeclaration(declared.service, declared.request_type, declared.response_type, declared.timeout, name)
+    types = declared.request_type, declared.response_type
+    return ClientDeclaration(declared.service, *types, declared.timeout, declared.priority, name)
 
 
 def _subscription(
@@ -251,19 +253,36 @@ def _subscription(
         )
     if mark.sole_source is not None and not informed:
         raise ContractError(f"{cls.__name__}.{name}: a sole source needs a method that takes a MessageInfo too")
-    return SubscriptionDeclaration(mark.topic, message_type, mark.depth, name, informed, mark.sole_source)
+    return SubscriptionDeclaration(mark.topic, message_type, mark.qos, name, informed, mark.sole_source, mark.turn)
 
 
 def _service(cls: type[Declares], name: str, method: Callable[..., Any], mark: ServiceMark) -> ServiceDeclaration:
     request_type = _annotation(cls, name, method, "service's method takes self and the request")
     response_type = _check_type(cls, name, _hints(f"{cls.__name__}.{name}", method).get("return"))
-    return ServiceDeclaration(mark.service, request_type, response_type, name)
+    return ServiceDeclaration(mark.service, request_type, response_type, name, mark.turn)
 
 
 def _timer(cls: type[Declares], name: str, mark: TimerMark, infos: Sequence[hints.ParameterInfo]) -> TimerDeclaration:
     if isinstance(mark.rate, str) and mark.rate not in {info.name for info in infos}:
         raise ContractError(f"{cls.__name__}.{name}: @timer(rate={mark.rate!r}) names no parameter of this node")
-    return TimerDeclaration(mark.rate, name)
+    return TimerDeclaration(mark.rate, name, mark.turn)
+
+
+def _action(
+    cls: type[Declares], name: str, method: Callable[..., Any], mark: ActionMark, infos: Sequence[hints.ParameterInfo]
+) -> ActionDeclaration:
+    from robo.node.action_contract import action_declaration  # nodes without actions save the time and the memory
+
+    if isinstance(mark.rate, str) and mark.rate not in {info.name for info in infos}:
+        raise ContractError(f"{cls.__name__}.{name}: @action(rate={mark.rate!r}) names no parameter of this node")
+    goal_type = _annotation(cls, name, method, "action's method takes self and the goal")
+    return action_declaration(cls, name, mark, goal_type, _hints(f"{cls.__name__}.{name}", method).get("return"))
+
+
+def _action_client(cls: type[Declares], name: str, declared: ActionClient[Any, Any, Any]) -> ActionClientDeclaration:
+    from robo.node.action_contract import action_client_declaration
+
+    return action_client_declaration(cls, name, declared)
 
 
 def _members(cls: type[Declares]) -> dict[str, Any]:

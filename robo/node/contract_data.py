@@ -3,6 +3,7 @@
 import msgspec
 
 from robo.parameters.hints import ParameterInfo
+from robo.wire.qos import Priority, QoS
 
 
 class TopicData(msgspec.Struct, frozen=True):
@@ -11,14 +12,27 @@ class TopicData(msgspec.Struct, frozen=True):
     topic: str
     """As declared: relative, absolute or private."""
     type: str
-    depth: int
+    qos: QoS
+
+
+class SubscriptionData(TopicData, frozen=True):
+    """A topic that a node class subscribes."""
+
+    turn: str = ""
+    """Which turn its callback takes; empty for the node's own. So for services and timers."""
 
 
 class ServiceData(msgspec.Struct, frozen=True):
-    """A service that a node class has."""
+    """A service that a node class answers or calls."""
 
     service: str
     type: str
+
+
+class ServedData(ServiceData, frozen=True):
+    """A service that a node class answers."""
+
+    turn: str = ""
 
 
 class ClientData(ServiceData, frozen=True):
@@ -26,6 +40,7 @@ class ClientData(ServiceData, frozen=True):
 
     timeout: float
     """s."""
+    priority: Priority = "data"
 
 
 class TimerData(msgspec.Struct, frozen=True):
@@ -34,6 +49,26 @@ class TimerData(msgspec.Struct, frozen=True):
     method: str
     rate: float | str
     """The rate, Hz, or the name of the parameter that says it."""
+    turn: str = ""
+
+
+class ActionData(msgspec.Struct, frozen=True):
+    """An action that a node class executes."""
+
+    action: str
+    type: str
+    policy: str
+    """What becomes of a goal that comes while another one is under way."""
+    turn: str = ""
+
+
+class ActionClientData(msgspec.Struct, frozen=True):
+    """An action to which a node class sends goals."""
+
+    action: str
+    type: str
+    timeout: float
+    """How long its server may take to answer, s."""
 
 
 class ContractData(msgspec.Struct, frozen=True, kw_only=True):
@@ -45,11 +80,15 @@ class ContractData(msgspec.Struct, frozen=True, kw_only=True):
     """The node's default name."""
     description: str
     publishers: tuple[TopicData, ...]
-    subscriptions: tuple[TopicData, ...]
-    services: tuple[ServiceData, ...]
+    subscriptions: tuple[SubscriptionData, ...]
+    services: tuple[ServedData, ...]
     clients: tuple[ClientData, ...]
     timers: tuple[TimerData, ...]
     parameters: tuple[ParameterInfo, ...]
+    managed: bool = False
+    """Whether it is a managed node, a `LifecycleNode`."""
+    actions: tuple[ActionData, ...] = ()
+    action_clients: tuple[ActionClientData, ...] = ()
 
     @property
     def parameter_types(self) -> dict[str, str]:

@@ -4,8 +4,18 @@ from collections.abc import Sequence
 
 import robo_messages
 from robo.node.contract import ClientDeclaration, ServiceDeclaration, contract_of
-from robo.node.contract_data import ClientData, ContractData, ServiceData, TimerData, TopicData
+from robo.node.contract_data import (
+    ActionClientData,
+    ActionData,
+    ClientData,
+    ContractData,
+    ServedData,
+    SubscriptionData,
+    TimerData,
+    TopicData,
+)
 from robo.node.declare import Declares
+from robo.wire.qos import QoS
 
 
 def contract_data(cls: type[Declares]) -> ContractData:
@@ -20,25 +30,32 @@ def contract_data(cls: type[Declares]) -> ContractData:
         class_name=f"{cls.__module__}:{cls.__qualname__}",
         name=contract.name,
         description=contract.description,
-        publishers=tuple(TopicData(p.topic, type_name(p.message_type), p.depth) for p in contract.publishers),
-        subscriptions=tuple(TopicData(s.topic, type_name(s.message_type), s.depth) for s in contract.subscriptions),
-        services=tuple(ServiceData(s.service, _service_type(s)) for s in contract.services),
-        clients=tuple(ClientData(c.service, _service_type(c), c.timeout) for c in contract.clients),
-        timers=tuple(TimerData(t.method, t.rate) for t in contract.timers),
+        publishers=tuple(TopicData(p.topic, type_name(p.message_type), p.qos) for p in contract.publishers),
+        subscriptions=tuple(
+            SubscriptionData(s.topic, type_name(s.message_type), s.qos, s.turn) for s in contract.subscriptions
+        ),
+        services=tuple(ServedData(s.service, _service_type(s), s.turn) for s in contract.services),
+        clients=tuple(ClientData(c.service, _service_type(c), c.timeout, c.priority) for c in contract.clients),
+        timers=tuple(TimerData(t.method, t.rate, t.turn) for t in contract.timers),
         parameters=contract.parameters,
+        managed=contract.managed,
+        actions=tuple(ActionData(a.action, a.types.name, a.policy, a.turn) for a in contract.actions),
+        action_clients=tuple(ActionClientData(c.action, c.types.name, c.timeout) for c in contract.action_clients),
     )
 
 
 def contract_text(contract: ContractData) -> str:
     """What a node subscribes, publishes, serves and calls, and how it is tuned."""
     sections = {
-        "subscribes": [(s.topic, s.type) for s in contract.subscriptions],
-        "publishes": [(p.topic, p.type) for p in contract.publishers],
-        "services": [(s.service, s.type) for s in contract.services],
+        "subscribes": [(s.topic, _carried(s) + _turn(s.turn)) for s in contract.subscriptions],
+        "publishes": [(p.topic, _carried(p)) for p in contract.publishers],
+        "services": [(s.service, s.type + _turn(s.turn)) for s in contract.services],
         "calls": [(c.service, c.type) for c in contract.clients],
-        "timers": [(t.method, t.rate if isinstance(t.rate, str) else f"{t.rate:g} Hz") for t in contract.timers],
+        "actions": [(a.action, f"{a.type}, {a.policy}{_turn(a.turn)}") for a in contract.actions],
+        "sends goals to": [(c.action, c.type) for c in contract.action_clients],
+        "timers": [(t.method, _rate(t.rate) + _turn(t.turn)) for t in contract.timers],
     }
-    lines = []
+    lines = ["a managed node, see `robo lifecycle`"] if contract.managed else []
     for title, rows in sections.items():
         if rows:
             lines += [f"{title}:", *_table(rows)]
@@ -49,8 +66,21 @@ def contract_text(contract: ContractData) -> str:
     return "\n".join(lines)
 
 
+def _carried(topic: TopicData) -> str:
+    """What a topic carries; and how, where something is said of it."""
+    return topic.type if topic.qos == QoS.DEFAULT else f"{topic.type}  {topic.qos}"
+
+
 def _service_type(declared: ServiceDeclaration | ClientDeclaration) -> str:
     return robo_messages.service_type_name(declared.request_type, declared.response_type)
+
+
+def _rate(rate: float | str) -> str:
+    return rate if isinstance(rate, str) else f"{rate:g} Hz"
+
+
+def _turn(name: str) -> str:
+    return f", turn {name}" if name else ""
 
 
 def _table(rows: Sequence[tuple[str, str]]) -> list[str]:

@@ -3,7 +3,15 @@
 import threading
 from typing import Protocol
 
+from robo.errors import RoboError
 from robo.node.log import NodeLogger
+
+
+class NodeStopping(RoboError):
+    """An async callback was cancelled, or not begun, because its node stops."""
+
+    def __init__(self) -> None:
+        super().__init__("the node is told to stop")
 
 
 class Endable(Protocol):

@@ -1,14 +1,21 @@
 """The live ends of a node: what it publishes, subscribes, serves and calls, and its timers, as one."""
 
+from __future__ import annotations
+
 import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from robo.node.loops import TimerLoop
 from robo.node.services import ServiceClient, ServiceServer
 from robo.node.topics import TopicPublisher, TopicSubscription
+from robo.node.turn import Turn
+
+if TYPE_CHECKING:
+    from robo.node.action_client import ActionCaller
+    from robo.node.action_server import ActionServer
 
 
 class Stoppable(Protocol):
@@ -18,11 +25,33 @@ class Stoppable(Protocol):
         """End. Returns whether the callback came back within `timeout` seconds."""
 
 
+class Interruptible(Stoppable, Protocol):
+    """What runs async callbacks."""
+
+    def plain(
+        self, callback: Callable[..., Any], turn: Turn, on_error: Callable[[BaseException], None]
+    ) -> Callable[..., Any]:
+        """An async callback as a function that any thread may call."""
+
+    def interrupt(self) -> None:
+        """Cancel all that runs, and take nothing new."""
+
+
 class Startable(Stoppable, Protocol):
     """What begins when the node does."""
 
     def start(self) -> None:
         """Begin to call the callback."""
+
+
+class Caller(Protocol):
+    """What asks other nodes."""
+
+    def abandon(self) -> None:
+        """Let who waits for an answer go on at once."""
+
+    def close(self) -> None:
+        """Leave the network."""
 
 
 class Endpoints:
@@ -34,7 +63,10 @@ class Endpoints:
         self.timers: list[TimerLoop] = []
         self.services: list[ServiceServer[Any, Any]] = []
         self.clients: list[ServiceClient[Any, Any]] = []
+        self.actions: list[ActionServer] = []
+        self.action_clients: list[ActionCaller[Any, Any, Any]] = []
         self._others: list[Stoppable] = []
+        self._coroutines: Interruptible | None = None
         self._begun = False
         self._lock = threading.Lock()
 
@@ -58,15 +90,35 @@ class Endpoints:
         """Take in a timer; it begins when the others do, or at once."""
         self._add(self.timers, timer)
 
+    def add_action(self, action: ActionServer) -> None:
+        """Take in an action; its handler begins to run when the others do, or at once."""
+        self._add(self.actions, action)
+
+    def add_action_client(self, client: ActionCaller[Any, Any, Any]) -> None:
+        """Take in a client of an action, which works at once."""
+        self.action_clients.append(client)
+
     def add_other(self, loop: Stoppable) -> None:
         """Take in what answers already and is to be stopped with the callbacks."""
         self._others.append(loop)
+
+    def coroutines(self, make: Callable[[], Interruptible]) -> Interruptible:
+        """What runs the async callbacks of the node, made for the first one."""
+        with self._lock:
+            if self._coroutines is None:
+                self._coroutines = make()
+            return self._coroutines
+
+    def interrupt(self) -> None:
+        """Cancel the async callbacks that run."""
+        if self._coroutines is not None:
+            self._coroutines.interrupt()
 
     def begin(self) -> None:
         """Begin to run callbacks: the subscriptions' first, then the timers'."""
         with self._lock:
             self._begun = True
-            waiting: list[Startable] = [*self.subscriptions, *self.timers]
+            waiting: list[Startable] = [*self.subscriptions, *self.actions, *self.timers]
         for loop in waiting:
             loop.start()
 
@@ -85,8 +137,13 @@ class Endpoints:
         """
         with self._lock:
             self._begun = False
-            loops: list[Stoppable] = [*self.timers, *self.subscriptions, *self.services, *self._others]
-        for client in list(self.clients):
+            # Handlers of actions first: what they have to put in order may need all the others.
+            loops: list[Stoppable] = [*self.actions, *self.timers, *self.subscriptions, *self.services, *self._others]
+        if self._coroutines is not None:
+            loops.append(self._coroutines)
+        self.interrupt()
+        clients: list[Caller] = [*self.clients, *self.action_clients]
+        for client in clients:
             client.abandon()
         # One after the other against one deadline: each is told to stop, be there time left to wait for it or not.
         returned = [loop.stop(max(0.0, deadline - now())) for loop in loops]
@@ -97,7 +154,8 @@ class Endpoints:
         with ExitStack() as ends:  # each of them, should one fail
             for publisher in self.publishers:
                 ends.callback(publisher.undeclare)
-            for client in self.clients:
+            callers: list[Caller] = [*self.clients, *self.action_clients]
+            for client in callers:
                 ends.callback(client.close)
 
     def _add(self, ends: list[Any], loop: Startable) -> None:

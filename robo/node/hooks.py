@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Set
+from collections.abc import Callable, Coroutine, Set
 from typing import Any
 
 from robo.node.declare import Declares
@@ -31,12 +31,14 @@ class Hooks(Declares):
     def on_parameters_changed(self, names: Set[str]) -> None:
         """Called after parameters were changed while the node runs, with their names."""
 
-    def main(self) -> None:
-        """Work that is no reaction: a player, a script, a test drive.
+    def main(self) -> Coroutine[Any, Any, None] | None:
+        """Work that is no reaction: a player, a script, a test drive. It may be async.
 
         Runs in a thread of its own once the node is ready, beside the callbacks. When it returns the
-        node ends; when it raises, with exit code 1. It should return soon once `stopping` is true.
+        node ends; when it raises, with exit code 1. It should return soon once `stopping` is true. An async one
+        runs in turn with the callbacks from one `await` to the next, and is cancelled at the stop.
         """
+        return None
 
 
 def overrides(node: object, hook: Callable[..., object]) -> bool:

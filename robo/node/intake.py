@@ -31,6 +31,7 @@ class Intake:
         wanted: Callable[[], str] | None,
         tell: Callable[[str, int], None],
         clock: Clock,
+        lifespan: float | None = None,
     ) -> None:
         """
         Args:
@@ -39,10 +40,14 @@ class Intake:
             wanted: says whose messages alone count, see `SoleSource.admits`; None: everybody's.
             tell: is told of a sender whose messages are refused, and of how many so far.
             clock: by which messages arrive.
+            lifespan: how old a message may be, s. Of a plain client's nobody knows.
         """
         self._wanted = wanted
         self._tell = tell
         self._clock = clock
+        self._lifespan = math.inf if lifespan is None else lifespan
+        self.expired = 0
+        """Messages that were too old."""
         self._clocks = Clocks()
         self._sole = SoleSource()
         self._names: dict[str, str] = {}
@@ -64,6 +69,9 @@ class Intake:
         """What is known of a sample; None where its sender's messages do not count."""
         arrival = self._clock.arrival_ns()
         info = self._info(sample, arrival)
+        if self._lifespan < info.age < math.inf:
+            self.expired += 1
+            return None
         if self._wanted is None:
             return info
         if info.source_id and not info.source and not self._has_had_time(info.source_id, arrival):

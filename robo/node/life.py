@@ -2,14 +2,16 @@
 
 import threading
 import time
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import ExitStack, nullcontext
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import zenoh
 
 from robo.node import log
 from robo.node.clock import Clock, SimClock
 from robo.node.contract import Contract
+from robo.node.ending import NodeStopping
 from robo.node.endpoints import Endpoints
 from robo.node.factory import EndpointFactory
 from robo.node.hooks import Hooks, overrides
@@ -20,14 +22,18 @@ from robo.node.status import StatusServer
 from robo.node.topics import TopicPublisher
 from robo.node.troubles import Troubles
 from robo.node.tuning import Tuning
-from robo.node.turn import Turn, taking
+from robo.node.turn import taking
+from robo.node.turns import Turns
 from robo.parameters.model import Parameters
 from robo.wire.keys import LOG_TOPIC, PARAMETER_EVENTS_TOPIC
 from robo.wire.network import Network
-from robo.wire.qos import DEFAULT_DEPTH, KEEP_ALL
+from robo.wire.qos import KEEP_ALL, QoS, Quality
 from robo.wire.reports import NodeStatus
 from robo.wire.session import close_session, open_session
 from robo_messages import Log, ParameterEvent, Time
+
+if TYPE_CHECKING:
+    from robo.node.gate import Gate
 
 STOP_TIMEOUT = 2.0
 """How long a stop waits for callbacks that are running, all together, s."""
@@ -48,6 +54,7 @@ class Living(Protocol):
     clock: Clock
     logger: log.NodeLogger
     exit_code: int
+    qualities: Mapping[str, Quality]
 
     @property
     def status(self) -> NodeStatus:
@@ -65,7 +72,7 @@ class Living(Protocol):
     def ready(self) -> bool:
         """Whether it can do its work."""
 
-    def main(self) -> None:
+    def main(self) -> Coroutine[Any, Any, None] | None:
         """Its work beside its callbacks."""
 
     def on_stop(self) -> None:
@@ -80,30 +87,39 @@ class Life:
         node: Living,
         session: zenoh.Session | None,
         identity: Identity,
-        turn: Turn,
+        turns: Turns,
         troubles: Troubles,
         tuning: Tuning,
         shutdown: threading.Event,
+        gate: "Gate | None" = None,
     ) -> None:
         """
         Args:
             node: whose life it is.
             session: the network, which stays its giver's to close; by default one of its own is opened.
-            identity, turn, troubles, tuning: the node's; they outlive it.
+            identity, turns, troubles, tuning: the node's; they outlive it.
             shutdown: tells the node to end.
+            gate: of a managed node: what stands before its ends.
 
         Raises:
             NetworkError: the network cannot be reached.
         """
         self.session = session or open_session(Network.from_environment("router"))
         self.ends = Endpoints()
-        self.factory = EndpointFactory(self.session, identity, self.ends, turn, troubles, node.clock)
-        """Makes what is added to `ends`."""
+        common = self.session, identity, self.ends, turns, troubles, node.clock, node.qualities
+        self._own = EndpointFactory(*common)
+        """Makes what every node has, in every state."""
+        self.factory = self._own
+        """Makes what the node's class declares, and what its code adds."""
+        if gate is not None:
+            self.factory = EndpointFactory(*common, gate)
+        self.autostart = True
+        """Whether a managed node is brought to active at its start."""
         self.is_over = False
         """Whether the node has left the network."""
         self._node = node
         self._identity = identity
-        self._turn = turn
+        self._turn = turns.own
         self._troubles = troubles
         self._tuning = tuning
         self._shutdown = shutdown
@@ -138,6 +154,10 @@ class Life:
         self._stop_timeout = timeout
         self._made.close()
 
+    def beat_every(self, period: float, beat: Callable[[], None]) -> None:
+        """Call `beat` under the node's turn every `period` seconds of the wall clock, in every state."""
+        self._own.timer(period, beat, Clock())
+
     def _join(self, made: ExitStack) -> TopicPublisher[ParameterEvent]:
         """Make what works without a callback: the log topic, publishers, clients, the status.
 
@@ -146,15 +166,18 @@ class Life:
         """
         node, make = self._node, self.factory
         logger = node.logger.logger
-        log_topic = make.publisher(Log, self._identity.absolute(LOG_TOPIC), DEFAULT_DEPTH)
+        log_topic = self._own.publisher(Log, self._identity.absolute(LOG_TOPIC), QoS.DEFAULT)
         log_handler = log.BusHandler(log_topic, node.full_name, node.now)
         logger.addHandler(log_handler)
         made.callback(logger.removeHandler, log_handler)
-        events = make.publisher(ParameterEvent, self._identity.absolute(PARAMETER_EVENTS_TOPIC), KEEP_ALL)
+        changes = self._identity.absolute(PARAMETER_EVENTS_TOPIC)
+        events = self._own.publisher(ParameterEvent, changes, QoS(depth=KEEP_ALL))
         for p in node.contract.publishers:
-            vars(node)[p.attribute] = make.publisher(p.message_type, p.topic, p.depth)
+            vars(node)[p.attribute] = make.publisher(p.message_type, p.topic, p.qos)
         for c in node.contract.clients:
-            vars(node)[c.attribute] = make.client(c.request_type, c.response_type, c.service, c.timeout)
+            vars(node)[c.attribute] = make.client(c.request_type, c.response_type, c.service, c.timeout, c.priority)
+        for a in node.contract.action_clients:
+            vars(node)[a.attribute] = make.action_client(a.types, a.action, a.timeout)
         status = StatusServer(self.session, self._identity, lambda: node.status)
         made.callback(status.stop, GRACE)
         return events
@@ -162,47 +185,69 @@ class Life:
     def _declare_callbacks(self) -> None:
         node, make = self._node, self.factory
         for served in node.contract.services:
-            make.service(served.request_type, served.response_type, served.service, getattr(node, served.method))
+            handler = getattr(node, served.method)
+            make.service(served.request_type, served.response_type, served.service, handler, served.turn)
+        for executed in node.contract.actions:
+            period = self._tuning.period(executed.rate)
+            make.action(executed.types, executed.action, executed.handling(node, period), executed.turn)
         for wanted in node.contract.subscriptions:
             method, sole_source = getattr(node, wanted.method), self._tuning.text(wanted.sole_source)
-            make.subscription(wanted.message_type, wanted.topic, method, wanted.depth, sole_source)
+            make.subscription(wanted.message_type, wanted.topic, method, wanted.qos, sole_source, wanted.turn)
         for ticking in node.contract.timers:
-            make.timer(self._tuning.period(ticking.rate), getattr(node, ticking.method), node.clock)
+            method = getattr(node, ticking.method)
+            make.timer(self._tuning.period(ticking.rate), method, node.clock, ticking.turn)
 
     def _run_callbacks(self, events: TopicPublisher[ParameterEvent]) -> None:
         node, clock = self._node, self._node.clock
         self._tuning.announce = events.publish
         if isinstance(clock, SimClock):
-            self.factory.follow_clock(clock)
+            self._own.follow_clock(clock)
         self.ends.begin()
         tuning = self._tuning
         answers = Answers(node.full_name, lambda: node.parameters, node.contract.parameters, tuning.explain, tuning.set)
         self.ends.add_other(ParameterServer(self.session, self._identity, answers))
-        if not overrides(node, Hooks.ready):
+        self._begin_work()
+
+    def _begin_work(self) -> None:
+        """Show that the node is ready, as soon as it is, and run its `main`."""
+        self._become_ready()
+        self._start_main()
+
+    def _become_ready(self) -> None:
+        if not overrides(self._node, Hooks.ready):
             self._declare_ready()
         else:
-            self._readiness = self.factory.timer(READY_PERIOD, self._check_ready, clock.wall)
-        if overrides(node, Hooks.main):
+            self._readiness = self._own.timer(READY_PERIOD, self._check_ready, self._node.clock.wall)
+
+    def _start_main(self) -> None:
+        if overrides(self._node, Hooks.main):
             self._main_thread = threading.Thread(target=self._run_main, name="robo-main", daemon=True)
-            clock.expect(self._main_thread, strict=False)
+            self._node.clock.expect(self._main_thread, strict=False)
             self._main_thread.start()
+
+    def _be_ready_no_more(self) -> None:
+        """Withdraw the token, so that nobody takes the node as ready."""
+        if self._token is not None:
+            self._token.undeclare()
+            self._token = None
 
     def _declare_ready(self) -> None:
         token = self._identity.token(type(self._node))
         self._token = self.session.liveliness().declare_token(token.key())
 
     def _check_ready(self) -> None:
-        if self._token is None and self._readiness is not None and self._node.ready():
+        if self._readiness is not None and self._node.ready():
             self._declare_ready()
             self.ends.drop(self._readiness)
+            self._readiness = None
 
     def _run_main(self) -> None:
         node = self._node
         try:
-            node.main()
+            self._own.plain(node.main, self._turn)()
         except BaseException as error:
             self._troubles.handler(node.main)(error)
-            if not isinstance(error, SystemExit):
+            if not isinstance(error, (SystemExit, NodeStopping)):
                 node.exit_code = 1
         self._shutdown.set()
 
@@ -211,9 +256,8 @@ class Life:
         deadline = time.monotonic() + self._stop_timeout
         node.shutdown(node.exit_code)
         self._tuning.announce = None
-        if self._token is not None:
-            self._token.undeclare()
-            self._token = None
+        self._be_ready_no_more()
+        self.ends.interrupt()
         if self._main_thread is not None and self._main_thread is not threading.current_thread():
             self._main_thread.join(self._stop_timeout)
             deadline = max(deadline, time.monotonic() + GRACE)
@@ -223,10 +267,14 @@ class Life:
         if self._on_stop_due:
             self._on_stop_due = False
             with taking(self._turn, "on_stop") if all_returned else nullcontext():
-                try:
-                    node.on_stop()
-                except BaseException as error:
-                    self._troubles.handler(node.on_stop)(error)
+                self._say_farewell()
+
+    def _say_farewell(self) -> None:
+        """Do what is to be done after the last callback."""
+        try:
+            self._node.on_stop()
+        except BaseException as error:
+            self._troubles.handler(self._node.on_stop)(error)
 
     def _leave(self) -> None:
         if self._owns_session:

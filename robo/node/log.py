@@ -10,7 +10,8 @@ import os
 import sys
 import time
 from collections.abc import Callable, Mapping
-from typing import Protocol
+from functools import partial
+from typing import Protocol, TextIO
 
 from robo.environment import LOG_LEVEL_VARIABLE, SUPERVISED_VARIABLE
 from robo.text import colours
@@ -173,6 +174,28 @@ def setup(level: str | None = None, *, colour: bool | None = None) -> None:
         colour = colours.shown_on(sys.stderr)
     handler.setFormatter(ConsoleFormatter(supervised=is_supervised(), colour=colour))
     logger.addHandler(handler)
+
+
+def apart(logger: logging.Logger, stream: TextIO, level: str | None) -> Callable[[], None]:
+    """Send the records of one node to a stream of its own, where several nodes share a process.
+
+    Args:
+        logger: the node's.
+        stream: takes its lines.
+        level: the least that is shown; by default what the process shows.
+
+    Returns:
+        What undoes it.
+
+    Raises:
+        UsageError: there is no such level.
+    """
+    handler = logging.StreamHandler(stream)
+    handler.setFormatter(ConsoleFormatter(supervised=is_supervised(), colour=False))
+    logger.setLevel(level_of(level) if level is not None else logging.NOTSET)
+    logger.propagate = False
+    logger.addHandler(handler)
+    return partial(logger.removeHandler, handler)
 
 
 def is_supervised() -> bool:

@@ -63,14 +63,14 @@ def period_of(rate: float) -> float:
 
 
 def check_outcome(outcome: object) -> None:
-    """Refuse what a callback has returned where that is a coroutine: nobody would await it.
+    """Refuse what a callback that is not async has returned where that is a coroutine: nobody would await it.
 
     Raises:
         ContractError: it is one.
     """
     if isinstance(outcome, CoroutineType):
         outcome.close()
-        raise ContractError("the callback returned a coroutine, which nobody awaits; let it call a plain function")
+        raise ContractError("the callback returned a coroutine, which nobody awaits; make it an `async def` that does")
 
 
 class SubscriptionLoop(Generic[M]):
@@ -86,8 +86,13 @@ class SubscriptionLoop(Generic[M]):
         on_error: Callable[[BaseException], None],
         on_malformed: Callable[[str, zenoh.Sample], None],
         examine: Callable[[zenoh.Sample], MessageInfo | None] | None = None,
+        *,
+        may_be_shared: bool = False,
     ) -> None:
-        """`examine` makes the callback's second argument of a sample, or None of one that does not count."""
+        """`examine` makes the callback's second argument of a sample, or None of one that does not count.
+
+        `may_be_shared` says that messages may come through shared memory.
+        """
         self._subscriber = subscriber
         # The handler apart from its subscriber: a recv() through the subscriber would block undeclare().
         self._handler = subscriber.handler
@@ -98,6 +103,11 @@ class SubscriptionLoop(Generic[M]):
         self._on_error = on_error
         self._on_malformed = on_malformed
         self._examine = examine
+        self._is_torn: Callable[[zenoh.ZBytes], bool] | None = None
+        if may_be_shared:
+            from robo.wire.shared_buffers import is_torn  # nodes carry it only if they need it
+
+            self._is_torn = is_torn
         self._about: tuple[MessageInfo, ...] = ()
         self._name = name_of(callback)
         self._backlog: deque[zenoh.Sample] = deque()
@@ -134,7 +144,7 @@ class SubscriptionLoop(Generic[M]):
         # Every message takes this path, so what it needs is in local variables.
         recv, try_recv = self._handler.recv, self._handler.try_recv
         decode, callback = self._decoder.fast, self._callback
-        examined = self._examined if self._examine is not None else None
+        examined = self._examined if self._examine is not None or self._is_torn is not None else None
         turn, backlog, keep_all = self._turn, self._backlog, self._depth == KEEP_ALL
         take_turn, wait_turn, pass_turn, others = turn.try_acquire, turn.wait, turn.release, turn.waiting
         name = self._name
@@ -192,12 +202,16 @@ class SubscriptionLoop(Generic[M]):
 
     def _examined(self, sample: zenoh.Sample) -> bool:
         """Give the callback a message and what is known of it. Returns whether the message counts."""
-        assert self._examine is not None
-        info = self._examine(sample)
-        if info is None:
+        if self._examine is not None:
+            info = self._examine(sample)
+            if info is None:
+                return False
+            self._about = (info,)
+        payload = sample.payload.to_bytes()
+        if self._is_torn is not None and self._is_torn(sample.payload):
+            self.dropped += 1  # this process was stopped for so long that its memory went to others
             return False
-        self._about = (info,)
-        check_outcome(self._callback(self._decoder.fast(sample.payload.to_bytes()), info))
+        check_outcome(self._callback(self._decoder.fast(payload), *self._about))
         return True
 
     def _cut_back(self, per_message: float) -> None:

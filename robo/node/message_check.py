@@ -45,7 +45,7 @@ class MessageCheck(Generic[M]):
             return size
         self._next = now + PERIOD
         if self._decode is None:
-            self._decode = msgspec.msgpack.Decoder(self._type)
+            self._decode = robo_messages.decoder_of(self._type)
         try:
             self._decode.decode(payload)
         except msgspec.ValidationError as error:

@@ -2,46 +2,34 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from types import TracebackType
-from typing import Self, TypeVar
+from typing import ClassVar, Self
 
 import zenoh
 
-from robo.errors import ContractError
 from robo.node.clock import Clock, SimClock
 from robo.node.contract import Contract, contract_of
+from robo.node.creating import Creating
 from robo.node.ending import end_without, obey
 from robo.node.endpoints import Endpoints
-from robo.node.factory import EndpointFactory
-from robo.node.hooks import Hooks
 from robo.node.identity import Identity
 from robo.node.life import STOP_TIMEOUT, Life
 from robo.node.log import NodeLogger
-from robo.node.loops import TimerLoop
 from robo.node.memory import Memory
-from robo.node.message_info import MessageInfo
-from robo.node.services import ServiceClient, ServiceServer
 from robo.node.status import Status
-from robo.node.topics import TopicPublisher, TopicSubscription
 from robo.node.troubles import Troubles
 from robo.node.tuning import Tuning
-from robo.node.turn import Turn
+from robo.node.turns import Turns
 from robo.parameters.model import build
 from robo.wire import keys
-from robo.wire.qos import DEFAULT_DEPTH, DEFAULT_TIMEOUT
+from robo.wire.qos import Quality
 from robo.wire.reports import NodeStatus, Setting
-from robo_messages import Message, Time
-
-M = TypeVar("M", bound=Message)
-Q = TypeVar("Q", bound=Message)
-A = TypeVar("A", bound=Message)
+from robo_messages import Time
 
 
-class Node(Hooks):
+class Node(Creating):
     """Base of every node. A subclass declares what it publishes, subscribes and how it is tuned:
 
         class Talker(Node):
@@ -55,10 +43,13 @@ class Node(Hooks):
             def speak(self) -> None:
                 self.chatter.publish(String("hello"))
 
-    Callbacks never run at the same time, so they need no locks. A callback that raises is logged and
+    Callbacks never run at the same time, so they need no locks; one that must not wait for the others has a
+    turn of its own, `@service("emergency_stop", turn="stop")`. A callback that raises is logged and
     counted, and the node goes on; `raise SystemExit(code)` ends it. In a process of its own it also ends,
     with exit code 1, when a thread dies of an exception, be it one that the subclass has started.
     """
+
+    _LIFE: ClassVar[type[Life]] = Life
 
     def __init__(
         self,
@@ -97,12 +88,14 @@ class Node(Hooks):
         self.exit_code = 0
         self.memory = Memory()
         """What it keeps when it is started again within a run."""
-        self._given_session = session
-        self._shutdown = threading.Event()
-        self._turn = Turn(partial(end_without, self))
+        self.qualities: Mapping[str, Quality] = {}
+        """By topic, what its launch says of its ends, over what it says itself."""
+        self._given_session, self._shutdown = session, threading.Event()
+        self._turns = Turns(partial(end_without, self), self.clock)
         self._troubles = Troubles(self.logger, partial(obey, self))
-        self._tuning = Tuning(self, sources or {}, self._turn, lambda: list(self._ends.timers), self._troubles.handler)
-        self._status = Status(self.full_name, self._turn)
+        turn, handler = self._turns.own, self._troubles.handler
+        self._tuning = Tuning(self, sources or {}, turn, lambda: list(self._ends.timers), handler)
+        self._status = Status(self.full_name, self._turns)
         self._life: Life | None = None
         """The present one, or the last."""
 
@@ -158,65 +151,7 @@ class Node(Hooks):
         """
         return self._identity.resolve(name)
 
-    def create_publisher(self, message_type: type[M], topic: str, depth: int = DEFAULT_DEPTH) -> TopicPublisher[M]:
-        """Make a publisher while running; for one the class always has, declare a `Publisher`."""
-        return self._make("create_publisher").publisher(message_type, topic, depth)
-
-    def create_subscription(
-        self,
-        message_type: type[M],
-        topic: str,
-        callback: Callable[[M], None] | Callable[[M, MessageInfo], None],
-        depth: int = DEFAULT_DEPTH,
-        sole_source: Callable[[], str] | None = None,
-    ) -> TopicSubscription[M]:
-        """Subscribe while running; for a topic the class always reads, use `@subscribe`.
-
-        Args:
-            message_type: what is read.
-            topic: its name: relative, absolute or private.
-            callback: takes the message and, if it has a second parameter, its `MessageInfo`.
-            depth: keep the newest n messages while the node is busy; KEEP_ALL to lose none.
-            sole_source: says whose messages alone count, as for `@subscribe`; the callback takes a `MessageInfo`.
-
-        Raises:
-            ContractError: the node has not started, the callback is async, or there is a sole source and it takes
-                no `MessageInfo`.
-        """
-        return self._make("create_subscription").subscription(message_type, topic, callback, depth, sole_source)
-
-    def create_timer(
-        self, period: float | Callable[[], float], callback: Callable[[], None], clock: Clock | None = None
-    ) -> TimerLoop:
-        """Call `callback` every `period` seconds; a function is asked before each tick.
-
-        Args:
-            period: in s.
-            callback: what to call.
-            clock: whose seconds; by default the node's, which may be simulated.
-
-        Raises:
-            ContractError: the period is not 1e-6 to 1e9 s, or the callback is async.
-        """
-        return self._make("create_timer").timer(period, callback, clock or self.clock)
-
-    def create_service(
-        self, request_type: type[Q], response_type: type[A], name: str, handler: Callable[[Q], A]
-    ) -> ServiceServer[Q, A]:
-        """Serve while running; for a service the class always has, use `@service`.
-
-        Raises:
-            ContractError: the node has not started, or the handler is async.
-        """
-        return self._make("create_service").service(request_type, response_type, name, handler)
-
-    def create_client(
-        self, request_type: type[Q], response_type: type[A], name: str, timeout: float = DEFAULT_TIMEOUT
-    ) -> ServiceClient[Q, A]:
-        """Make a client of a service while running; for one the class always has, declare a `Client`."""
-        return self._make("create_client").client(request_type, response_type, name, timeout)
-
-    def start(self, session: zenoh.Session | None = None) -> None:
+    def start(self, session: zenoh.Session | None = None, *, autostart: bool = True) -> None:
         """Join the network, make the declared endpoints and begin to run callbacks.
 
         All or nothing: where it raises, be it in `on_start`, the node has left the network again and
@@ -224,6 +159,7 @@ class Node(Hooks):
 
         Args:
             session: a session to use, if none was given when the node was made.
+            autostart: of a `LifecycleNode`: whether it is brought to active; else it waits in unconfigured.
 
         Raises:
             NetworkError: the network cannot be reached.
@@ -234,8 +170,9 @@ class Node(Hooks):
                 raise RuntimeError(f"{self.full_name} has started already")
             self._shutdown.clear()  # what told an earlier start to end does not end this one; a Ctrl-C before it does
         self._given_session = session or self._given_session
-        of_all_lives = self._identity, self._turn, self._troubles, self._tuning, self._shutdown
-        self._life = Life(self, self._given_session, *of_all_lives)
+        of_all_lives = self._identity, self._turns, self._troubles, self._tuning, self._shutdown
+        self._life = self._LIFE(self, self._given_session, *of_all_lives)
+        self._life.autostart = autostart
         self._life.begin()
 
     def wait(self, timeout: float | None = None) -> bool:
@@ -255,9 +192,7 @@ class Node(Hooks):
         self.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
@@ -268,25 +203,20 @@ class Node(Hooks):
     def flush(self, timeout: float = 5.0) -> None:
         """Wait until the nodes in this namespace have received all that was published so far.
 
-        A query follows the messages before it on the same link, so a node that answers has them.
+        A query of the least priority follows the messages before it on the same link, so a node that answers has them.
 
         Args:
             timeout: how long to wait for a node that does not answer, s.
         """
         everybody = keys.status_key(self.namespace, "*")
-        for _ in self.session.get(everybody, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE):
-            pass
+        last, each = zenoh.Priority.BACKGROUND, zenoh.ConsolidationMode.NONE
+        list(self.session.get(everybody, timeout=timeout, priority=last, consolidation=each))
+
+    def beat_every(self, period: float, beat: Callable[[], None]) -> None:
+        """Call `beat` every `period` seconds in turn with the callbacks: for whoever looks after the node's process."""
+        assert self._life is not None
+        self._life.beat_every(period, beat)
 
     @property
     def _ends(self) -> Endpoints:
         return self._life.ends if self._life is not None else Endpoints()
-
-    def _make(self, making: str) -> EndpointFactory:
-        """What makes live ends, once there is a network to make them on."""
-        if self._life is None or self._life.is_over:
-            frame = sys._getframe(2)  # of the caller of create_…
-            raise ContractError(
-                f"{frame.f_code.co_filename}:{frame.f_lineno}: {making} before {self.full_name} has started; call it in"
-                " on_start(), or declare what the class always has (Publisher, @subscribe, @timer, @service, Client)"
-            )
-        return self._life.factory

@@ -21,7 +21,7 @@ from robo.node.turn import Turn, name_of, paused, taking
 from robo.wire import codec, queries
 from robo.wire.codec import Decoder, Malformed
 from robo.wire.keys import EndpointToken
-from robo.wire.qos import DEFAULT_TIMEOUT
+from robo.wire.qos import DEFAULT_TIMEOUT, KEEP_ALL, Priority, QoS, zenoh_priority
 from robo.wire.queries import Fault, QueryLoop
 from robo_messages import Message
 
@@ -38,7 +38,9 @@ def service_token(
     key: str,
 ) -> EndpointToken:
     """The announcement of a service, or of a client of one."""
-    return EndpointToken(namespace, node, kind, robo_messages.service_type_name(request, response), 0, key)
+    return EndpointToken(
+        namespace, node, kind, robo_messages.service_type_name(request, response), QoS(depth=KEEP_ALL), key
+    )
 
 
 class ServiceServer(Generic[Q, A]):
@@ -95,6 +97,65 @@ class ServiceServer(Generic[Q, A]):
         self.served += 1
 
 
+class Presence:
+    """Whether somebody answers on a key."""
+
+    def __init__(self, session: zenoh.Session, key: str, on_leave: Callable[[], None] | None = None) -> None:
+        """`on_leave` is called, on one of Zenoh's threads, when nobody does any more."""
+        self._on_leave = on_leave
+        self._present = threading.Event()
+        self._watchers: list[Callable[[], None]] = []
+        self.abandoned = False
+        """Whether nobody is to wait any more: the node is told to stop."""
+        self._querier = session.declare_querier(
+            key, target=zenoh.QueryTarget.ALL_COMPLETE, consolidation=zenoh.ConsolidationMode.NONE
+        )
+        with ExitStack() as made:
+            made.callback(self._querier.undeclare)
+            self._listener = self._querier.declare_matching_listener(self._notice)
+            self._notice(self._querier.matching_status)
+            made.pop_all()
+
+    def wait(self, timeout: float) -> bool:
+        """Wait until somebody does. Returns whether somebody does, or nobody is to wait, within `timeout` seconds."""
+        return self._present.wait(timeout)
+
+    def tell(self, notice: Callable[[], None]) -> Callable[[], None]:
+        """Call `notice` once `wait` would go on, at once if so already, in any thread. Returns what ends that."""
+        self._watchers.append(notice)
+        if self._present.is_set():
+            notice()
+        return lambda: self._watchers.remove(notice)
+
+    @property
+    def is_there(self) -> bool:
+        """Whether somebody does."""
+        return self._present.is_set()
+
+    def abandon(self) -> None:
+        """Let those that wait go on at once."""
+        self.abandoned = True
+        self._go_on()
+
+    def close(self) -> None:
+        """Look no more."""
+        self._listener.undeclare()
+        self._querier.undeclare()
+
+    def _notice(self, status: Any) -> None:
+        if status.matching or self.abandoned:
+            self._go_on()
+        elif self._present.is_set():
+            self._present.clear()
+            if self._on_leave is not None:
+                self._on_leave()
+
+    def _go_on(self) -> None:
+        self._present.set()
+        for notice in list(self._watchers):
+            notice()
+
+
 class ServiceClient(Generic[Q, A]):
     """Calls one service."""
 
@@ -105,6 +166,7 @@ class ServiceClient(Generic[Q, A]):
         request: type[Q],
         response: type[A],
         timeout: float = DEFAULT_TIMEOUT,
+        priority: Priority = "data",
     ) -> None:
         self.key = key = token.topic
         self._session = session
@@ -112,16 +174,11 @@ class ServiceClient(Generic[Q, A]):
         self._request = request
         self._decoder = Decoder(response)
         self._timeout = timeout
+        self._priority = priority
         self._numbers = itertools.count(1)
-        self._present = threading.Event()
-        self._abandoned = False
-        self._querier = session.declare_querier(
-            key, target=zenoh.QueryTarget.ALL_COMPLETE, consolidation=zenoh.ConsolidationMode.NONE
-        )
+        self._presence = Presence(session, key)
         with ExitStack() as made:
-            made.callback(self._querier.undeclare)
-            self._listener = self._querier.declare_matching_listener(self._notice)
-            self._notice(self._querier.matching_status)
+            made.callback(self._presence.close)
             self._token = session.liveliness().declare_token(token.key())
             made.pop_all()
 
@@ -137,38 +194,56 @@ class ServiceClient(Generic[Q, A]):
             ServiceError: the handler raised; carries its message.
             TypeError: it is no request of this service.
         """
-        if not isinstance(request, self._request):
-            raise TypeError(f"{self.key} takes {robo_messages.type_name(self._request)}, not {type(request).__name__}")
+        self._check(request)
         with paused():
             return self._call(request, self._timeout if timeout is None else timeout)
+
+    async def call_async(self, request: Q, timeout: float | None = None) -> A:
+        """The same for async callbacks: `answer = await self.reset.call_async(Trigger.Request())`.
+
+        It works in every loop of asyncio. Arguments and errors are those of the call.
+        """
+        from robo.node import async_calls  # asyncio is for nodes that use it
+
+        self._check(request)
+        granted = self._timeout if timeout is None else timeout
+        left = await async_calls.appear(self._presence, self.key, granted)
+        self._check_stop()
+        begin = time.monotonic()
+        request_, encoding = self._encoded(request), self._encoding
+        answer = await async_calls.first_answer(self._session, self.key, request_, encoding, left, self._priority)
+        return self._decode(_understood(self.key, answer, left, granted, begin))
 
     def wait_for_service(self, timeout: float) -> bool:
         """Wait until somebody serves it. Returns whether somebody does, within `timeout` seconds."""
         with paused():
-            return self._present.wait(timeout)
+            return self._presence.wait(timeout)
 
     def abandon(self) -> None:
         """Let calls that wait for a server fail at once: the node is told to stop."""
-        self._abandoned = True
-        self._present.set()
+        self._presence.abandon()
 
     def close(self) -> None:
         """Leave the network."""
         self._token.undeclare()
-        self._listener.undeclare()
-        self._querier.undeclare()
+        self._presence.close()
 
-    def _notice(self, status: Any) -> None:
-        (self._present.set if status.matching else self._present.clear)()
+    def _check(self, request: object) -> None:
+        if not isinstance(request, self._request):
+            raise TypeError(f"{self.key} takes {robo_messages.type_name(self._request)}, not {type(request).__name__}")
+
+    def _check_stop(self) -> None:
+        if self._presence.abandoned:
+            raise ServiceTimeout(f"service {self.key}: not called, this node is stopping")
 
     def _call(self, request: Q, timeout: float) -> A:
         begin = time.monotonic()
-        if not self._present.wait(timeout):
+        if not self._presence.wait(timeout):
             raise ServiceTimeout(f"service {self.key}: nobody serves it (waited {timeout:g} s)")
-        if self._abandoned:
-            raise ServiceTimeout(f"service {self.key}: not called, this node is stopping")
+        self._check_stop()
         left = max(timeout - (time.monotonic() - begin), 0.001)
-        return self._decode(ask(self._session, self.key, self._encoded(request), self._encoding, left, timeout))
+        request_, encoding = self._encoded(request), self._encoding
+        return self._decode(ask(self._session, self.key, request_, encoding, left, timeout, self._priority))
 
     def _encoded(self, request: Q) -> tuple[bytes, bytes]:
         attachment = codec.pack_attachment(next(self._numbers), time.time_ns())
@@ -182,7 +257,13 @@ class ServiceClient(Generic[Q, A]):
 
 
 def ask(
-    session: zenoh.Session, key: str, request: tuple[bytes, bytes], encoding: str, timeout: float, granted: float
+    session: zenoh.Session,
+    key: str,
+    request: tuple[bytes, bytes],
+    encoding: str,
+    timeout: float,
+    granted: float,
+    priority: Priority = "data",
 ) -> zenoh.Sample:
     """Send one request, payload and attachment, and wait for its answer.
 
@@ -193,6 +274,7 @@ def ask(
         encoding: of the payload.
         timeout: how long to wait, s.
         granted: what the caller was ready to wait in all, for the message.
+        priority: of the request and of its answer.
 
     Raises:
         ServiceTimeout: there was no answer.
@@ -205,10 +287,17 @@ def ask(
         attachment=request[1],
         encoding=encoding,
         timeout=timeout,
+        priority=zenoh_priority(priority),
         target=zenoh.QueryTarget.ALL_COMPLETE,
         consolidation=zenoh.ConsolidationMode.NONE,
     )
-    answer = queries.first_answer(replies)
+    return _understood(key, queries.first_answer(replies), timeout, granted, begin)
+
+
+def _understood(
+    key: str, answer: zenoh.Sample | Fault | None, timeout: float, granted: float, begin: float
+) -> zenoh.Sample:
+    """The answer to what was asked at `begin`; raises as `ask`."""
     if isinstance(answer, Fault):
         raise ServiceError(f"service {key}: {answer.error}: {answer.message}", answer.error, answer.message)
     if answer is not None:

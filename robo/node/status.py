@@ -9,32 +9,34 @@ import zenoh
 from robo.node.endpoints import Endpoints
 from robo.node.identity import Identity
 from robo.node.turn import Turn
-from robo.wire import keys
+from robo.node.turns import Turns
+from robo.wire import keys, shared_memory
 from robo.wire.queries import QueryLoop, reply
-from robo.wire.reports import NodeStatus
+from robo.wire.reports import NodeStatus, TurnStatus
 
 
 class Status:
     """Sums up the counters of one node."""
 
-    def __init__(self, full_name: str, turn: Turn, now: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, full_name: str, turns: Turns, now: Callable[[], float] = time.monotonic) -> None:
         """
         Args:
             full_name: the node's.
-            turn: the node's, which knows what runs.
-            now: the time, s, by the clock that the turn uses too.
+            turns: the node's, which know what runs.
+            now: the time, s, by the clock that the turns use too.
         """
         self._full_name = full_name
-        self._turn = turn
+        self._turns = turns
         self._now = now
         self._begun = now()
 
     def of(self, ends: Endpoints, callback_errors: int) -> NodeStatus:
         """What there is to say just now."""
         subscriptions = list(ends.subscriptions)
-        turn, now = self._turn, self._now()
-        running = turn.running  # it may end while this looks, and then the time is that of the next one
-        running_for = max(0.0, now - turn.since) if running else 0.0
+        now, callbacks = self._now(), self._turns.callbacks
+        own = _look(self._turns.own, [], now)
+        others = {name: _look(turn, callbacks.get(name, []), now) for name, turn in self._turns.others.items()}
+        longest = max((own, *others.values()), key=lambda one: one.running_for)
         return NodeStatus(
             node=self._full_name,
             published={p.topic: p.published for p in list(ends.publishers)},
@@ -46,9 +48,10 @@ class Status:
             missed=_missed(ends),
             served={s.key: s.served for s in list(ends.services)},
             uptime=now - self._begun,
-            busy=turn.busy + running_for,
-            running=running,
-            running_for=running_for,
+            busy=own.busy + sum(turn.busy for turn in others.values()),
+            running=longest.running,
+            running_for=longest.running_for,
+            turns=others,
         )
 
 
@@ -74,8 +77,15 @@ class StatusServer:
             zid=str(info.zid()),
             links=[str(zid) for zid in (*info.routers_zid(), *info.peers_zid())],
             time=time.time_ns(),
+            large_messages=shared_memory.way_of(self._session),
         )
         reply(query, key, status)
+
+
+def _look(turn: Turn, callbacks: list[str], now: float) -> TurnStatus:
+    running = turn.running  # it may end while this looks, and then the time is that of the next one
+    running_for = max(0.0, now - turn.since) if running else 0.0
+    return TurnStatus(callbacks, turn.busy + running_for, running, running_for)
 
 
 def _missed(ends: Endpoints) -> dict[str, int]:

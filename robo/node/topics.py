@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from datetime import UTC, datetime, timedelta
 from functools import partial
-from typing import Any, Generic, Protocol, TypeVar, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import msgspec
 import zenoh
@@ -16,12 +16,17 @@ from robo.node.clock import Clock
 from robo.node.intake import Intake
 from robo.node.loops import SubscriptionLoop
 from robo.node.message_check import MessageCheck
+from robo.node.shapes import BYTES, holds
 from robo.node.turn import Turn
-from robo.wire import codec
+from robo.wire import codec, sources
 from robo.wire.keys import EndpointKind, EndpointToken, source_id
-from robo.wire.qos import KEEP_ALL
+from robo.wire.qos import KEEP_ALL, QoS, zenoh_priority
 from robo.wire.reports import Refused
 from robo_messages import Message
+
+if TYPE_CHECKING:
+    from robo.node.large import Carrier
+    from robo.wire.latched import LatchedPublisher
 
 M = TypeVar("M", bound=Message)
 P = TypeVar("P", bound=Message, contravariant=True)
@@ -90,10 +95,7 @@ class TopicPublisher(Endpoint, Generic[M]):
         self, session: zenoh.Session, token: EndpointToken, message_type: type[M], clock: Clock | None = None
     ) -> None:
         """`clock` says what messages are stamped with; by default the wall clock."""
-        control = zenoh.CongestionControl.BLOCK if token.depth == KEEP_ALL else zenoh.CongestionControl.DROP
-        self.zenoh_publisher = session.declare_publisher(
-            token.topic, encoding=codec.encoding_of(message_type), congestion_control=control
-        )
+        self.zenoh_publisher = _declare_publisher(session, token, codec.encoding_of(message_type))
         with ExitStack() as made:
             made.callback(self.zenoh_publisher.undeclare)
             super().__init__(session, msgspec.structs.replace(token, id=source_id(self.zenoh_publisher.id)))
@@ -101,11 +103,13 @@ class TopicPublisher(Endpoint, Generic[M]):
         self._numbers = itertools.count(1)
         self.publish, self._silence = _fast_publish(
             self.zenoh_publisher,
+            token.qos.latched,
             message_type,
             token.topic,
             self._numbers,
             session.new_timestamp().get_id(),
             (clock or Clock()).time_ns,
+            _carrier(session, message_type, token.qos),
         )
 
     @property
@@ -132,7 +136,41 @@ class TopicPublisher(Endpoint, Generic[M]):
         _undeclare_when_free(self.zenoh_publisher)
 
 
-def _undeclare_when_free(publisher: zenoh.Publisher) -> None:
+def _declare_publisher(
+    session: zenoh.Session, token: EndpointToken, encoding: str
+) -> "zenoh.Publisher | LatchedPublisher":
+    qos = token.qos
+    control = zenoh.CongestionControl.BLOCK if qos.reliable else zenoh.CongestionControl.DROP
+    priority = zenoh_priority(qos.priority)
+    if qos.latched:
+        from robo.wire.latched import LatchedPublisher  # nodes carry it only if they need it
+
+        return LatchedPublisher(session, token.topic, qos.depth, encoding, control, priority)
+    return session.declare_publisher(token.topic, encoding=encoding, congestion_control=control, priority=priority)
+
+
+def _carrier(session: zenoh.Session, message_type: type[M], qos: QoS) -> "Carrier[M] | None":
+    """What puts its large messages into shared memory; latched ones would hold it for as long as they are kept."""
+    if qos.latched or not holds(message_type, BYTES):
+        return None
+    from robo.node.large import carrier_of  # nodes carry it only if they need it
+
+    return carrier_of(session, message_type, wait=qos.reliable)
+
+
+def _declare_subscriber(session: zenoh.Session, token: EndpointToken, slots: int) -> Any:
+    depth = token.qos.depth
+    if token.qos.latched:
+        from robo.wire.latched import LatchedSubscriber
+
+        # A session that stands before Zenoh's, as a test's, has its own.
+        declare: Any = getattr(session, "declare_latched_subscriber", partial(LatchedSubscriber, session))
+        return declare(token.topic, depth, slots)
+    channel_type: Any = zenoh.handlers.FifoChannel if depth == KEEP_ALL else zenoh.handlers.RingChannel
+    return session.declare_subscriber(token.topic, channel_type(slots))
+
+
+def _undeclare_when_free(publisher: "zenoh.Publisher | LatchedPublisher") -> None:
     """Zenoh refuses, with a RuntimeError, while another thread is just in a `put`."""
     end = time.monotonic() + LONGEST_PUT
     while True:
@@ -147,20 +185,22 @@ def _undeclare_when_free(publisher: zenoh.Publisher) -> None:
 
 
 def _fast_publish(
-    publisher: zenoh.Publisher,
+    publisher: "zenoh.Publisher | LatchedPublisher",
+    signs: bool,
     message_type: type[M],
     topic: str,
     numbers: Iterator[int],
     clock_id: zenoh.TimestampId,
     time_ns: Callable[[], int],
+    carrier: "Carrier[M] | None",
 ) -> tuple[Publish[M], Callable[[], None]]:
     """`publish`, and what makes it send nothing any more.
 
-    As closures: attribute look-ups would cost a tenth of the whole call.
+    As closures: attribute look-ups would cost a tenth of the whole call. `signs` where the publisher says by itself
+    whose its messages are.
     """
     bare: Callable[..., None] = publisher.put
-    # The same id for all: messages are counted in the attachment. It costs both ends 0.7 µs, so a flood goes without.
-    signed = partial(bare, source_info=zenoh.SourceInfo(publisher.id, 0))
+    signed = bare if signs else _signing(publisher)
     put: Callable[..., None] = signed
     encode = msgspec.msgpack.Encoder().encode
     # pack_attachment(1, now), pack_attachment(2, now), …: one call that runs in C from end to end, so
@@ -175,18 +215,17 @@ def _fast_publish(
         nonlocal checked, left
         if message.__class__ is not message_type and not isinstance(message, message_type):
             raise TypeError(f"{topic} takes {robo_messages.type_name(message_type)}, not {type(message).__name__}")
-        payload = encode(message)
-        if len(payload) != checked:
-            checked = check(payload)
+        payload = carrier(message, check) if carrier is not None else None
+        if payload is None:
+            payload = encode(message)
+            if len(payload) != checked:
+                checked = check(payload)
         left -= 1
         if left <= 0:
             look_at_the_pace()
         try:
             if age:
-                known = age if age < LONGEST_AGE else LONGEST_AGE
-                now = _EPOCH + timedelta(microseconds=time_ns() / 1000)
-                said = zenoh.Timestamp(max(_EPOCH, now - timedelta(seconds=known)), clock_id)
-                put(payload, attachment=stamp(), timestamp=said)
+                put(payload, attachment=stamp(), timestamp=_said(age, time_ns(), clock_id))
             else:
                 put(payload, attachment=stamp())
         except zenoh.ZError:
@@ -207,7 +246,25 @@ def _fast_publish(
     return publish, silence
 
 
-def _nowhere(_payload: bytes, **_more: object) -> None:
+def _said(age: float, now: int, clock_id: zenoh.TimestampId) -> zenoh.Timestamp:
+    """When something was said, `age` s before `now`, ns since the epoch."""
+    known = age if age < LONGEST_AGE else LONGEST_AGE
+    then = _EPOCH + timedelta(microseconds=now / 1000) - timedelta(seconds=known)
+    return zenoh.Timestamp(max(_EPOCH, then), clock_id)
+
+
+def _signing(publisher: "zenoh.Publisher | LatchedPublisher") -> Callable[..., None]:
+    """`put` with the publisher's id. It costs both ends 1 µs, so a flood goes without."""
+    put: Callable[..., None] = publisher.put
+    source = sources.counted(publisher.id)
+
+    def signed(payload: Any, **more: Any) -> None:
+        put(payload, source_info=source(), **more)
+
+    return signed
+
+
+def _nowhere(_payload: object, **_more: object) -> None:
     """Take the place of `put` once the publisher has been undeclared."""
 
 
@@ -220,7 +277,7 @@ class TopicSubscription(Endpoint, Generic[M]):
         token: EndpointToken,
         message_type: type[M],
         turn: Turn,
-        callback: Callable[..., None],
+        callback: Callable[..., object],
         on_error: Callable[[BaseException], None],
         on_malformed: Callable[[str, int, str, zenoh.Sample], None],
         intake: Intake | None = None,
@@ -231,10 +288,9 @@ class TopicSubscription(Endpoint, Generic[M]):
         """
         self._intake = intake
         self._on_malformed = on_malformed
-        depth = token.depth
+        depth = token.qos.depth
         decoder = codec.Decoder(message_type)
-        channel_type: Any = zenoh.handlers.FifoChannel if depth == KEEP_ALL else zenoh.handlers.RingChannel
-        subscriber = session.declare_subscriber(token.topic, channel_type(slots(message_type, depth)))
+        subscriber = _declare_subscriber(session, token, slots(message_type, depth))
         self._loop = SubscriptionLoop(
             subscriber,
             decoder,
@@ -244,6 +300,7 @@ class TopicSubscription(Endpoint, Generic[M]):
             on_error,
             self._report_malformed,
             intake.examine if intake is not None else None,
+            may_be_shared=holds(message_type, BYTES),
         )
         with ExitStack() as made:
             made.callback(subscriber.undeclare)
@@ -262,8 +319,8 @@ class TopicSubscription(Endpoint, Generic[M]):
 
     @property
     def dropped(self) -> int:
-        """Messages so far that were dropped because the callback fell behind by more than `depth`."""
-        return self._loop.dropped
+        """Messages so far that were dropped: the callback fell behind by more than `depth`, or they were too old."""
+        return self._loop.dropped + (self._intake.expired if self._intake is not None else 0)
 
     @property
     def refused(self) -> list[Refused]:
@@ -286,14 +343,14 @@ class TopicSubscription(Endpoint, Generic[M]):
 
 
 def endpoint_token(
-    namespace: str, node: str, kind: EndpointKind, message_type: type[Message], depth: int, topic: str
+    namespace: str, node: str, kind: EndpointKind, message_type: type[Message], qos: QoS, topic: str
 ) -> EndpointToken:
     """The announcement of an endpoint.
 
     Raises:
         robo_messages.UnknownType: the type was never registered.
     """
-    return EndpointToken(namespace, node, kind, robo_messages.type_name(message_type), depth, topic)
+    return EndpointToken(namespace, node, kind, robo_messages.type_name(message_type), qos, topic)
 
 
 def slots(message_type: type[Message], depth: int) -> int:
@@ -302,16 +359,8 @@ def slots(message_type: type[Message], depth: int) -> int:
     Room for several network batches makes a flood of small messages twice as quick (measured in
     `benchmarks/`). Messages that may be large get less, so that a full channel stays some megabytes.
     """
-    if _holds(message_type, (memoryview, bytes, bytearray)):
+    if holds(message_type, BYTES):
         return depth or 16
-    if _holds(message_type, (list, dict)):
+    if holds(message_type, (list, dict)):
         return max(depth, 256) if depth else 2048
     return max(depth, 4096)
-
-
-def _holds(hint: Any, kinds: tuple[type, ...]) -> bool:
-    if hint in kinds or get_origin(hint) in kinds:
-        return True
-    if isinstance(hint, type) and issubclass(hint, Message):
-        return any(_holds(inner, kinds) for inner in get_type_hints(hint).values())
-    return any(_holds(inner, kinds) for inner in get_args(hint))

@@ -7,6 +7,8 @@ from functools import partial
 
 import zenoh
 
+from robo.errors import NotActive
+from robo.node.ending import NodeStopping
 from robo.node.log import NodeLogger
 from robo.node.message_info import PLAIN
 from robo.node.turn import name_of
@@ -41,6 +43,8 @@ class Troubles:
         self._malformed_told: dict[str, float] = {}
         self.callback_errors = 0
         """Exceptions that callbacks raised."""
+        self.listener: Callable[[BaseException], None] = lambda _: None
+        """Takes each of them, where the log has those alone that are not like the one before."""
 
     def handler(self, callback: Callable[..., object]) -> Callable[[BaseException], None]:
         """What to do with an exception of a callback: it ends neither its thread nor, unless asked, the node."""
@@ -50,10 +54,18 @@ class Troubles:
             if isinstance(error, SystemExit):
                 self._obey(error)
                 return
+            if isinstance(error, (NotActive, NodeStopping)):
+                return  # whoever has called is told
             self.callback_errors += 1
+            self.listener(error)
             self._logger.error(f"{name} raised", throttle=1.0, exception=error)
 
         return handle
+
+    def held_loop(self, callback: str, seconds: float) -> None:
+        """Tell of an async callback that has kept the loop to itself."""
+        text = "%s held up all async callbacks of this process for %.1f s: await what waits, or asyncio.to_thread(…)"
+        self._logger.warning(text, callback, seconds, throttle=10.0)
 
     def left_out(self, topic: str, wanted: str, sender: str, count: int) -> None:
         """Tell of messages that do not count.
@@ -67,6 +79,13 @@ class Troubles:
         source = {"": "the node that came first", PLAIN: "a plain Zenoh client"}.get(wanted, wanted)
         text = f"left out messages of {sender} on {topic}, %d so far: it takes those of %s alone"
         self._logger.warning(text, count, source, throttle=LEFT_OUT_PERIOD)
+
+    def late(self, topic: str, deadline: float, again: bool) -> None:
+        """Tell that no message has come within a deadline, s; or, after that, that messages come `again`."""
+        if again:
+            self._logger.info("messages come again on %s", topic)
+        else:
+            self._logger.warning("no message on %s within its deadline of %g s", topic, deadline)
 
     def malformed(self, session: zenoh.Session, topic: str, count: int, reason: str, sample: zenoh.Sample) -> None:
         """Tell, now and then, of a message that cannot be read.

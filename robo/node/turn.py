@@ -6,6 +6,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import monotonic
 from types import TracebackType
+from typing import Protocol
+
+
+class Barrier(Protocol):
+    """Like a lock: who has acquired it and acquires it again waits until somebody releases it."""
+
+    def acquire(self) -> object:
+        """Close it, or wait there."""
+
+    def release(self) -> None:
+        """Let whoever waits there go on."""
 
 
 class Turn:
@@ -15,22 +26,34 @@ class Turn:
     seconds; here it hands over. Without contention it costs no more than the lock itself.
     """
 
-    def __init__(self, on_death: Callable[[BaseException], None] | None = None) -> None:
-        """`on_death` is told what ended a thread that runs callbacks here; by default Python's own hook is."""
+    def __init__(
+        self,
+        on_death: Callable[[BaseException], None] | None = None,
+        new_barrier: Callable[[], Barrier] = threading.Lock,
+    ) -> None:
+        """
+        Args:
+            on_death: is told what ended a thread that runs callbacks here; by default Python's own hook is.
+            new_barrier: makes what a thread waits at.
+        """
         lock = threading.Lock()
-        waiting: deque[threading.Lock] = deque()
+        waiting: deque[Barrier] = deque()
         try_lock, unlock = lock.acquire, lock.release
 
+        def queue(barrier: Barrier) -> bool:
+            waiting.append(barrier)
+            if not try_lock(False):
+                return False
+            # The holder left before it could see the barrier. Nobody else can have taken the barrier
+            # out: only a holder does, and then the lock stays locked.
+            waiting.remove(barrier)
+            return True
+
         def wait() -> None:
-            gate = threading.Lock()
-            gate.acquire()
-            waiting.append(gate)
-            if try_lock(False):
-                # The holder left before it could see the gate. Nobody else can have taken the gate
-                # out: only a holder does, and then the lock stays locked.
-                waiting.remove(gate)
-                return
-            gate.acquire()  # opened by the holder before us, who leaves the lock locked for us
+            barrier = new_barrier()
+            barrier.acquire()
+            if not queue(barrier):
+                barrier.acquire()  # opened by the holder before us, who leaves the lock locked for us
 
         def release() -> None:
             while not waiting:
@@ -46,6 +69,8 @@ class Turn:
         """`try_acquire(False)` takes the turn if it is free, and says whether it did."""
         self.wait: Callable[[], None] = wait
         """Take the turn after all who have waited longer."""
+        self.queue: Callable[[Barrier], bool] = queue
+        """Take the turn if it is free, and say whether it was; else the barrier is released when the turn is there."""
         self.waiting = waiting
         """Those who wait, in order; empty is false."""
         self.busy = 0.0
@@ -103,8 +128,8 @@ class _Thread(threading.local):
 _thread = _Thread()
 
 
-def enter(turn: Turn, spare: Callable[[], None] | None = None) -> None:
-    """Say that from here on this thread runs callbacks of a node, holding its turn."""
+def enter(turn: Turn | None, spare: Callable[[], None] | None = None) -> None:
+    """Say that from here on this thread runs callbacks of a node, holding its turn; None: that it does not."""
     _thread.turn, _thread.spare = turn, spare
 
 

@@ -1,0 +1,131 @@
+"""What there is to say of message types; those that users wrote are imported in a process of their own.
+
+A module that cannot be imported, ends its process or does not come to its end is named, and hides no other.
+"""
+
+import os
+import sys
+from collections.abc import Sequence
+from types import ModuleType
+from typing import NamedTuple
+
+import msgspec
+
+import robo_messages
+from robo.interfaces import catalogue
+from robo.interfaces.catalogue import Interface, Listed
+from robo.interfaces.ros_text import ros_text
+from robo.packages.imports import PATIENCE, import_apart, report
+from robo_messages import Message
+
+
+class Types(NamedTuple):
+    """All types."""
+
+    listed: dict[str, Listed]
+    """By name, halves of services by theirs."""
+    broken: list[str]
+    """A sentence for each module that cannot be imported."""
+
+
+class Sheet(msgspec.Struct, frozen=True):
+    """A message type, and those of its fields."""
+
+    interface: Interface
+    schema: dict[str, object]
+    """Its JSON Schema."""
+    inner: dict[str, "Sheet"]
+    """By field, of those that are messages or lists of messages."""
+
+
+class Described(msgspec.Struct, frozen=True):
+    """All that is shown of a message type or a service."""
+
+    sheets: list[Sheet]
+    """One, or those of a service's request and response."""
+    ros: str
+    """As ROS writes it."""
+
+
+class _Seen(msgspec.Struct):
+    """What the other process says when it has imported a module."""
+
+    types: dict[str, Listed]
+    """Those of users that are known by then."""
+    described: Described | None
+    """What was asked for, once it is known."""
+
+
+def types(patience: float = PATIENCE) -> Types:
+    """All types: those that ship, those of packages, and those that files below the current folder say.
+
+    Args:
+        patience: how long the import of one module may take, s.
+    """
+    found = {name: catalogue.listing(name) for name in robo_messages.type_names()}
+    places = catalogue.places()
+    broken = list(places.failed.values())
+    for one in import_apart([__name__, ""], list(places.others), _Seen, patience):
+        if one.found is None:
+            broken.append(f"{places.others[one.module]} cannot be imported: {one.error}")
+        else:
+            found = {**one.found.types, **found}
+    for name in catalogue.said_in(os.getcwd()):
+        if name not in found:
+            found[name] = catalogue.listing(name)
+    return Types(found, broken)
+
+
+def described(name: str, patience: float = PATIENCE) -> Described:
+    """A message type or a service.
+
+    Args:
+        name: as `group/Type`.
+        patience: how long the import of one module may take, s.
+
+    Raises:
+        UnknownType: there is none; names what comes close.
+        ContractError: the file or the module that should say it cannot be imported.
+    """
+    here = _described(name)
+    if here is not None:
+        return here
+    places = catalogue.places(name, f"{name}_Request")
+    phrases = {**places.own, **places.others}
+    there = set(robo_messages.type_names())
+    faults: dict[str, str] = {}
+    for one in import_apart([__name__, name], list(phrases), _Seen, patience):
+        if one.found is None:
+            faults[one.module] = f"{phrases[one.module]} cannot be imported: {one.error}"
+        elif one.found.described is not None:
+            return one.found.described
+        else:
+            there.update(one.found.types)
+    there.update(catalogue.said_in(os.getcwd()))
+    own = [fault for module, fault in faults.items() if module in places.own]
+    raise catalogue.missing(
+        name, (one.removesuffix("_Request") for one in sorted(there)), own, [*places.failed.values(), *faults.values()]
+    )
+
+
+def _described(name: str) -> Described | None:
+    """A type that is known in this process."""
+    if not catalogue.is_there(name) and not catalogue.is_there(f"{name}_Request"):
+        return None
+    return Described([_sheet(robo_messages.find_type(half)) for half in catalogue.halves(name)], ros_text(name))
+
+
+def _sheet(type_: type[Message]) -> Sheet:
+    inner = {field: _sheet(kind) for field, kind in catalogue.inner_types(type_).items()}
+    return Sheet(catalogue.describe(type_), robo_messages.json_schema(type_), inner)
+
+
+def _seen(module: ModuleType, name: str, shipped: Sequence[str]) -> _Seen:
+    del module  # it has registered its types
+    new = {one: catalogue.listing(one) for one in robo_messages.type_names() if one not in shipped}
+    return _Seen({one: entry for one, entry in new.items() if entry.source in sys.modules}, _described(name))
+
+
+if __name__ == "__main__":
+    _SHIPPED = robo_messages.type_names()
+    report(sys.argv[2:], lambda module: _seen(module, sys.argv[1], _SHIPPED))

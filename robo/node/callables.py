@@ -1,0 +1,93 @@
+"""What a callback is, seen from its code: async, one that yields, one that takes more than a message."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from types import FunctionType, MethodType
+from typing import Any
+
+from robo.errors import ContractError
+
+
+def takes_info(callback: Callable[..., object]) -> bool:
+    """Whether a callback of a subscription takes a `MessageInfo` beside the message."""
+    function: Any = callback
+    code = getattr(function, "__code__", None)
+    while code is not None and code.co_flags & _TAKES_ALL and hasattr(function, "__wrapped__"):
+        function = function.__wrapped__  # what a decorator hands all on to
+        code = getattr(function, "__code__", None)
+    if code is None:
+        return False
+    given = len(getattr(function, "__defaults__", None) or ()) + (getattr(callback, "__self__", None) is not None)
+    return bool(code.co_argcount - given >= 2)
+
+
+_TAKES_ALL = 0x04
+_COROUTINE, _ASYNC_GENERATOR = 0x80, 0x200  # as in `inspect`, whose import would cost each node 0.5 MB
+_GENERATOR = 0x20 | _ASYNC_GENERATOR
+
+
+def is_async(callback: Callable[..., object], name: str = "") -> bool:
+    """Whether a callback is an `async def`, which the loop has to run.
+
+    Args:
+        callback: a function, a method, a partial or an object to call.
+        name: what to call it; by default its own name.
+
+    Raises:
+        ContractError: it yields, so that calling it does nothing.
+    """
+    function, flags = _function_called(callback)
+    if flags & _GENERATOR:
+        raise ContractError(
+            f"{place_of(function)}: {name or function.__name__} yields, so that calling it does nothing; a callback is"
+            " a function (def or async def) that returns"
+        )
+    return bool(flags & _COROUTINE)
+
+
+def check_plain(callback: Callable[..., object], name: str = "", *, may_yield: bool = False) -> None:
+    """Refuse a hook, or a handler of an action, that is async, and one that yields unless it may.
+
+    Args:
+        callback, name: as for `is_async`.
+        may_yield: whether it may.
+
+    Raises:
+        ContractError: it is such a one.
+    """
+    function, flags = _function_called(callback)
+    if flags & (_COROUTINE | _ASYNC_GENERATOR):
+        raise ContractError(
+            f"{place_of(function)}: {name or function.__name__} is async; that may be callbacks of topics, timers and"
+            " services, and main: let it be a plain function (def)"
+        )
+    if not may_yield:
+        is_async(callback, name)
+
+
+def _function_called(callback: Callable[..., object]) -> tuple[Any, int]:
+    """The Python function that a call of it runs in the end, and its flags."""
+    function: Any = callback
+    while (inner := _inner(function)) is not None:
+        function = inner
+    code = getattr(function, "__code__", None)
+    return function, 0 if code is None else code.co_flags
+
+
+def _inner(function: Any) -> Any:
+    """What a partial, a method or an object calls; None for a function. A decorator may make an async one plain."""
+    if isinstance(function, partial):
+        return function.func
+    if isinstance(function, MethodType):
+        return function.__func__
+    if isinstance(function, (FunctionType, type)) or not callable(function):
+        return None
+    call = type(function).__call__
+    return call if isinstance(call, FunctionType) else None
+
+
+def place_of(function: Any) -> str:
+    """`file:line` of a Python function."""
+    return f"{function.__code__.co_filename}:{function.__code__.co_firstlineno}"
