@@ -9,6 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import msgspec
 
 import robo_messages
+from robo.errors import ContractError
+from robo.launch.check_actions import unexecuted
 from robo.launch.faults import in_order
 from robo.launch.plan import ProcessPlan, TopicPlan
 from robo.launch.resolve import Resolution
@@ -17,6 +19,7 @@ from robo.text.suggestions import closest, hint, suggest
 from robo.text.tree import Position, Problem
 from robo.wire import names
 from robo.wire.keys import VERBS, EndpointKind
+from robo.wire.qos import QoS, misfit
 
 
 class TopicEnd(msgspec.Struct, frozen=True):
@@ -29,6 +32,8 @@ class TopicEnd(msgspec.Struct, frozen=True):
     type: str
     topic: str
     """As the node itself calls it, before remapping."""
+    qos: QoS | None = None
+    """What holds there; None where nobody knows, as of a command."""
 
     def __str__(self) -> str:
         renamed = "" if self.key.endswith(self.topic.strip("/")) else f" (its {self.topic})"
@@ -52,6 +57,26 @@ def ends_of(resolution: Resolution) -> list[TopicEnd]:
     return ends
 
 
+def misfits(ends: Sequence[TopicEnd]) -> Iterable[tuple[TopicEnd, str]]:
+    """The subscriptions among the ends of a topic that do not get what they want, and why."""
+    for reader in ends:
+        for source in ends:
+            if source.kind == "pub" and reader.kind == "sub" and source.qos is not None and reader.qos is not None:
+                why = misfit(reader.key, (source.node, source.qos), (reader.node, reader.qos))
+                if why:
+                    yield reader, why
+
+
+def _endless(ends: Sequence[TopicEnd]) -> Iterable[tuple[TopicEnd, str]]:
+    """The publishers among the ends of a topic that would keep each message for ever, and why."""
+    for end in ends:
+        if end.kind == "pub" and end.qos is not None:
+            try:
+                end.qos.of_publisher()
+            except ContractError as error:
+                yield end, f"{end.node} on {end.key}: {error}"
+
+
 def check(resolution: Resolution) -> Findings:
     """Everything that is wrong with a manifest, and what else is worth knowing."""
     faults = [*resolution.problems, *resolution.loose]
@@ -65,15 +90,17 @@ def check(resolution: Resolution) -> Findings:
     promised = {topic.key: topic for topic in resolution.plan.topics}
     for key, found in by_key.items():
         faults += _type_clashes(key, found, resolution)
+        faults += (Problem(resolution.positions[end.node], why) for end, why in (*_endless(found), *misfits(found)))
         if not all_known:
             continue  # a node class that could not be read may be the other end
         notes += _unread(key, found, promised, resolution)
         for problem in _unfed(key, found, ends, promised, resolution):
             (notes if silent else faults).append(problem if not silent else _may_be_fed(problem, silent))
     faults += _unknown_remaps(resolution)
+    faults += _never_held(resolution)
     for topic in resolution.plan.topics:
         faults += _promise(topic, by_key, may_be_served=bool(silent) or not all_known)
-    for problem, is_fault in unmatched(resolution):
+    for problem, is_fault in (*unmatched(resolution), *unexecuted(resolution, all_known=all_known)):
         (faults if is_fault else notes).append(problem)
     return Findings(in_order(faults), in_order(notes))
 
@@ -106,18 +133,23 @@ def _split(full_name: str) -> tuple[str, str]:
     return namespace, node
 
 
-def _declared(resolution: Resolution, process: ProcessPlan, kind: EndpointKind) -> Iterable[tuple[str, str]]:
+def _declared(
+    resolution: Resolution, process: ProcessPlan, kind: EndpointKind
+) -> Iterable[tuple[str, str, QoS | None]]:
     """The topics of a process with their types, as they are written and as its class declares them."""
-    yield from (process.publishes if kind == "pub" else process.subscribes).items()
+    for topic, type_name in (process.publishes if kind == "pub" else process.subscribes).items():
+        yield topic, type_name, None
     contract = resolution.contracts.get(process.full_name)
     if contract is not None:
         topics = contract.publishers if kind == "pub" else contract.subscriptions
-        yield from ((declared.topic, declared.type) for declared in topics)
+        yield from ((declared.topic, declared.type, declared.qos) for declared in topics)
 
 
-def _end(process: ProcessPlan, kind: EndpointKind, topic: str, type_name: str) -> TopicEnd:
+def _end(process: ProcessPlan, kind: EndpointKind, topic: str, type_name: str, qos: QoS | None) -> TopicEnd:
     key = names.resolve(topic, namespace=process.namespace, node=process.name, remappings=process.remap)
-    return TopicEnd(process.full_name, kind, key, type_name, topic)
+    if qos is not None and key in process.qos:
+        qos = process.qos[key].over(qos)
+    return TopicEnd(process.full_name, kind, key, type_name, topic, qos)
 
 
 def _type_clashes(key: str, ends: Sequence[TopicEnd], resolution: Resolution) -> Iterable[Problem]:
@@ -179,9 +211,11 @@ def _unknown_remaps(resolution: Resolution) -> Iterable[Problem]:
     declared: dict[str, list[str]] = {}
     for process in resolution.plan.processes:
         topics = [*_declared(resolution, process, "pub"), *_declared(resolution, process, "sub")]
-        own = declared[process.full_name] = [topic for topic, _ in topics]
+        own = declared[process.full_name] = [topic for topic, *_ in topics]
         if contract := resolution.contracts.get(process.full_name):
             own += [end.service for end in (*contract.services, *contract.clients)]
+            own += [action.action for action in contract.actions]
+            own += [client.action for client in contract.action_clients]
         keys = {names.resolve(name, namespace=process.namespace, node=process.name) for name in own}
         silent = not own and process.full_name not in resolution.contracts
         for old, origin in resolution.remaps.get(process.full_name, {}).items():
@@ -199,6 +233,16 @@ def _unknown_remaps(resolution: Resolution) -> Iterable[Problem]:
         else:
             owner = f"none of {', '.join(process.full_name for process in processes)} has a"
         yield Problem(position, f"remap {old} to {first.remap[old]}: {owner} topic or service {shown(old)}; {instead}")
+
+
+def _never_held(resolution: Resolution) -> Iterable[Problem]:
+    """Plain nodes that their manifest wants to wait: they would not."""
+    for process in resolution.plan.processes:
+        contract = resolution.contracts.get(process.full_name)
+        if not process.autostart and contract is not None and not contract.managed:
+            text = f"autostart: false, but {contract.class_name} is a plain node, which begins to work at its start"
+            advice = "a managed one derives from robo.LifecycleNode"
+            yield Problem(resolution.positions[process.full_name], f"{process.full_name} says {text}; {advice}")
 
 
 def _promise(topic: TopicPlan, by_key: Mapping[str, Sequence[TopicEnd]], *, may_be_served: bool) -> Iterable[Problem]:

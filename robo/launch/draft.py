@@ -5,8 +5,8 @@ from typing import Any, Literal
 
 import msgspec
 
-from robo.errors import InvalidName
-from robo.launch import values
+from robo.errors import ContractError, InvalidName
+from robo.launch import sharing, values
 from robo.launch.forms import is_name, text_of
 from robo.launch.language import Written, fill, keys_of, merged, values_of
 from robo.launch.layers import Layer
@@ -16,6 +16,7 @@ from robo.launch.substitution import Complain, Scope
 from robo.launch.values import Files, Mention
 from robo.text.tree import Entry, Map, Position, Scalar
 from robo.wire import names
+from robo.wire.qos import QoS
 
 _PROGRAM = {"service", "run"}
 
@@ -73,6 +74,7 @@ def draft(
     remap = _remap(layers, complain)
     renamed = {old: new for old, (new, _) in remap.items()}
     env = _env(layers, complain)
+    sharing.check_own(said.get("process"), plain, {name: where for name, (_, where) in env.items()}, complain)
     mentions, read = values.gather(layers if is_named else (), namespace, said["name"], files, complain)
     plan = ProcessPlan(
         **_with_defaults(said, plain, namespace, renamed),
@@ -123,7 +125,8 @@ def _with_defaults(said: dict[str, Any], plain: Written, namespace: str, remap: 
     if not is_node and not (isinstance(written, Map) and written.get("when") is not None):
         ready = msgspec.structs.replace(ready, when="started")
     keys = [names.resolve(topic, namespace=namespace, node="node", remappings=remap) for topic in ready.topics]
-    found = said | {"ready": msgspec.structs.replace(ready, topics=tuple(keys))}
+    process = sharing.process_name(said.get("process"), namespace)
+    found = said | {"ready": msgspec.structs.replace(ready, topics=tuple(keys)), "process": process}
     if not is_node or "prefix" in plain:  # a debugger stands still on purpose
         found.setdefault("watchdog", 0.0)
     return found
@@ -191,8 +194,14 @@ def promise(topic: TopicPromise, scope: Scope, namespace: str, complain: Complai
         complain(topic.position, f"topic {topic.name}: private names are a node's; write it whole")
         return None
     filled = fill(keys_of(TopicPlan), topic.promise, scope)
-    return TopicPlan(
+    plan = TopicPlan(
         key=names.resolve(topic.name, namespace=namespace, node="node"),
         source=topic.position,
         **values_of(keys_of(TopicPlan), filled, complain),
     )
+    if plan.qos is not None:
+        try:
+            plan.qos.over(QoS.DEFAULT).of_publisher()
+        except ContractError as error:
+            complain(topic.position, f"topic {topic.name}: {error}")
+    return plan

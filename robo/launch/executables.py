@@ -1,30 +1,20 @@
-"""The nodes of Python packages. Their modules are imported in a process of its own, which reports on each.
-
-What they import stays out of this process. One that crashes, ends the process or does not come to its end is named,
-and the others are looked at all the same.
-"""
+"""The nodes of Python packages. Their modules are imported in a process of its own, which reports on each."""
 
 import contextlib
-import importlib
 import inspect
-import os
 import re
-import select
-import signal
-import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import ModuleType
 
 import msgspec
 
 from robo.errors import UnreadableFile
 from robo.packages.find import Package
+from robo.packages.imports import PATIENCE, import_apart, report
 from robo.packages.modules import module_of, python_files
 from robo.text.files import read_bytes
-
-PATIENCE = 30.0
-"""How long the import of one module may take, s."""
 
 _CLASS = re.compile(rb"^[ \t]*class\s+\w+\s*(\[[^\]]*\]\s*)?\(", re.MULTILINE)
 """A class with a base: what has none has no node."""
@@ -54,14 +44,13 @@ class Contents(msgspec.Struct, frozen=True):
     """The names of the types that their modules define."""
 
 
-class _Report(msgspec.Struct):
-    """What the process that imports says: `nodes` or `error` of each module in turn, `types` at the end."""
+class _Seen(msgspec.Struct):
+    """What a module has, and those that it imports."""
 
-    nodes: list[tuple[str, str]] = msgspec.field(default_factory=list)
+    nodes: list[tuple[str, str]]
     """Class and description."""
-    error: str = ""
-    types: list[tuple[str, str]] | None = None
-    """Name and module."""
+    types: list[tuple[str, str]]
+    """Name of each message type of a user's that is known by then, and the module that defines it."""
 
 
 class _Place(msgspec.Struct, frozen=True):
@@ -81,32 +70,22 @@ def look_into(packages: Sequence[Package], patience: float = PATIENCE) -> Conten
     """
     places = {place.module: place for package in packages for place in _places(package)}
     roots = tuple(f"{package.module}." for package in packages)
-    left = list(places)
     found = Contents([], [], [])
-    while left:
-        done = 0
-        with _importing(left) as process:
-            try:
-                for report in _reports(process, patience):
-                    if report.types is not None:
-                        found.messages.extend(name for name, module in report.types if f"{module}.".startswith(roots))
-                        return found
-                    _note(report, places[left[done]], found)
-                    done += 1
-                why = f"it ends the process with {_ended(process.wait())}"
-            except TimeoutError:
-                why = f"it has not come to its end within {patience:g} s"
-        found.broken.append(f"module {left[done]} cannot be imported: {why}")
-        left = left[done + 1 :]
+    types: set[str] = set()
+    for one in import_apart([__name__], list(places), _Seen, patience):
+        if one.found is None:
+            found.broken.append(f"module {one.module} cannot be imported: {one.error}")
+        else:
+            _note(one.found.nodes, places[one.module], found)
+            types.update(name for name, module in one.found.types if f"{module}.".startswith(roots))
+    found.messages.extend(sorted(types))
     return found
 
 
-def _note(report: _Report, place: _Place, found: Contents) -> None:
-    if report.error:
-        found.broken.append(f"module {place.module} cannot be imported: {report.error}")
+def _note(nodes: Sequence[tuple[str, str]], place: _Place, found: Contents) -> None:
     inside = place.module.removeprefix(place.root).removeprefix(".")
-    for class_name, description in report.nodes:
-        several = f":{class_name}" if len(report.nodes) > 1 else ""
+    for class_name, description in nodes:
+        several = f":{class_name}" if len(nodes) > 1 else ""
         service, node = f"{place.module}{several}", f"{inside}{several}"
         found.executables.append(Executable(place.package, node, service, class_name, description, str(place.file)))
 
@@ -120,79 +99,22 @@ def _places(package: Package) -> Iterator[_Place]:
                     yield _Place(package.name, package.module, module_of(file, folder, package.module), file)
 
 
-@contextlib.contextmanager
-def _importing(modules: Sequence[str]) -> Iterator["subprocess.Popen[bytes]"]:
-    process = subprocess.Popen(
-        [sys.executable, "-m", __name__, *modules],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-    )
-    with process:
-        try:
-            yield process
-        finally:
-            process.kill()
-
-
-def _reports(process: "subprocess.Popen[bytes]", patience: float) -> Iterator[_Report]:
-    """What the process reports until it ends.
-
-    Raises:
-        TimeoutError: it says nothing for too long.
-    """
-    assert process.stdout is not None
-    descriptor = process.stdout.fileno()
-    rest = b""
-    while True:
-        if not select.select([descriptor], [], [], patience)[0]:
-            raise TimeoutError
-        data = os.read(descriptor, 65536)
-        if not data:
-            return
-        *lines, rest = (rest + data).split(b"\n")
-        for line in lines:
-            yield msgspec.json.decode(line, type=_Report)
-
-
-def _ended(code: int) -> str:
-    return signal.Signals(-code).name if code < 0 else f"exit code {code}"
-
-
-def main(modules: Sequence[str]) -> None:
-    """Import modules and report what each of them defines, a line of JSON for each, to what is stdout."""
+def _seen(module: ModuleType, shipped: Sequence[str]) -> _Seen:
     import robo_messages
-
-    out = os.dup(1)  # a child of a module does not inherit it
-    os.dup2(2, 1)
-    shipped = set(robo_messages.type_names())
-    if (here := os.getcwd()) not in sys.path:
-        sys.path.insert(0, here)
-    for module in modules:
-        _write(out, _report_on(module))
-    new = [name for name in robo_messages.type_names() if name not in shipped]
-    _write(out, _Report(types=[(name, robo_messages.find_type(name).__module__) for name in new]))
-    os._exit(0)  # whatever threads a module has begun
-
-
-def _report_on(name: str) -> _Report:
     from robo.node.loading import node_classes
-    from robo.text.import_errors import explained
 
-    try:
-        module = importlib.import_module(name)
-    except (Exception, SystemExit) as error:  # a user's module may raise anything while it is imported
-        return _Report(error=explained(error))
-    return _Report(nodes=[(name, _first_line(cls)) for name, cls in node_classes(module).items()])
+    nodes = [(name, _first_line(cls)) for name, cls in node_classes(module).items()]
+    new = [name for name in robo_messages.type_names() if name not in shipped]
+    types = [(name, robo_messages.find_type(name).__module__) for name in new]
+    return _Seen(nodes, [(name, owner) for name, owner in types if owner in sys.modules])
 
 
 def _first_line(cls: type) -> str:
     return inspect.cleandoc(cls.__doc__ or "").partition("\n")[0]
 
 
-def _write(descriptor: int, report: _Report) -> None:
-    os.write(descriptor, msgspec.json.encode(report) + b"\n")
-
-
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    import robo_messages
+
+    _SHIPPED = robo_messages.type_names()
+    report(sys.argv[1:], lambda module: _seen(module, _SHIPPED))

@@ -183,6 +183,14 @@ def _node_name(scalar: Scalar, _key: str, complain: Complain) -> str | None:
         return None
 
 
+def _process(scalar: Scalar, key: str, complain: Complain) -> str | None:
+    text = as_text(scalar.value)
+    if text and not names.is_word(text):
+        complain(scalar.position, f"{key}: {shown(text)} is no name; use letters, digits and _, no digit first")
+        return None
+    return text
+
+
 def _service(scalar: Scalar, key: str, complain: Complain) -> str | None:
     text = as_text(scalar.value)
     if not text:
@@ -236,6 +244,8 @@ A_FLAG = _single({"type": ["boolean", "string"]}, _settled, filled=Scope.truth)
 A_BOOLEAN = _single({"type": "boolean"}, _settled)
 """True or false, as it stands there."""
 A_NODE_NAME = _single(TEXT, _node_name)
+A_PROCESS = _single(TEXT, _process)
+"""A name, or empty."""
 A_SERVICE = _single(TEXT, _service)
 A_PATH = _single(TEXT, lambda scalar, _key, _complain: as_text(scalar.value) or None, filled=beside_manifest)
 A_PATTERN = _single(TEXT, _pattern)

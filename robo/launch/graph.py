@@ -22,6 +22,8 @@ def graph_of(resolution: Resolution, ends: Sequence[TopicEnd]) -> Graph:
             edges += _system_edges(process)
             edges += (Edge(process.full_name, "srv", _key(process, s.service), s.type) for s in contract.services)
             edges += (Edge(process.full_name, "cli", _key(process, c.service), c.type) for c in contract.clients)
+            edges += (Edge(process.full_name, "act", _key(process, a.action), a.type) for a in contract.actions)
+            edges += (Edge(process.full_name, "acl", _key(process, a.action), a.type) for a in contract.action_clients)
     return graph.build(nodes, edges)
 
 

@@ -17,6 +17,7 @@ from robo.launch.forms import (
     A_PATH,
     A_PATTERN,
     A_PORT,
+    A_PROCESS,
     A_RATE,
     A_SERVICE,
     SOME_CPUS,
@@ -26,6 +27,7 @@ from robo.launch.forms import (
 from robo.launch.language import OF_GROUPS, Named, part_of
 from robo.text.tree import Position
 from robo.wire import names
+from robo.wire.qos import Quality
 from robo.wire.reports import Setting
 
 Until = Literal["started", "ready", "completed"]
@@ -120,6 +122,13 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
         str | None, A_SERVICE, Meta(description="A node class: package.module or package.module:Class.")
     ] = None
     """None for a command."""
+    process: Annotated[
+        str | None,
+        A_PROCESS,
+        OF_GROUPS,
+        Meta(description="The process that it shares with the other nodes that name it; empty for one of its own."),
+    ] = None
+    """In a plan its full name, such as `/r1/sensing`; None for a process of its own."""
     run: Annotated[
         tuple[str, ...], A_COMMAND, Meta(description="Any command, in any language: a list of words, or a line.")
     ] = ()
@@ -142,6 +151,9 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
     ] = 5.0
     """Never by default for a command, and under a prefix: in a debugger it stands still on purpose."""
     required: Annotated[bool, Meta(description="Whether the launch ends with it.")] = False
+    autostart: Annotated[
+        bool, Meta(description="Whether a managed node comes to active by itself; else it waits in unconfigured.")
+    ] = True
     restart: Annotated[RestartPlan, OF_GROUPS, Meta(description="When a process that ends is started again.")] = (
         RestartPlan()
     )
@@ -153,6 +165,8 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
     priority: Annotated[int, Meta(ge=-20, le=19, description="The nice value; lower runs first.")] | None = None
     cpus: Annotated[tuple[int, ...], SOME_CPUS, Meta(description="The processors it may use: [0, 1] or 0-3.")] = ()
     """Sorted; empty for all."""
+    qos: dict[str, Quality] = {}
+    """By topic, what the manifest says of its ends."""
     publishes: dict[str, str]
     """For a command: by topic, the message type."""
     subscribes: dict[str, str]
@@ -173,8 +187,10 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def module(self) -> tuple[str, ...]:
-        """The words after `python -m` that run a service; its full name is for the list of processes."""
+        """The words after `python -m` that run a service; the full name is for the list of processes."""
         assert self.service is not None
+        if self.process is not None:
+            return ("robo.process.shared", self.process)
         return ("robo.process.node", self.service, self.full_name, *self.args)
 
     def command(self) -> tuple[str, ...]:
@@ -203,6 +219,9 @@ class TopicPlan(msgspec.Struct, frozen=True, kw_only=True):
     max_rate: float | None = None
     max_age: Annotated[float, Meta(ge=0, description="The newest message is never older, s.")] | None = None
     external: Annotated[bool, Meta(description="Whether somebody outside of this launch publishes it.")] = False
+    qos: Annotated[
+        Quality | None, Meta(description="How it is kept and carried, over what its nodes say: latched, {depth: 1}.")
+    ] = None
     source: Position
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import msgspec
 
-from robo.launch import contracts, needs, values
+from robo.launch import contracts, needs, sharing, values
 from robo.launch.arguments import COMMAND_LINE
 from robo.launch.contracts import Answer
 from robo.launch.draft import Draft
@@ -49,6 +49,7 @@ def settle(
     drafts = _unique(unfolded.drafts, complain)
     _check_groups(groups, unfolded.groups, file, complain)
     _check_host(host, file, drafts, complain)
+    sharing.check_together([(draft.plan, draft.position) for draft in drafts], complain)
     waiting = [needs.Dependent(d.plan.full_name, d.plan.namespace, d.needs) for d in drafts]
     by_key: dict[tuple[str, str], list[str]] = {}
     for draft in drafts:
@@ -59,8 +60,9 @@ def settle(
     loose: list[Problem] = []
     checked = [NodeFacts(d.plan.full_name, d.mentions, answers.get(d.plan.full_name)) for d in drafts]
     settings = values.check(checked, unfolded.problems, loose)
+    qualities = {topic.key: topic.qos for topic in unfolded.topics if topic.qos is not None}
     processes = [
-        msgspec.structs.replace(draft.plan, settings=own, needs=needed[draft.plan.full_name])
+        msgspec.structs.replace(draft.plan, settings=own, needs=needed[draft.plan.full_name], qos=qualities)
         for draft, own in zip(drafts, settings, strict=True)
     ]
     return Settlement(

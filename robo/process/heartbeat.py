@@ -1,7 +1,8 @@
 """A supervised node's sign of life: once a second it tells its supervisor what it has done so far.
 
 A beat is sent under the node's turn: a callback that does not return holds it back, and so does a
-process that is stopped. In its place goes a message beside the turn, which names that callback. Both
+process that is stopped. In its place goes a message beside the turn, which names that callback; so it
+does where a callback with a turn of its own does not return. Both
 travel on a socket that the supervisor hands down, so that they say nothing about the network and need
 none.
 """
@@ -12,11 +13,11 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Callable
 
 import msgspec
 
 from robo.environment import HEARTBEAT_VARIABLE, WATCH_VARIABLE
-from robo.node.clock import Clock
 from robo.node.node import Node
 from robo.wire.reports import Beat, NodeStatus
 
@@ -32,43 +33,64 @@ def begin(node: Node) -> None:
         return
     descriptor, _, period = given.partition(":")
     os.set_inheritable(int(descriptor), False)
-    heart = Heart(node, socket.socket(fileno=int(descriptor)), float(period), _own_files() if watched else [])
-    heart.beat()
-    node.create_timer(float(period), heart.beat, Clock())
-    threading.Thread(target=heart.watch, name="robo-heart", daemon=True).start()
+    supervisor = socket.socket(fileno=int(descriptor))
+    Heart(node, supervisor, float(period), own_files() if watched else []).begin()
+
+
+LATE = 1.2
+"""A callback that runs for longer than so many periods is told as one that holds the beat back."""
 
 
 class Heart:
     """Sends what a node says of itself."""
 
-    def __init__(self, node: Node, supervisor: socket.socket, period: float, files: list[str]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        supervisor: socket.socket,
+        period: float,
+        files: list[str],
+        used: Callable[[], float | None] = lambda: None,
+    ) -> None:
         """
         Args:
-            node: whose it is.
+            node: whose it is, which has started.
             supervisor: the socket.
             period: the time from one beat to the next, s.
             files: for the first beat.
+            used: says how much processor time the node has used, where that is not all that its process has, s.
         """
         self._socket = supervisor
         self._socket.setblocking(False)
         self._node = node
         self._period = period
         self._files = files
+        self._used = used
         self._last = time.monotonic()
+
+    def begin(self) -> None:
+        """Let it beat."""
+        self.beat()
+        self._node.beat_every(self._period, self.beat)
+        threading.Thread(target=self.watch, name="robo-heart", daemon=True).start()
 
     def beat(self) -> None:
         """Send one beat; called under the node's turn."""
         self._last = time.monotonic()
-        # What runs is this: nothing worth telling.
-        status = msgspec.structs.replace(self._node.status, running="", running_for=0.0)
+        status = self._node.status
+        # What runs in the node's own turn is this: nothing worth telling.
+        held = max(status.turns.values(), key=lambda turn: turn.running_for, default=None)
+        late = held is not None and held.running_for > LATE * self._period
+        running, running_for = (held.running, held.running_for) if held is not None and late else ("", 0.0)
+        status = msgspec.structs.replace(status, running=running, running_for=running_for)
         files, self._files = self._files, []
-        self._send(Beat(status, files=files))
+        self._send(Beat(status, late=late, files=files, cpu=self._used()))
 
     def watch(self) -> None:
         """While a callback holds the beat back, say so; runs in a thread beside the node's turn."""
         wait = self._period
         while not self._node.wait(wait):
-            overdue = time.monotonic() - self._last - 1.2 * self._period
+            overdue = time.monotonic() - self._last - LATE * self._period
             if overdue > 0:
                 self._send(Beat(self._node.status, late=True))
             wait = self._period if overdue > 0 else -overdue + 0.01
@@ -95,10 +117,12 @@ def _brief(beat: Beat) -> Beat:
     return Beat(
         msgspec.structs.replace(little, uptime=status.uptime, running=status.running, running_for=status.running_for),
         beat.late,
+        cpu=beat.cpu,
     )
 
 
-def _own_files() -> list[str]:
+def own_files() -> list[str]:
+    """The source files of this process, Python's own and installed ones left out."""
     places = [sys.prefix, sys.base_prefix]
     files = {str(getattr(module, "__file__", None) or "") for module in list(sys.modules.values())}
     return sorted(os.path.abspath(f) for f in files if f.endswith(".py") and not f.startswith(tuple(places)))

@@ -1,7 +1,11 @@
 """Keeping processes small: what a library would bring along and nobody here uses stays out."""
 
 import importlib
+import os
 import sys
+import typing
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import ModuleType
 from typing import Any
 
@@ -12,21 +16,71 @@ class _Later(ModuleType):
     def __getattr__(self, name: str) -> object:
         if name.startswith("__"):  # what Python itself asks of a module while it imports others
             raise AttributeError(name)
+        return getattr(self._module(), name)
+
+    def _module(self) -> ModuleType:
         if sys.modules.get(self.__name__) is self:
             del sys.modules[self.__name__]
-        return getattr(importlib.import_module(self.__name__), name)
+        return importlib.import_module(self.__name__)
+
+
+class _FunctionsLater(_Later):
+    """Stands for a module of functions, also for who takes them from it at once, until one is called."""
+
+    def __getattr__(self, name: str) -> object:
+        if name.startswith("__"):
+            raise AttributeError(name)
+
+        def function(*arguments: object, **options: object) -> object:
+            return getattr(self._module(), name)(*arguments, **options)
+
+        return function
+
+
+class _PlatformLater(_Later):
+    """Stands for `platform`, of which `uuid` wants to know but the system while it is imported."""
+
+    def system(self) -> str:
+        """The system's name, such as Linux."""
+        return os.uname().sysname
 
 
 def import_msgspec() -> None:
-    """Import msgspec without typing_extensions, and without `msgspec.inspect` until that is used.
+    """Import msgspec without typing_extensions, and without what nodes do not use until that is used.
 
     Where another package has brought typing_extensions, msgspec takes two names from it that Python's
-    own typing has as well. It would cost each node 1 MB and some milliseconds. `msgspec.inspect`, which
-    makes JSON Schemas, would cost 0.3 MB.
+    own typing has as well. It would cost each node 1 MB and some milliseconds. `msgspec.inspect` and what makes JSON
+    Schemas would cost 0.4 MB, and `platform`, which its UUIDs bring along, 0.1 MB.
     """
     if "msgspec" not in sys.modules:
-        sys.modules["msgspec.inspect"] = _Later("msgspec.inspect")
-    _import("msgspec", without="typing_extensions")
+        for name in ("msgspec.inspect", "msgspec.toml", "msgspec.yaml"):
+            sys.modules[name] = _Later(name)
+        sys.modules["msgspec._json_schema"] = _FunctionsLater("msgspec._json_schema")
+        if hasattr(os, "uname"):
+            sys.modules.setdefault("platform", _PlatformLater("platform"))
+    with _without_compiler():
+        _import("msgspec", without="typing_extensions")
+
+
+@contextmanager
+def _without_compiler() -> Iterator[None]:
+    """While msgspec is imported it tries what arguments a `ForwardRef` takes, which has Python's compiler set up.
+
+    That takes 0.2 MB, and nobody needs it whose messages are no texts (`from __future__ import annotations`).
+    """
+    real = typing.ForwardRef
+    typing.ForwardRef = _TakesAll  # type: ignore[misc, assignment]
+    try:
+        yield
+    finally:
+        typing.ForwardRef = real  # type: ignore[misc]
+
+
+class _TakesAll:
+    """In the place of `ForwardRef`."""
+
+    def __init__(self, *_arguments: object, **_options: object) -> None:
+        """Every Python that robo runs on takes `is_class`."""
 
 
 def import_yaml() -> None:

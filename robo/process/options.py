@@ -53,6 +53,7 @@ def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
         remappings=launched.remappings | dict(map(_remapping, options.remap)),
         connect=tuple(options.connect) or launched.connect,
         listen=tuple(options.listen) or launched.listen,
+        autostart=launched.autostart and not getattr(options, "no_autostart", False),
         mode=launched.mode or _mode(),
     )
 
@@ -91,6 +92,8 @@ def _parser(node_class: type[Node], contract: ContractData) -> argparse.Argument
     add("-r", "--remap", metavar="FROM:=TO", action="append", default=[], help="use another name for a topic")
     add("--connect", metavar="ENDPOINT", action="append", default=[], help="dial a router (or ROBO_CONNECT)")
     add("--listen", metavar="ENDPOINT", action="append", default=[], help="listen here (or ROBO_LISTEN)")
+    if contract.managed:
+        add("--no-autostart", action="store_true", help="wait in unconfigured until somebody asks for a transition")
     return parser
 
 

@@ -23,9 +23,13 @@ LINGER = 0.5
 STALLED = 1.0
 """How long slow readers may take nothing of what waits for them before the router leaves all the same, s."""
 BREATH = 0.1
-"""How long nothing may wait until nothing more comes, s."""
+"""For how long in all nothing may wait, since a connection was full, until nothing more comes, s."""
+FULL = 16_384
+"""How much waits at least in a connection that is full, bytes; less is what is just on its way."""
 LONGEST_LINGER = 10.0
 """How long it goes on at most, s, however little slow readers take at a time."""
+_LOOK = 0.02
+"""How often it is looked what waits, s."""
 
 
 def main() -> None:
@@ -64,19 +68,23 @@ def serve_the_last(linger: float, waiting: Callable[[], int] = tcp.unsent) -> No
     """Go on for so many seconds, and until readers have taken what waits for them.
 
     Zenoh does not tell when its queues are empty, and closing empties them the short way; but where something waits
-    in them, the connections are full.
+    in them, the connections are full. What other robots send through this router meanwhile does not fill them.
 
     Args:
         linger: s.
         waiting: how many bytes wait in connections.
     """
     begin = moved = now = time.monotonic()
-    left = waiting()
-    while now < begin + linger or (now < begin + LONGEST_LINGER and now < moved + (STALLED if left else BREATH)):
-        time.sleep(0.02)
+    left, idle = waiting(), 0.0
+    while now < begin + linger or (now < begin + LONGEST_LINGER and now < moved + STALLED and idle < BREATH):
+        time.sleep(_LOOK)
         before, left, now = left, waiting(), time.monotonic()
         if left != before:
             moved = now
+        if left >= FULL:
+            idle = 0.0
+        elif not left:
+            idle += _LOOK
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import msgspec
 
 from robo.wire.codec import jsonable
 from robo.wire.network import Mode
+from robo.wire.qos import Quality
 from robo.wire.reports import Setting
 
 
@@ -19,10 +20,14 @@ class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):
     settings: Mapping[str, Sequence[Setting]] = {}
     """By parameter, all that was said of it, from the weakest to what holds."""
     remappings: dict[str, str] = {}
+    qos: dict[str, Quality] = {}
+    """By topic, what the launch says of its ends."""
     memory: str = ""
     """The file that its launch has made for what it keeps over restarts."""
     needs: tuple[str, ...] = ()
     """Full names of nodes that this one must see before it starts."""
+    autostart: bool = True
+    """Whether a managed node is brought to active; else it waits in unconfigured."""
     mode: Mode | None = None
     """None for one that nobody has launched: ROBO_MODE says it, or it is a router of its own."""
     connect: tuple[str, ...] = ()
@@ -37,3 +42,28 @@ class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):
         """For an environment. What holds stands there once more as `parameters`, for commands in other languages."""
         data = msgspec.to_builtins(self) | {"parameters": self.parameters}
         return msgspec.json.encode(jsonable(data)).decode()
+
+
+class Order(msgspec.Struct, frozen=True, kw_only=True):
+    """What a process that several nodes share is told of one of them."""
+
+    number: int
+    """Of its stay there."""
+    spec: str = ""
+    """Its `NodeSpec` as JSON, where it is to begin: a descriptor for its output and one for its heartbeats come with
+    it. Empty where it is to end."""
+    where: bool = False
+    """It hangs, and shall say where; it is not to end for that."""
+    level: str | None = None
+    """The least level that it prints."""
+    period: float = 1.0
+    """The time from one heartbeat to the next, s."""
+
+
+class Ended(msgspec.Struct, frozen=True):
+    """What such a process answers: a node of it has ended."""
+
+    number: int
+    """Of its stay there."""
+    code: int
+    """Its exit code."""

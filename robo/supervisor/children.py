@@ -1,6 +1,6 @@
 """The children of one process, one after the other.
 
-`Lifecycle` decides what is to be done; `Instance` is the child that it is done to. Here the one is told what happens
+`ProcessLife` decides what is to be done; `Instance` is the child that it is done to. Here the one is told what happens
 to the other.
 """
 
@@ -13,11 +13,12 @@ from typing import Protocol
 
 from robo.launch.plan import ProcessPlan
 from robo.machine.child import describe_exit
+from robo.machine.orphans import Left
 from robo.supervisor import instance
 from robo.supervisor.alarm import Alarm
 from robo.supervisor.changes import Changes
 from robo.supervisor.instance import Instance, MakeChild
-from robo.supervisor.lifecycle import CANNOT_START, Lifecycle, Phase
+from robo.supervisor.process_life import CANNOT_START, Phase, ProcessLife
 from robo.supervisor.restart import Restarts
 from robo.wire.reports import Exit, State
 
@@ -35,6 +36,9 @@ class Run(instance.Run, Protocol):
 
     def sigkill_hint(self) -> str:
         """What is to be said of a process that has just been ended by a SIGKILL that nobody here has sent."""
+
+    def left_behind(self, left: Left) -> None:
+        """A process was still there when the one that had started it was gone; it has been ended."""
 
 
 class Children:
@@ -58,7 +62,7 @@ class Children:
             output: takes what they print, by stream.
             changed: is told when they are shown in another way, with the state before.
         """
-        self.life = Lifecycle(plan, Restarts(plan.restart), clock, self)
+        self.life = ProcessLife(plan, Restarts(plan.restart), clock, self)
         self.present: Instance | None = None
         """The child that runs, or the last one that ran."""
         self.exits: deque[Exit] = deque(maxlen=_EXITS)
@@ -72,6 +76,8 @@ class Children:
         """Of the last ones that have ended: their tokens may still be on the way."""
         self._files: tuple[str, ...] = ()
         """Of those before the present one."""
+        self._readiness: asyncio.Task[None] | None = None
+        """Waits for what tells that the present one is ready."""
 
     @property
     def spawning(self) -> bool:
@@ -98,14 +104,23 @@ class Children:
         if self.present is not None and pid not in self._ended_pids:
             self.present.readiness.see_token()
 
+    def notice_token_gone(self, pid: int) -> None:
+        """A node's liveliness token shows no more."""
+        if self.present is not None and pid not in self._ended_pids:
+            self.present.readiness.lose_token()
+
     def check(self, now: float) -> None:
-        """Look after a child that is ready; called a few times a second."""
-        if self.present is None or not self.present.running or self.life.phase is not Phase.READY:
+        """Look after a child that is ready, or stands by; called a few times a second."""
+        if self.present is None or not self.present.running:
+            return
+        if self.life.phase not in (Phase.READY, Phase.STANDBY):
             return
         pulse = self.present.pulse
         hang, problem = pulse.hang(now), pulse.problem(now)
         if hang is not None:
             self.life.hung(hang)
+        elif self.life.phase is Phase.STANDBY:
+            self._heed_lifecycle()
         else:
             self.life.checked(problem, pulse.silent_topic(now) if problem is not None else None)
 
@@ -117,7 +132,8 @@ class Children:
     async def _run_once(self) -> None:
         """Start a child, and wait for its end."""
         self._files = self.files
-        child = Instance(self.life.plan, self._run, self._make, self._output, self._clock)
+        told = self._heed_lifecycle
+        child = Instance(self.life.plan, self._run, self._make, self._output, self._clock, told)
         self.present = child
         try:
             why = await child.start()
@@ -129,17 +145,30 @@ class Children:
             self.life.could_not_start(why)
             return
         self.life.spawned()
-        readiness = asyncio.create_task(self._become_ready(child))
+        self._readiness = asyncio.create_task(self._become_ready(child))
         try:
             code = await child.wait()
         finally:
-            readiness.cancel()
+            self._readiness.cancel()
         hint = self._run.sigkill_hint() if code == -signal.SIGKILL and self.life.unasked else ""
         words = describe_exit(code) + hint
+        for left in child.left:
+            self._run.left_behind(left._replace(node=self.life.plan.full_name))
         if child.pid is not None:
             self._ended_pids.append(child.pid)
         self.exits.append(child.exit(code, self.life.blame or words, time.time_ns()))
         self.life.exited(code, words)
+
+    def _heed_lifecycle(self) -> None:
+        """A managed node stands by while it is not active, and may be ready again once it is."""
+        child = self.present
+        if child is None or not child.running:
+            return
+        state = child.pulse.lifecycle
+        if state not in ("", "active"):
+            self.life.stands_by(state)
+        elif self.life.phase is Phase.STANDBY and self._readiness is not None and self._readiness.done():
+            self._readiness = asyncio.create_task(self._become_ready(child))
 
     async def _become_ready(self, child: Instance) -> None:
         await child.readiness.wait()

@@ -1,7 +1,7 @@
 """What a run can be asked and told: the verbs, and which of its processes a name means."""
 
 import asyncio
-from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Coroutine, Iterable, Mapping, Sequence
 from typing import Any, Protocol, TypeVar
 
 import msgspec
@@ -9,8 +9,9 @@ import msgspec
 from robo.errors import NodeNotFound, RunError
 from robo.launch.plan import ProcessPlan
 from robo.machine.log_files import SUPERVISOR, LogFilter
-from robo.supervisor.lifecycle import STARTING_AGAIN
+from robo.supervisor.process_life import STARTING_AGAIN
 from robo.text.suggestions import suggest
+from robo.wire import names
 from robo.wire.reports import (
     Event,
     Explanation,
@@ -126,6 +127,7 @@ class Commands:
         tasks: Tasks,
         stopping: Stopping,
         unmet: Callable[[ProcessPlan], list[str]],
+        renew: Callable[[Collection[str]], None],
     ) -> None:
         """
         Args:
@@ -136,6 +138,7 @@ class Commands:
             tasks: stops and starts several processes beside each other.
             stopping: ends the run.
             unmet: what a process still waits for, in words.
+            renew: is told who is started anew, by full name, before it is.
         """
         self._address = address
         self._processes = processes
@@ -144,6 +147,7 @@ class Commands:
         self._stopping = stopping
         self._sites = sites
         self._unmet = unmet
+        self._renew = renew
 
     @property
     def tells(self) -> dict[str, Verb]:
@@ -172,7 +176,10 @@ class Commands:
 
     async def logs(self, request: LogsRequest) -> list[LogRecord]:
         """What was printed; the supervisor's own lines are `robo`'s."""
-        labels = {one.label for name in request.names for one in self._meant(name)}
+        meant = [(name, one) for name in request.names for one in self._meant(name)]
+        labels = {one.label for _, one in meant}
+        # What a process prints that nodes share is told with all of them, or with each: it may be anybody's.
+        labels |= {names.label(self._address.robot, one.plan.process) for _, one in meant if one.plan.process}
         labels |= {SUPERVISOR} & {*request.names}
         wanted = LogFilter(since=request.since, least=request.level)
         return self._journal.lines(wanted, labels if request.names else None, request.lines)
@@ -198,6 +205,7 @@ class Commands:
     async def restart(self, request: Request) -> Outcome:
         """Start processes again; done when the new ones are there, or wait for what they need."""
         chosen = self._chosen(request)
+        self._renew([one.plan.full_name for one in chosen])
         await self._tasks.all(one.restart(STARTING_AGAIN) for one in chosen)
         return self._outcome(chosen, request)
 
@@ -242,4 +250,8 @@ class Commands:
 
 def meant(name: str, robot: str, processes: Iterable[P]) -> list[P]:
     """The processes that a name means: a full name, one as the output has it, the name of a group or a part of it."""
-    return [one for one in processes if ProcessName(robot, one.plan.full_name, one.plan.group).is_meant(name)]
+    return [one for one in processes if _name(robot, one.plan).is_meant(name)]
+
+
+def _name(robot: str, plan: ProcessPlan) -> ProcessName:
+    return ProcessName(robot, plan.full_name, plan.group, plan.process or "")

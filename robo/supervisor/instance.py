@@ -11,6 +11,7 @@ import msgspec
 from robo.launch.plan import ProcessPlan
 from robo.machine.child import Spawned
 from robo.machine.forks import Fork, Template
+from robo.machine.orphans import Left
 from robo.machine.priority import give_priority
 from robo.machine.probe import succeeds
 from robo.machine.usage import Usage
@@ -36,11 +37,16 @@ class Run(Protocol):
 class Child(Protocol):
     """What an instance needs of the process that it is."""
 
-    last_lines: deque[str]
+    left: Sequence[Left]
+    """Who of its process group was still there when it had ended, though nobody had told the group to."""
+
+    @property
+    def last_lines(self) -> deque[str]:
+        """The end of its stderr."""
 
     @property
     def pid(self) -> int | None:
-        """The process id, once started."""
+        """The process id, once started; None again where it has ended and its process, which it shared, goes on."""
 
     @property
     def running(self) -> bool:
@@ -72,6 +78,7 @@ class Instance:
         make: MakeChild,
         output: Callable[[str, str], None],
         clock: Callable[[], float],
+        told: Callable[[], None] = lambda: None,
     ) -> None:
         """
         Args:
@@ -80,16 +87,18 @@ class Instance:
             make: makes the child.
             output: takes what it prints, by stream.
             clock: the time, s.
+            told: is called when it has said how it is.
         """
         self.started_at = clock()
         self.readiness = Readiness(plan.ready, run.flow, self._probe)
-        self.pulse = Pulse(plan.watchdog, plan.publishes, run.flow, self.started_at)
+        self.pulse = Pulse(plan.watchdog, plan.publishes, run.flow, self.started_at, plan.ready.timeout)
         self.files: tuple[str, ...] = ()
         """The source files of a node, where the run watches them."""
         self._plan = plan
         self._run = run
         self._output = output
         self._clock = clock
+        self._told = told
         beats = plan.service is not None or plan.ready.when == "node"
         self._child = make(run.spawned, self._on_line, self._on_beat if beats else None, beat_period(plan.watchdog))
         self._usage: Usage | None = None
@@ -103,6 +112,11 @@ class Instance:
     def running(self) -> bool:
         """Whether it has started and not yet ended."""
         return self._child.running
+
+    @property
+    def left(self) -> Sequence[Left]:
+        """What it had started and not ended, once it has ended by itself."""
+        return self._child.left
 
     async def start(self) -> str | None:
         """Start it. Returns why it cannot be started, where that is so."""
@@ -169,7 +183,8 @@ class Instance:
             status,
             pid=self.pid,
             uptime=round(now - self.started_at, 3),
-            cpu=cpu,
+            cpu=cpu if self.pulse.cpu is None else self.pulse.cpu,
+            process_cpu=cpu if self._plan.process is not None else None,
             memory=memory,
             published=published,
             received=received,
@@ -189,3 +204,4 @@ class Instance:
         beat = self.pulse.hear(data, self._clock())
         if beat is not None and beat.files:
             self.files = tuple(beat.files)
+        self._told()

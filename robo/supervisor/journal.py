@@ -9,7 +9,9 @@ from typing import Protocol
 
 from robo.launch.plan import ProcessPlan
 from robo.machine.log_files import SUPERVISOR, LogFilter, record
+from robo.machine.orphans import Left
 from robo.supervisor.restart import Restarts
+from robo.wire import names
 from robo.wire.reports import Event, Exit, LogRecord
 
 MOST_EVENTS = 1000
@@ -120,6 +122,10 @@ class Journal:
         for line in "".join(traceback.format_exception(error)).splitlines():
             self.warn(f"  {line}")
 
+    def left_behind(self, left: Left) -> None:
+        """Tell of a process that had to be ended, for whoever had started it had not done so."""
+        self.warn(left.sentence(names.label(self._robot, left.node)))
+
     def output(self, process: Process, stream: str, text: str) -> None:
         """Tell what a process has printed, where its manifest wants it."""
         where = process.plan.log.output
@@ -127,6 +133,12 @@ class Journal:
             self._console.line(process.label, text)
         if where != "screen":
             self._log(record(process.label, stream, text))
+
+    def shared_output(self, process: str, stream: str, text: str) -> None:
+        """Tell what a process has printed that several nodes share, by full name, where none of them has said it."""
+        label = names.label(self._robot, process)
+        self._console.line(label, text)
+        self._log(record(label, stream, text))
 
     def note_trouble(self, line: LogRecord) -> None:
         """Tell of trouble with the files themselves: they cannot have the line."""

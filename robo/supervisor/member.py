@@ -11,7 +11,7 @@ from robo.machine.child import Child
 from robo.supervisor import children
 from robo.supervisor.children import Children
 from robo.supervisor.instance import MakeChild
-from robo.supervisor.lifecycle import STARTING_AGAIN, Phase
+from robo.supervisor.process_life import STARTING_AGAIN, UP, Phase
 from robo.supervisor.readiness import says_more_than_a_start
 from robo.supervisor.restart import Restarts
 from robo.wire.reports import Exit, Explanation, ProcessStatus, State
@@ -85,8 +85,9 @@ class Member:
         return self._life.phase is Phase.READY
 
     def healthy(self) -> bool:
-        """Whether nothing is wrong with it."""
-        return self._life.phase in (Phase.READY, Phase.COMPLETED)
+        """Whether nothing is wrong with it: one that its manifest lets stand by does so."""
+        stands_by = self._life.phase is Phase.STANDBY and not self.plan.autostart
+        return stands_by or self._life.phase in (Phase.READY, Phase.COMPLETED)
 
     @property
     def wanted(self) -> bool:
@@ -191,6 +192,7 @@ class Member:
             received={},
             run=run,
             host=host,
+            process=self.plan.process or "",
         )
         return self._children.present.measured(status) if self._children.present is not None else status
 
@@ -215,8 +217,7 @@ class Member:
             self._life.start_asked()
         else:  # one that has just died, and whose end is not noted yet, is to run too
             self._life.restart_asked(STARTING_AGAIN)
-        up = (Phase.STARTING, Phase.READY)
-        await self._run.changes.until(lambda: self._life.phase in up or self._has_started_since(begun))
+        await self._run.changes.until(lambda: self._life.phase in UP or self._has_started_since(begun))
 
     async def restart(self, why: str) -> None:
         """End it, if it runs, and start it again at once; returns when the new process is there, or waits."""
@@ -250,6 +251,10 @@ class Member:
     def notice_token(self, pid: int) -> None:
         """The node's liveliness token shows."""
         self._children.notice_token(pid)
+
+    def notice_token_gone(self, pid: int) -> None:
+        """The node's liveliness token shows no more."""
+        self._children.notice_token_gone(pid)
 
     def check(self, now: float) -> None:
         """Look after a process that is ready; called a few times a second."""

@@ -133,6 +133,8 @@ class News:
             self._journal.warn(f"{label} {reason or state}")
         elif state == "degraded":
             self._journal.warn(f"{label} is degraded: {reason}")
+        elif state == "standby":
+            self._journal.say(f"{label} is {reason}")
         elif state == "completed":
             self._journal.say(f"{label} {reason}")
         elif state == "stopped" and not closing:

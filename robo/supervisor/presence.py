@@ -37,6 +37,9 @@ class Process(Protocol):
     def notice_token(self, pid: int) -> None:
         """The node's liveliness token shows."""
 
+    def notice_token_gone(self, pid: int) -> None:
+        """It shows no more."""
+
 
 class Journal(Protocol):
     """Where trouble is told."""
@@ -227,6 +230,9 @@ class Presence:
             self._journal.warn(f"another {token.full_name} has come up (process {token.pid} on {token.host})")
 
     def _on_node_gone(self, token: NodeToken) -> None:
+        process = self._processes.get(token.full_name)
+        if process is not None and self._is_of(process, token):
+            process.notice_token_gone(token.pid)
         same = self.elsewhere.get(token.full_name, set())
         same.discard(token)
         if not same:  # strangers make up names without end
@@ -251,7 +257,12 @@ class Presence:
         """Whether a token is that of a process of the run, which may not even be known to have started."""
         here = token.host == discovery.hostname()
         if token.run == self._claim.run:
-            others = (other for other in self._processes.values() if other is not process)
+            shared = process.plan.process
+            others = (
+                other
+                for other in self._processes.values()
+                if other is not process and (shared is None or other.plan.process != shared)
+            )
             return not (here and any(other.leads(token.pid) for other in others))
         # What empties its environment, as sudo does, has lost the run's id.
         return not token.run and here and process.owns(token.pid)

@@ -11,6 +11,9 @@ from robo.wire.reports import Beat, Input, NodeStatus
 BEAT_PERIOD = 1.0
 """How often nodes give a sign of life, s; more often where the watchdog is shorter than a few of these."""
 
+_AT_REST = ("", "unconfigured", "inactive", "active", "finalized")
+"""States of a managed node, or of none, in which no hook runs."""
+
 _FRESH = 3 * BEAT_PERIOD
 """For how long a rate is shown after the last sign of life, s."""
 
@@ -24,7 +27,12 @@ class Pulse:
     """What one child has said of itself since its start. Times are of any clock that does not step back, s."""
 
     def __init__(
-        self, watchdog: float, publishes: Iterable[str], flow: Callable[[str], Flow | None], now: float
+        self,
+        watchdog: float,
+        publishes: Iterable[str],
+        flow: Callable[[str], Flow | None],
+        now: float,
+        hooks: float = 0.0,
     ) -> None:
         """
         Args:
@@ -32,17 +40,23 @@ class Pulse:
             publishes: the topics that it is known to publish, as long as it has not said so itself.
             flow: what comes on a topic; None where nothing is promised of it.
             now: when it was started.
+            hooks: how long a hook of a managed node may take instead, s; 0 for ever.
         """
         self._watchdog = watchdog
+        self._hooks = hooks
         self._publishes = tuple(publishes)
         self._flow = flow
         self._started_at = self._ready_at = self._heard_at = now
+        self._counted: Beat | None = None
+        """The beat since which messages are counted for the next rate."""
+        self._counted_at = now
         self._beat: Beat | None = None
-        self._beat_at = now
         self._late: Beat | None = None
         """What it says while a callback holds its beat back."""
         self._rates: tuple[dict[str, float], dict[str, float]] = {}, {}
         self._input_seen: dict[str, tuple[int, float]] = {}
+        self.cpu: float | None = None
+        """The processor time that it uses, in percent of one core; None where that is all that its process uses."""
 
     def became_ready(self, now: float) -> None:
         """From now on it is held to its promises."""
@@ -61,22 +75,32 @@ class Pulse:
         self._late = beat if beat.late else None
         if beat.late:
             return beat
-        old, span = self._beat, now - self._beat_at
-        if old is not None and span > 0:
-            self._rates = (
-                _rates(old.status.published, beat.status.published, span),
-                _rates(old.status.received, beat.status.received, span),
-            )
+        self._count(beat, now)
         for topic, count in beat.status.received.items():
             if self._input_seen.get(topic, (-1, 0.0))[0] != count:
                 self._input_seen[topic] = (count, now)
-        self._beat, self._beat_at, self._heard_at = beat, now, now
+        self._beat, self._heard_at = beat, now
         return beat
+
+    def _count(self, beat: Beat, now: float) -> None:
+        """Work out rates, over about the time between two beats: a managed node also has some with each new state."""
+        old, span = self._counted, now - self._counted_at
+        if old is None or span > 0.5 * beat_period(self._watchdog):
+            self._counted, self._counted_at = beat, now
+            if old is not None:
+                self._rates = (
+                    _rates(old.status.published, beat.status.published, span),
+                    _rates(old.status.received, beat.status.received, span),
+                )
+            if beat.cpu is not None:
+                before = old.cpu if old is not None and old.cpu is not None else beat.cpu
+                self.cpu = round(100 * (beat.cpu - before) / span, 1) if span > 0 else 0.0
 
     def hang(self, now: float) -> str | None:
         """Why it hangs: its beats have ceased."""
         silent = now - self._heard_at
-        if not self._watchdog or self._beat is None or silent <= self._watchdog:
+        limit = self._watchdog if self.lifecycle in _AT_REST else self._hooks
+        if not (self._watchdog and limit) or self._beat is None or silent <= max(limit, self._watchdog):
             return None
         running = self._late.status.running if self._late is not None else ""
         return f"hangs: no sign of life for {silent:.1f} s" + (f"; {running} does not return" if running else "")
@@ -99,6 +123,11 @@ class Pulse:
     def rates(self, now: float) -> tuple[dict[str, float], dict[str, float]]:
         """Messages per second that it publishes and receives, by topic; none where its last word is old."""
         return self._rates if now - self._heard_at < _FRESH else ({}, {})
+
+    @property
+    def lifecycle(self) -> str:
+        """The state of a managed node, as it said last; empty for a plain node, and before the first beat."""
+        return self._beat.status.lifecycle if self._beat is not None else ""
 
     @property
     def held_up(self) -> NodeStatus | None:

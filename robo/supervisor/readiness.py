@@ -59,6 +59,10 @@ class Readiness:
         """The node's liveliness token shows."""
         self._token.set()
 
+    def lose_token(self) -> None:
+        """It shows no more."""
+        self._token.clear()
+
     def see_line(self, text: str) -> None:
         """The child has printed a line."""
         if self._pattern is not None and self._pattern.search(text):

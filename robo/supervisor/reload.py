@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Coroutine, Iterable, Mapping, Sequence
 from functools import lru_cache
 from importlib.machinery import PathFinder
 from typing import Any, Protocol
@@ -54,6 +54,9 @@ class Run(Protocol):
     async def remove(self, name: str) -> None:
         """Stop a process, and go on without it."""
 
+    def renew(self, names: Collection[str]) -> None:
+        """Those of these full names are about to be started anew: what they share with nobody else is new too."""
+
 
 class Reload:
     """Goes on with another plan where files have changed: only what is different in it is touched."""
@@ -99,10 +102,22 @@ class Reload:
                     self._journal.warn(line)
             else:
                 self.take_over(plan)
-        for name in touched.keys() - {""}:
-            process = self._processes.get(name)
-            if process is not None and process.wanted:
-                self._tasks.do(process.restart(f"changed: {', '.join(sorted(touched[name]))}"))
+        self._start_again({name: files for name, files in touched.items() if name in self._processes})
+
+    def _start_again(self, touched: Mapping[str, set[str]]) -> None:
+        """Start processes again whose files have changed, by full name, and with code all that share a process."""
+        files = dict(touched)
+        for name, process in self._processes.items():
+            for other, changed in touched.items():
+                shared = process.plan.process
+                code = {file for file in changed if file.endswith(".py")}
+                if code and shared is not None and shared == self._processes[other].plan.process:
+                    files[name] = files.get(name, set()) | code
+        again = {name: self._processes[name] for name in files if self._processes[name].wanted}
+        if again:
+            self._run.renew(again.keys())
+        for name, process in again.items():
+            self._tasks.do(process.restart(f"changed: {', '.join(sorted(files[name]))}"))
 
     def take_over(self, plan: Plan) -> None:
         """Go on with another plan: only what is different in it is started, stopped, or started again."""

@@ -1,8 +1,8 @@
-"""The robot's router: a child of the run, started again when it dies."""
+"""The robot's router: a child of the run, started again when it dies or answers nobody any more."""
 
 import asyncio
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Protocol
 
 import msgspec
@@ -16,6 +16,17 @@ from robo.wire.network import Network
 _MODULE = "robo.process.router"
 _BREATH = 0.1
 """How long it stays away when it has died, s: one that dies at once must not keep a core busy."""
+LOOK_EVERY = 5.0
+"""How often somebody new knocks, s."""
+ANSWERS_WITHIN = 5.0
+"""How long one that is well takes at most to answer, on a machine under load, s."""
+MISSES = 2
+"""How often in a row there is no answer before it counts as hanging."""
+_PATIENCE = 1.0
+"""How long one that hangs is given to end by itself, s."""
+_UNIX_SOCKET = "unixsock-stream/"
+_EMPTY = b"\0\0"
+"""A frame of no bytes, which is no message of Zenoh's."""
 
 
 class Process(Protocol):
@@ -36,7 +47,7 @@ class Process(Protocol):
 
 
 class Journal(Protocol):
-    """Where a router's end is told."""
+    """Where a router's trouble is told."""
 
     def warn(self, text: str) -> None:
         """Tell what went wrong."""
@@ -52,6 +63,7 @@ class Router:
         environment: Mapping[str, str],
         template: Template | None,
         journal: Journal,
+        answers: Callable[[str], Awaitable[bool]] | None = None,
     ) -> None:
         """
         Args:
@@ -59,33 +71,74 @@ class Router:
             network: where it listens and what it dials.
             environment: of the process.
             template: what to fork it from; None to start it the usual way.
-            journal: is told when it has died.
+            journal: is told when it has died or hangs.
+            answers: tells whether the router at a unix socket answers a newcomer; by default it is tried.
         """
         self.network = network
         self._process = process
         self._environment = {**environment, NETWORK_VARIABLE: msgspec.json.encode(network).decode()}
         self._fork = template.module([_MODULE]) if template is not None else None
         self._journal = journal
+        self._answers = answers or _answers
+        self._entry = next(one for one in network.listen if one.startswith(_UNIX_SOCKET))
 
     @property
     def reached_at(self) -> str:
         """Where tools and other robots find it, for people."""
-        return ", ".join(one for one in self.network.listen if not one.startswith("unixsock"))
+        return ", ".join(one for one in self.network.listen if not one.startswith(_UNIX_SOCKET))
 
     async def start(self) -> None:
         """Start it."""
         await self._process.start([sys.executable, "-m", _MODULE], self._environment, fork=self._fork)
 
     async def keep(self) -> None:
-        """Start it again whenever it dies; nodes and tools find it again by themselves."""
+        """Start it again whenever it dies or hangs; nodes and tools find it again by themselves."""
         while True:
-            code = await self._process.wait()
-            self._journal.warn(f"the router ended with {describe_exit(code)}; starting it again")
+            ended = asyncio.create_task(self._process.wait())
+            hangs = asyncio.create_task(self._hangs())
+            try:
+                await asyncio.wait([ended, hangs], return_when=asyncio.FIRST_COMPLETED)
+                if ended.done():
+                    self._journal.warn(f"the router ended with {describe_exit(ended.result())}; starting it again")
+                else:
+                    hangs.result()
+                    self._journal.warn("the router runs, but answers nobody; starting it again")
+                    await self._process.stop(ended, patience=_PATIENCE)
+            finally:
+                ended.cancel()
+                hangs.cancel()
             await asyncio.sleep(_BREATH)
             await self.start()
+
+    async def _hangs(self) -> None:
+        """Return once it answers nobody any more."""
+        misses = 0
+        while misses < MISSES:
+            await asyncio.sleep(LOOK_EVERY)
+            misses = 0 if await self._answers(self._entry) else misses + 1
 
     async def stop(self) -> None:
         """Stop it; it takes leave of those that it is linked to."""
         if self._process.running:
             ended = asyncio.create_task(self._process.wait())
             await self._process.stop(ended, patience=LONGEST_LINGER + 1.0)
+
+
+async def _answers(endpoint: str) -> bool:
+    """Whether a router lets a newcomer in: who says something that means nothing is sent away at once.
+
+    A session of its own would show that too, but cost the router some memory each time.
+    """
+    try:
+        async with asyncio.timeout(ANSWERS_WITHIN):
+            reader, writer = await asyncio.open_unix_connection(endpoint.removeprefix(_UNIX_SOCKET))
+            try:
+                writer.write(_EMPTY)
+                await reader.read(1)
+            finally:
+                writer.close()
+    except TimeoutError:
+        return False
+    except OSError:
+        pass  # it has hung up already, or does not listen yet: only silence counts
+    return True

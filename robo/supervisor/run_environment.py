@@ -8,6 +8,7 @@ from robo.environment import (
     CONNECT_VARIABLE,
     LOG_LEVEL_VARIABLE,
     NAMESPACE_VARIABLE,
+    OWNER_VARIABLE,
     SPEC_VARIABLE,
     SUPERVISED_VARIABLE,
 )
@@ -53,8 +54,10 @@ class RunEnvironment:
             namespace=plan.namespace,
             settings=plan.settings,
             remappings=plan.remap,
+            qos=plan.qos,
             memory=self._memory_of(plan.full_name),
             needs=tuple(name for name, until in plan.needs.items() if until == "ready" and self._shows_token(name)),
+            autostart=plan.autostart,
             mode="peer" if self._direct else "client",
             connect=(self._router,),
             # A name of its own for each start: what was killed leaves its socket behind.
@@ -62,6 +65,7 @@ class RunEnvironment:
         )
         variables = {
             SPEC_VARIABLE: spec.as_json(),
+            OWNER_VARIABLE: plan.full_name,
             SUPERVISED_VARIABLE: "1",
         }
         if plan.service is None:

@@ -7,7 +7,7 @@ this module puts the parts of a run together, and lets them know of each other.
 import asyncio
 import os
 import time
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Collection, Coroutine, Mapping
 from typing import Any
 
 import msgspec
@@ -16,13 +16,14 @@ from robo.environment import LOG_LEVEL_VARIABLE, RUN_VARIABLE, WATCH_VARIABLE
 from robo.errors import NetworkError
 from robo.launch.plan import Plan, ProcessPlan
 from robo.machine import log_space
-from robo.machine.child import Child
+from robo.machine.child import Child, Spawned
 from robo.machine.custody import Custody
 from robo.machine.forks import Template
 from robo.machine.log_files import SUPERVISOR, LogFiles, RunInfo
 from robo.machine.log_writer import LogWriter
 from robo.machine.memory_kills import MemoryKills
-from robo.supervisor import consequences, needs
+from robo.machine.orphans import Left
+from robo.supervisor import consequences, instance, needs
 from robo.supervisor.changes import Changes
 from robo.supervisor.commands import Address, Commands
 from robo.supervisor.console import Console
@@ -35,6 +36,7 @@ from robo.supervisor.presence import Presence
 from robo.supervisor.reload import Reload
 from robo.supervisor.router import Router
 from robo.supervisor.run_environment import RunEnvironment
+from robo.supervisor.sharing import Houses, Lodger
 from robo.supervisor.sites import Sites
 from robo.supervisor.stopping import Stopping, end_within_limits, take_signals
 from robo.supervisor.tasks import Tasks
@@ -104,7 +106,7 @@ class Supervisor:
         self._log_writer = LogWriter(files, lambda line: self._journal.note_trouble(line))
         self._journal = journal = Journal(robot, console, self._log_writer)
         self._news = News(self._members, journal, options.notify)
-        self._stopping = Stopping(self._members, self.changes, journal)
+        self._stopping = stopping = Stopping(self._members, self.changes, journal)
         self._tasks = tasks = Tasks(self._on_task_failed)
         self._endpoint = endpoint = f"unixsock-stream/{custody.folder}/router.sock"
         self._environment = RunEnvironment(
@@ -113,11 +115,12 @@ class Supervisor:
         process = Child(custody.spawned, lambda _, line: console.line(SUPERVISOR, f"router: {line}"))
         network = msgspec.structs.replace(router, name=robot, listen=(endpoint, *router.listen))
         self._router = Router(process, network, environment, self.template, journal)
+        self._houses = Houses(custody.spawned, journal.shared_output, journal.left_behind)
         self._sites = Sites(robot, [e for e in router.connect if e not in router.listen], journal)
         self._claim = claim = claims.Claim(router, robot, [p.full_name for p in plan.processes], custody.run)
         self._presence = Presence(robot, plan.host, claim, self._members, self.changes, journal, self._stopping)
         address = Address(robot, custody.run, plan.host or discovery.hostname(), is_part=bool(plan.host))
-        self._commands = Commands(address, self._members, journal, self._sites, tasks, self._stopping, self.unmet)
+        self._commands = Commands(address, self._members, journal, self._sites, tasks, stopping, self.unmet, self.renew)
         read = options.reload
         self._reload = Reload(plan, read, self._members, journal, tasks, self) if read is not None else None
         self._topics = TopicWatch(promises(plan.topics, plan.processes))
@@ -181,7 +184,10 @@ class Supervisor:
         self._tasks.tend(self._look_after(), "the run")
 
     def _make(self, plan: ProcessPlan) -> None:
-        self._members[plan.full_name] = Member(plan, names.label(self._robot, plan.full_name), self)
+        label = names.label(self._robot, plan.full_name)
+        self._members[plan.full_name] = member = Member(
+            plan, label, self, lambda *hears: _child(self._houses, member, *hears)
+        )
 
     def _begin_life(self, name: str) -> None:
         self._lives[name] = self._tasks.tend(self._members[name].live(), name)
@@ -207,6 +213,10 @@ class Supervisor:
     def sigkill_hint(self) -> str:
         """What is to be said of a process that has just been ended by a SIGKILL that nobody here has sent."""
         return self._memory_kills.hint()
+
+    def left_behind(self, left: Left) -> None:
+        """A process was still there when the one that had started it was gone; it has been ended."""
+        self._journal.left_behind(left)
 
     def output(self, member: Member, stream: str, text: str) -> None:
         """A line that a process has printed."""
@@ -245,6 +255,11 @@ class Supervisor:
         self._presence.release(name)
         self.changes.notify()
 
+    def renew(self, names: Collection[str]) -> None:
+        """Nodes are about to be started anew, by full name: a process that they share with nobody else is new too."""
+        staying = [one.plan.process for name, one in self._members.items() if one.running and name not in names]
+        self._houses.renew({self._members[name].plan.process for name in names}.difference(staying))
+
     # -- while it runs -----------------------------------------------------------------------------
 
     async def _supervise(self) -> None:
@@ -280,19 +295,18 @@ class Supervisor:
             if self._reload is not None and not self._stopping.begun:
                 self._reload.look()
 
-    # -- the end -----------------------------------------------------------------------------------
-
     async def _end(self) -> None:
         """Leave nothing behind. What goes wrong with one thing keeps no other from its end."""
         steps: list[Callable[[], Coroutine[Any, Any, object] | None]] = [
             self._claim.close,
             self._stopping.stop_all,
+            self._houses.close,
             lambda: self._journal.event("down"),
             self._tasks.cancel,
             self._router.stop,
             lambda: self.template.close() if self.template is not None else None,
             self._presence.leave,
-            lambda: self._custody.sweep(self._journal.warn),
+            lambda: self._custody.sweep(self._journal.left_behind),
             self._custody.release,
             self._custody.remove_folder,
             lambda: self._journal.summarize(self._stopping.failed),
@@ -319,7 +333,8 @@ def run(plan: Plan, router: Network, options: RunOptions | None = None) -> int:
         The exit code for the command.
     """
     options = options or RunOptions()
-    console = Console(sorted({names.label(plan.robot, p.full_name) for p in plan.processes}))
+    named = {name for p in plan.processes for name in (p.full_name, p.process) if name is not None}
+    console = Console(sorted({names.label(plan.robot, name) for name in named}))
     return asyncio.run(_run(plan, router, console, options))
 
 
@@ -333,13 +348,19 @@ async def _run(plan: Plan, router: Network, console: Console, options: RunOption
     return await Supervisor(plan, router, console, environment, options, custody).run()
 
 
+def _child(houses: Houses, member: Member, spawned: Spawned, *hears: Any) -> instance.Child:
+    """A process of its own, or a place in one that it shares."""
+    process = member.plan.process
+    return Lodger(houses, process, member.label, *hears) if process else Child(spawned, *hears)
+
+
 def _may_link(plan: Plan) -> bool:
     """Whether the nodes of a plan link to each other: those of one robot, as long as they are few.
 
     Links grow with the square of the nodes, and nobody needs them between robots.
     """
     robots = {process.namespace.partition("/")[0] for process in plan.processes}
-    return len(robots) <= 1 and len(plan.processes) <= MOST_LINKED
+    return len(robots) <= 1 and len({one.process or one.full_name for one in plan.processes}) <= MOST_LINKED
 
 
 def _log_files(plan: Plan, router: Network, run: str) -> LogFiles:
@@ -352,6 +373,7 @@ def _log_files(plan: Plan, router: Network, run: str) -> LogFiles:
         pid=os.getpid(),
         nodes=[p.full_name for p in plan.processes],
         groups=[p.group for p in plan.processes],
+        processes=[p.process or "" for p in plan.processes],
         endpoints=list(router.listen),
     )
     return LogFiles(info)

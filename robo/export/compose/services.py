@@ -150,6 +150,7 @@ class Services:
                 command += ["-p", f"{name}:={as_word(value, types.get(name))}"]
         for old, new in process.remap.items():
             command += ["-r", f"{old}:={new}"]
+        command += ["--no-autostart"] if not process.autostart else []
         return [self._names.shown(word) for word in (*command, *process.args)]
 
     def _environment(self, process: ProcessPlan) -> dict[str, str]:
@@ -161,6 +162,8 @@ class Services:
             environment[MODE_VARIABLE] = "client"
         if process.log.level is not None:
             environment[LOG_LEVEL_VARIABLE] = process.log.level
+        if process.service is not None and process.qos:
+            environment[SPEC_VARIABLE] = NodeSpec(qos=process.qos).as_json()
         if process.service is None:
             spec = NodeSpec(
                 name=process.name,
@@ -168,6 +171,8 @@ class Services:
                 # Where each was said is a place on this machine.
                 settings={name: [Setting(value, "Compose file")] for name, value in process.parameters.items()},
                 remappings=process.remap,
+                autostart=process.autostart,
+                qos=process.qos,
                 mode="client",
                 connect=(router,),
             )
@@ -208,7 +213,8 @@ class Services:
 
 def _told_by_token(process: ProcessPlan) -> bool:
     # A command's own token is not enough for `robo health`, which also asks for the counters that a node has.
-    return process.service is not None and process.ready.when == "node"
+    # A node that waits in unconfigured shows none until somebody has activated it.
+    return process.service is not None and process.ready.when == "node" and process.autostart
 
 
 def _tells_health(process: ProcessPlan) -> bool:

@@ -7,8 +7,9 @@ changes go through `_transition`, which replaces the deadline too: at most one t
 |---|---|---|
 | waiting | | what it needs is there: spawning |
 | spawning | on its way | it is there: starting; it cannot be started: as if it had ended |
-| starting | runs | all that tells of readiness has come: ready; it takes too long: failing |
-| ready | runs | it hangs: failing; it ends: its policy decides |
+| starting | runs | all that tells of readiness has come: ready; it takes too long: failing; or as for ready |
+| ready | runs | it hangs: failing; it ends: its policy decides; a managed node is not active: standing by |
+| standby | runs | a managed node is active: ready; it hangs: failing; it ends: its policy decides |
 | failing | is being ended | it has ended: its policy decides |
 | restarting | is being ended, or on its way | it has ended: waiting |
 | stopping | is being ended, or on its way | it has ended: stopped |
@@ -43,6 +44,7 @@ class Phase(Enum):
     SPAWNING = auto()
     STARTING = auto()
     READY = auto()
+    STANDBY = auto()
     FAILING = auto()
     RESTARTING = auto()
     STOPPING = auto()
@@ -51,6 +53,9 @@ class Phase(Enum):
     FAILED = auto()
     COMPLETED = auto()
 
+
+UP = frozenset({Phase.STARTING, Phase.READY, Phase.STANDBY})
+"""Where a child runs that nobody has told to end."""
 
 FINISHED = frozenset({Phase.STOPPED, Phase.FAILED, Phase.COMPLETED})
 """Where nothing but a command starts it again."""
@@ -101,7 +106,7 @@ class Body(Protocol):
         """It has come to another state, or to another reason for it."""
 
 
-class Lifecycle:
+class ProcessLife:
     """The life of one process, over all its starts."""
 
     def __init__(self, plan: ProcessPlan, restarts: Restarts, clock: Callable[[], float], body: Body) -> None:
@@ -150,7 +155,7 @@ class Lifecycle:
     @property
     def unasked(self) -> bool:
         """Whether nobody here has asked the child to end."""
-        return self.wanted and self.phase in (Phase.STARTING, Phase.READY)
+        return self.wanted and self.phase in UP
 
     def needs_are(self, unmet: Sequence[str]) -> None:
         """What it needs has changed; `unmet` is what it still waits for, in words."""
@@ -189,14 +194,18 @@ class Lifecycle:
 
     def became_ready(self) -> None:
         """All that tells of readiness has come."""
-        if self.phase is not Phase.STARTING:
+        if self.phase not in (Phase.STARTING, Phase.STANDBY):
             return  # too late: the child is being ended
         self.ready_at = self._clock()
-        if self.restarts.storm:
-            why = f"back, but not yet for {self.plan.restart.reset_after:g} s"
-            self._transition(Phase.READY, "degraded", why)
-        else:
-            self._transition(Phase.READY, "ready", "")
+        why = f"back, but not yet for {self.plan.restart.reset_after:g} s" if self.restarts.storm else ""
+        self._transition(Phase.READY, "degraded" if why else "ready", why)
+
+    def stands_by(self, state: str) -> None:
+        """A managed node is in a state that is not active, as somebody wants it: that may last, and is no failure."""
+        if self.phase in (Phase.STARTING, Phase.READY):
+            self._transition(Phase.STANDBY, "standby", state)
+        elif self.phase is Phase.STANDBY:  # one that ends goes through its states on the way
+            self._show("standby", state)
 
     def checked(self, problem: str | None, hang: str | None = None) -> None:
         """It gives signs of life.
@@ -217,7 +226,7 @@ class Lifecycle:
 
     def hung(self, why: str) -> None:
         """It does not do its work. Where its policy would not start it again, it is left alone, and shown."""
-        if self.phase is not Phase.READY:
+        if self.phase not in (Phase.READY, Phase.STANDBY):
             return
         if self.plan.restart.policy == "never" and not self.plan.required:
             self._show("degraded", why)
@@ -240,7 +249,7 @@ class Lifecycle:
     def exited(self, code: int, words: str) -> None:
         """The child has ended: by its exit code, negative for a signal, and the same in words."""
         match self.phase:
-            case Phase.STARTING | Phase.READY | Phase.FAILING:
+            case Phase.STARTING | Phase.READY | Phase.STANDBY | Phase.FAILING:
                 self._settle(code, self.blame or (f"was {words}" if code < 0 else f"ended with {words}"))
             case Phase.STOPPING | Phase.RESTARTING:
                 self._end_as_asked()
@@ -264,7 +273,7 @@ class Lifecycle:
         """It is to run anew: a child that runs is ended first."""
         if self.wish is Wish.END:
             return
-        if self.wanted and self.phase in (Phase.STARTING, Phase.READY, Phase.FAILING):
+        if self.wanted and (self.phase in UP or self.phase is Phase.FAILING):
             self.restarts.count += 1
         self.wish = Wish.RUN
         match self.phase:
@@ -272,7 +281,7 @@ class Lifecycle:
                 self._transition(Phase.WAITING, self.state, self.reason)
             case Phase.SPAWNING | Phase.STOPPING | Phase.FAILING:
                 self._transition(Phase.RESTARTING, "restarting", why, self.deadline)
-            case Phase.STARTING | Phase.READY:
+            case Phase.STARTING | Phase.READY | Phase.STANDBY:
                 self._end(Phase.RESTARTING, "restarting", why, _in_turn(self.plan.stop))
             case _:
                 pass  # a new child is what comes next anyway
@@ -286,7 +295,7 @@ class Lifecycle:
                 self._end_as_asked()
             case Phase.SPAWNING | Phase.RESTARTING | Phase.FAILING:
                 self._transition(Phase.STOPPING, "stopping", "", self.deadline)
-            case Phase.STARTING | Phase.READY:
+            case Phase.STARTING | Phase.READY | Phase.STANDBY:
                 self._end(Phase.STOPPING, "stopping", "", _in_turn(self.plan.stop))
             case _:
                 pass  # it does not, or will not
