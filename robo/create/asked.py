@@ -1,29 +1,21 @@
 """What `robo create` is asked for: from the words of its command line to nodes with their topics and services."""
 
-import re
 from collections.abc import Callable, Collection, Sequence
 from typing import TypeVar
 
 import msgspec
 
 from robo.create import names
+from robo.create.licenses import license_fault
 from robo.create.types import ServiceUse, TypeUse, message_type, service_type
 from robo.errors import UsageError
 from robo.text.brief import shown
-from robo.text.suggestions import closest
 
 T = TypeVar("T")
 
 FIRST_NODE = "talker"
 FIRST_TOPIC = "chatter:std/String"
 """The node of a package for which nobody names one, and what it publishes."""
-
-LICENSES = (
-    "AGPL-3.0-or-later", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "BSL-1.0", "EUPL-1.2", "GPL-2.0-only",
-    "GPL-2.0-or-later", "GPL-3.0-only", "GPL-3.0-or-later", "ISC", "LGPL-2.1-or-later", "LGPL-3.0-or-later", "MIT",
-    "MIT-0", "MPL-2.0", "Unlicense", "Zlib",
-)  # fmt: skip
-"""Licenses by their SPDX names; `LicenseRef-…` names any other."""
 
 
 class TopicUse(msgspec.Struct, frozen=True):
@@ -118,11 +110,8 @@ def contents(asked: Asked, package: str) -> Contents:
 def about_faults(asked: Asked) -> list[str]:
     """What is wrong with the license and the description of a new package."""
     found = []
-    license_ = asked.license
-    if license_ is not None and license_ not in LICENSES and not re.fullmatch(r"LicenseRef-[A-Za-z0-9.-]+", license_):
-        close = {one.lower(): one for one in LICENSES}.get(license_.lower()) or closest(license_, LICENSES)
-        known = f"did you mean {close}?" if close else f"known are {', '.join(LICENSES)};"
-        found.append(f"license {shown(license_)}: {known} LicenseRef-NAME stands for one of your own")
+    if asked.license is not None and (fault := license_fault(asked.license)):
+        found.append(fault)
     if asked.description is not None and not (asked.description.strip() and asked.description.isprintable()):
         found.append(f"description {shown(asked.description)}: write one line of text")
     return found

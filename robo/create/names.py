@@ -29,7 +29,7 @@ USED = {"Annotated", "Clock", "Meta", "Node", "Parameters", "Publisher", "RunNod
 """Classes that the files of a node import beside messages."""
 _TAKEN_IN_CLASSES = {
     *dir(Node), "clock", "contract", "exit_code", "full_name", "logger", "memory", "name", "namespace", "parameters",
-    "count", "robo", "send", "service", "subscribe", "timer",
+    "qualities", "count", "robo", "send", "service", "subscribe", "timer",
 }  # fmt: skip
 """What a node has, and what the sample's has beside it and names in its class."""
 

@@ -16,6 +16,9 @@ import msgspec
 
 from robo.errors import UsageError
 
+REPORTS = "robo-test-"
+"""How the folders begin in which pytest's reports are until they are read; `own_report` knows them by it."""
+
 _SKIPPED = {"build", "dist", "node_modules", "site-packages", "venv", "__pycache__"}
 """Folders in which no packages are looked for, beside hidden ones."""
 
@@ -101,11 +104,16 @@ def run(package: Package, arguments: Sequence[str], *, beside_data: bool = False
 
     Returns:
         The result, and pytest's own report of it, as JUnit has it.
+
+    Raises:
+        UsageError: the arguments ask pytest for a report of its own.
     """
-    with tempfile.TemporaryDirectory(prefix="robo-test-") as folder:
+    if any(word.startswith(("--junit-xml", "--junitxml")) for word in arguments):
+        raise UsageError("robo test writes the report: robo test --junit FILE, before --")
+    with tempfile.TemporaryDirectory(prefix=REPORTS) as folder:
         report = Path(folder) / "report.xml"
         # The family that tells each test's file and line.
-        options = [f"--junit-xml={report}", "-o", "junit_family=xunit1", *arguments]
+        options = ["-p", "robo.packages.own_report", f"--junit-xml={report}", "-o", "junit_family=xunit1", *arguments]
         command = [sys.executable, "-m", "pytest", *options]
         with subprocess.Popen(command, cwd=package.folder, stdout=sys.stderr if beside_data else None) as pytest:
             try:
@@ -167,16 +175,18 @@ def _result(package: Package, code: int, suites: Sequence[ElementTree.Element]) 
     def total(what: str) -> int:
         return sum(int(suite.get(what, "0")) for suite in suites)
 
+    cases = [case for suite in suites for case in suite.iter("testcase")]
     return Result(
         package=package.name,
         folder=str(package.folder),
-        tests=total("tests"),
+        # A test that fails and whose fixture fails as well stands in the report twice.
+        tests=len({(case.get("classname"), case.get("name")) for case in cases}),
         failures=total("failures"),
         errors=total("errors"),
         skipped=total("skipped"),
         seconds=sum(float(suite.get("time", "0")) for suite in suites),
         exit_code=code,
-        failed=[failure for suite in suites for case in suite.iter("testcase") for failure in _failures(case)],
+        failed=[failure for case in cases for failure in _failures(case)],
     )
 
 

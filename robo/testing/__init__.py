@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from robo.testing.bench import NodeEnded
+    from robo.testing.call import Call, StillWaiting
     from robo.testing.clock import Clock
     from robo.testing.cut import CannotCut
+    from robo.testing.ending import NodeDied
+    from robo.testing.goal import Goal
     from robo.testing.launch import Launch
     from robo.testing.leaks import Leak
-    from robo.testing.node import Call, NodeUnderTest, NotThere, RunNode, StillWaiting
-    from robo.testing.robot import NodeDied, Robot
+    from robo.testing.node import NodeUnderTest, NotThere, RunNode
+    from robo.testing.robot import Robot
     from robo.testing.run import LaunchFailed
     from robo.testing.stepper import Hung
 
@@ -24,6 +27,7 @@ __all__ = [
     "Call",
     "CannotCut",
     "Clock",
+    "Goal",
     "Hung",
     "Launch",
     "LaunchFailed",
@@ -39,12 +43,15 @@ __all__ = [
 
 _HOMES = {
     "bench": ("NodeEnded",),
+    "call": ("Call", "StillWaiting"),
     "clock": ("Clock",),
     "cut": ("CannotCut",),
+    "ending": ("NodeDied",),
     "launch": ("Launch",),
     "leaks": ("Leak",),
-    "node": ("Call", "NodeUnderTest", "NotThere", "RunNode", "StillWaiting"),
-    "robot": ("NodeDied", "Robot"),
+    "goal": ("Goal",),
+    "node": ("NodeUnderTest", "NotThere", "RunNode"),
+    "robot": ("Robot",),
     "run": ("LaunchFailed",),
     "stepper": ("Hung",),
 }

@@ -25,7 +25,7 @@ class NodeEnded(AssertionError):
 
 
 class _Errors(logging.Handler):
-    """Keeps the exceptions that a node tells in its log: those of its callbacks, and what killed a thread."""
+    """Keeps the exceptions that a node tells in its log: what killed a thread, and those of its callbacks."""
 
     def __init__(self, errors: list[BaseException]) -> None:
         super().__init__(logging.ERROR)
@@ -33,7 +33,12 @@ class _Errors(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         if record.exc_info and record.exc_info[1] is not None:
-            self._errors.append(record.exc_info[1])
+            self.keep(record.exc_info[1])
+
+    def keep(self, error: BaseException) -> None:
+        """Keep one, unless it is there."""
+        if not any(error is one for one in self._errors):
+            self._errors.append(error)
 
 
 class Seat:
@@ -50,6 +55,7 @@ class Seat:
         """Whether the test has been told, or has asked, how it ended."""
         self._handler = _Errors(self.errors)
         self.node.logger.logger.addHandler(self._handler)
+        self.node._troubles.listener = self._handler.keep  # the log leaves out what is like the one before
 
     def close(self, timeout: float) -> None:
         """Let it leave the network."""
@@ -62,9 +68,14 @@ class Seat:
 class Bench:
     """Runs nodes in the test's process, one callback at a time."""
 
-    def __init__(self, session: zenoh.Session) -> None:
+    def __init__(self, session: zenoh.Session, patience: float) -> None:
+        """
+        Args:
+            session: the network of all of them.
+            patience: how long a callback may take, s of the wall clock.
+        """
         self.network = session
-        self.stepper = Stepper()
+        self.stepper = Stepper(patience)
         self.clock = Clock(self.stepper, self.settle)
         self.senders: list[TopicPublisher[Any]] = []
         """In whose names tests send."""
@@ -72,8 +83,8 @@ class Bench:
         self._hung = False
         self._level = logging.getLogger(log.ROOT).level
 
-    def start(self, node_class: type[Node], options: dict[str, Any]) -> Seat:
-        """Make a node and start it.
+    def start(self, node_class: type[Node], options: dict[str, Any], *, autostart: bool = True) -> Seat:
+        """Make a node and start it; a managed one is brought to active, unless `autostart` is false.
 
         Raises:
             Exception: what the node raised while it was made or started; then nothing of it runs.
@@ -88,7 +99,7 @@ class Bench:
         seat = Seat(node_class(**options, session=given, clock=self.clock), session)
         try:
             with self.stepper.held():
-                seat.node.start()
+                seat.node.start(autostart=autostart)
         except BaseException:
             seat.ended = True
             seat.close(0)

@@ -7,7 +7,8 @@ import threading
 from collections.abc import Callable
 
 from robo.node import clock
-from robo.testing.stepper import Stepper
+from robo.testing.stage import Stage
+from robo.testing.stepper import Barrier, Stepper
 from robo_messages import Time
 
 BEGIN = 1_000_000_000_000_000_000
@@ -30,6 +31,8 @@ class Clock(clock.Clock):
         self._settle = settle
         self.time_ns = lambda: BEGIN + stepper.now
         self.arrival_ns = lambda: stepper.now
+        self.barrier = lambda: Barrier(stepper)
+        self.stage = Stage(stepper)
 
     @property
     def patience(self) -> float:

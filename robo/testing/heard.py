@@ -65,19 +65,21 @@ class Heard:
             kept = list(topic.kept) if topic is not None else []
         return [_decoded(message) for message in kept]
 
-    def wait_for(self, key: str, condition: Callable[[Any], bool], timeout: float) -> Any:
+    def wait_for(self, key: str, condition: Callable[[Any], bool], timeout: float, *, anew: bool = False) -> Any:
         """The first message of a topic that fulfils a condition, of those that are kept and those to come.
 
         Args:
             key: of the topic.
             condition: what it has to fulfil.
             timeout: how long to wait, s.
+            anew: only of those to come.
 
         Raises:
             LookupError: there is none in time.
         """
         end = time.monotonic() + timeout
-        looked = -1
+        with self._changed:
+            looked = self._topics[key].count - 1 if anew and key in self._topics else -1
         while True:
             with self._changed:
                 topic = self._topics.get(key)
@@ -92,6 +94,20 @@ class Heard:
                 decoded = _decoded(message)
                 if condition(decoded):
                     return decoded
+
+    def wait_for_count(self, key: str, count: int, timeout: float) -> None:
+        """Wait until so many messages of a topic are kept.
+
+        Raises:
+            LookupError: they do not come in time.
+        """
+
+        def there() -> bool:
+            return key in self._topics and len(self._topics[key].kept) >= count
+
+        with self._changed:
+            if not self._changed.wait_for(there, timeout):
+                raise LookupError(key)
 
     def clear(self) -> None:
         """Forget what has been heard so far."""

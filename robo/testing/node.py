@@ -11,17 +11,18 @@ import msgspec
 import zenoh
 
 import robo_messages
-from robo.errors import ParameterError, ServiceError
+from robo.errors import ParameterError
 from robo.node.contract import check_constructor
 from robo.node.declare import Publisher
 from robo.node.node import Node
 from robo.node.topics import TopicPublisher, endpoint_token
 from robo.testing.bench import CLOSE_TIMEOUT, Bench, NodeEnded, Seat
+from robo.testing.call import Call
+from robo.testing.goal import Goal
 from robo.testing.session import NodeSession
 from robo.text.suggestions import suggest
 from robo.wire import codec, keys, names
-from robo.wire.qos import DEFAULT_DEPTH
-from robo.wire.queries import Fault, read_fault
+from robo.wire.qos import QoS
 from robo.wire.reports import Result
 from robo_messages import Message
 
@@ -34,61 +35,6 @@ SENDER = "test"
 
 class NotThere(AssertionError):
     """The node under test has no such topic or service."""
-
-
-class StillWaiting(AssertionError):
-    """What a test asked for does not come unless the test lets time pass."""
-
-
-class Call:
-    """A call of a service that may not have been answered yet."""
-
-    def __init__(self, name: str, replies: Any, bench: Bench, seat: Seat) -> None:
-        self._name = name
-        self._replies = replies
-        self._bench = bench
-        self._seat = seat
-        self._answer: zenoh.Reply | None = None
-
-    def done(self) -> bool:
-        """Whether the answer is there."""
-        if self._answer is None:
-            try:
-                self._answer = self._replies.try_recv()
-            except zenoh.ZError:
-                raise ServiceError(f"service {self._name}: its node went away without an answer") from None
-        return self._answer is not None
-
-    def result(self) -> Any:
-        """The answer, as a message of the type that its node declared.
-
-        Raises:
-            ServiceError: the handler raised; what it raised is the cause.
-            StillWaiting: the answer is not there, and comes only when time goes on.
-        """
-        self._bench.settle_quietly()
-        if not self.done():
-            asleep = ", ".join(f"{name} for {left:g} s" for name, left in self._bench.stepper.sleepers())
-            text = f"service {self._name} has not answered; use begin_call(), and clock.advance() before result()"
-            raise StillWaiting(f"{text}. These wait for the time: {asleep or 'none'}")
-        assert self._answer is not None
-        sample = self._answer.ok
-        if sample is None:
-            fault = read_fault(self._answer) or Fault("ServiceTimeout", "no answer")
-            text = f"service {self._name}: {fault.error}: {fault.message}"
-            raise ServiceError(text, fault.error, fault.message) from self._cause(fault)
-        self._bench.complain()
-        payload, encoding = sample.payload.to_bytes(), str(sample.encoding)
-        response = robo_messages.find_type(encoding.partition(";")[2])
-        return codec.Decoder(response).decode(payload, encoding)
-
-    def _cause(self, fault: Fault) -> BaseException | None:
-        """What the handler raised: it has been told with this."""
-        for error in self._seat.errors:
-            if type(error).__name__ == fault.error:
-                self._seat.errors.remove(error)
-                return error
-        return None
 
 
 class NodeUnderTest(Generic[N]):
@@ -148,17 +94,20 @@ class NodeUnderTest(Generic[N]):
         self._bench.settle()
         self._seat.session.sent.clear()
 
-    def wait_for(self, topic: str, condition: Callable[[Any], bool] = lambda _: True, timeout: float = 5.0) -> Any:
+    def wait_for(
+        self, topic: str, condition: Callable[[Any], bool] = lambda _: True, timeout: float | None = None
+    ) -> Any:
         """Wait for a message that comes from a thread of the node's own, which no clock of a test steps.
 
         Args:
             topic: as for `published`.
             condition: what the message has to fulfil.
-            timeout: how long to wait, s of the wall clock.
+            timeout: how long to wait, s of the wall clock; by default the clock's patience.
 
         Returns:
             The first such message, be it one that is there already.
         """
+        timeout = self._bench.clock.patience if timeout is None else timeout
         end = time.monotonic() + timeout
         while True:
             for message in self.published(topic):
@@ -199,6 +148,52 @@ class NodeUnderTest(Generic[N]):
             wanted = robo_messages.type_name(declared[key].request_type)
             raise TypeError(f"service {service} takes {wanted}, not {type(request).__name__}")
         return self._ask(key, msgspec.msgpack.encode(request), codec.encoding_of(type(request)))
+
+    def change_state(self, transition: str) -> bool:
+        """Take a managed node through a transition, as `robo lifecycle set` does.
+
+        Args:
+            transition: `configure`, `activate`, `deactivate`, `cleanup` or `shutdown`.
+
+        Returns:
+            Whether its hook succeeded.
+
+        Raises:
+            NotThere: it is no managed node.
+            LifecycleError: there is no such transition in its present state; says which there are.
+            Exception: what a hook raised.
+        """
+        from robo.node.managed import LifecycleNode
+        from robo_messages import lifecycle
+
+        node = self._living()
+        if not isinstance(node, LifecycleNode):
+            raise NotThere(f"{node.full_name} is a plain node; a managed one derives from LifecycleNode")
+        node.check_transition(transition)
+        request = lifecycle.ChangeState.Request(transition=lifecycle.Transition(label=transition))
+        return bool(self.call("~/change_state", request).success)
+
+    def send_goal(self, action: str, goal: Message) -> Goal:
+        """Send a goal to an action of the node.
+
+        Args:
+            action: its name.
+            goal: what to do.
+
+        Returns:
+            The goal, which the node has taken; `clock.advance(…)` lets its handler go on.
+
+        Raises:
+            NotThere: the node has no such action.
+            ActionError: it refuses the goal.
+        """
+        node, key = self._living(), self.node.resolve(action)
+        declared = {node.resolve(one.action): one.types for one in node.contract.actions}
+        if key not in declared:
+            raise NotThere(f"{node.full_name} has no action {action}; {suggest(key, declared)}")
+        sent = Goal(declared[key], key, self._bench, self._seat, next(self._numbers))
+        sent.send(goal)
+        return sent
 
     def set(self, **values: object) -> None:
         """Change parameters, as `robo param set` does: all of them, or none.
@@ -244,16 +239,7 @@ class NodeUnderTest(Generic[N]):
         return self.node
 
     def _ask(self, key: str, payload: bytes, encoding: str) -> Call:
-        bench = self._bench
-        replies = bench.network.get(
-            key,
-            payload=payload,
-            encoding=encoding,
-            attachment=codec.pack_attachment(next(self._numbers), bench.clock.time_ns()),
-            timeout=_ANSWER_TIMEOUT,
-            consolidation=zenoh.ConsolidationMode.NONE,
-        )
-        return Call(key, replies, bench, self._seat)
+        return Call.begin(self._bench, self._seat, next(self._numbers), key, payload, encoding)
 
     def _subscribed(self, topic: str, kind: type[Message]) -> str:
         node = self._living()
@@ -277,7 +263,7 @@ class NodeUnderTest(Generic[N]):
         if made is None:
             session: Any = NodeSession(self._bench.network, self._bench.stepper)
             namespace, _, name = names.absolute(source, self.node.namespace)[1:].rpartition("/")
-            token = endpoint_token(namespace, name, "pub", kind, DEFAULT_DEPTH, key)
+            token = endpoint_token(namespace, name, "pub", kind, QoS.DEFAULT, key)
             made = self._senders[source, key, kind] = TopicPublisher(session, token, kind, self._bench.clock)
             self._bench.senders.append(made)
         return cast(TopicPublisher[M], made)
@@ -291,10 +277,6 @@ class NodeUnderTest(Generic[N]):
             for sent in session.sent
             if sent.key == key
         ]
-
-
-_ANSWER_TIMEOUT = 3600.0
-"""How long a question stays open, s: the patience of the bench ends long before."""
 
 
 class RunNode:
@@ -312,6 +294,7 @@ class RunNode:
         namespace: str = "",
         remap: Mapping[str, str] | None = None,
         parameters: Mapping[str, object] | None = None,
+        autostart: bool = True,
         **values: object,
     ) -> NodeUnderTest[N]:
         """Make a node, start it, and wait until it has nothing left to do.
@@ -322,6 +305,7 @@ class RunNode:
             namespace: where its relative names live; by default the root.
             remap: other names for topics and services, from declared name to new name.
             parameters: values over the declared defaults, by name.
+            autostart: whether a managed node is brought to active; else the test does it, with `change_state`.
             values: more of them: `rate=10.0`.
 
         Raises:
@@ -335,5 +319,5 @@ class RunNode:
             "remappings": remap,
             "parameters": {**(parameters or {}), **values},
         }
-        seat = self._bench.start(node_class, options)
+        seat = self._bench.start(node_class, options, autostart=autostart)
         return NodeUnderTest(self._bench, seat, cast(N, seat.node))

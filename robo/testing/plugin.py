@@ -18,6 +18,15 @@ if TYPE_CHECKING:
     from robo.testing.node import RunNode
 
 
+_PATIENCE = "10"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Declare what a project may set for all its tests."""
+    told = f"how long a test waits for robots, and for callbacks of nodes, unless it says otherwise, s ({_PATIENCE})"
+    parser.addini("robo_patience", told, default=_PATIENCE)
+
+
 _EXIT_CODE = pytest.StashKey[int]()
 
 
@@ -41,8 +50,10 @@ _LAUNCH = pytest.StashKey["Launch"]()
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """Show with a test that has failed what its robots were about."""
     report = yield
-    if report.failed and _LAUNCH in item.stash:
-        report.sections += [(f"robot {robot.name}", robot.report()) for robot in item.stash[_LAUNCH].robots]
+    if report.failed:
+        starters = [node.stash[_LAUNCH] for node in item.listchain() if _LAUNCH in node.stash]
+        robots = [robot for starter in starters for robot in starter.robots]
+        report.sections += [(f"robot {robot.name}", robot.report()) for robot in robots]
     return report
 
 
@@ -71,10 +82,10 @@ def robo_session(nothing_left: None, monkeypatch: pytest.MonkeyPatch) -> Iterato
 
 
 @pytest.fixture
-def _robo_bench(robo_session: zenoh.Session) -> Iterator[Bench]:
+def _robo_bench(robo_session: zenoh.Session, request: pytest.FixtureRequest) -> Iterator[Bench]:
     from robo.testing.bench import Bench
 
-    bench = Bench(robo_session)
+    bench = Bench(robo_session, _patience(request.config))
     yield bench
     bench.close()
 
@@ -99,9 +110,34 @@ def launch(
 ) -> Iterator[Launch]:
     """Starts robots: real processes, at ports and in folders of this test alone; they end with the test."""
     del nothing_left  # it looks once they have ended
+    yield from _launch(request, tmp_path_factory)
+
+
+@pytest.fixture(scope="module")
+def module_launch(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Launch]:
+    """As `launch`, for fixtures of a module's own: a robot that several tests look at ends after the last of them."""
+    from robo.testing.leaks import Before
+
+    before = Before()
+    yield from _launch(request, tmp_path_factory)
+    before.check()
+
+
+def _launch(request: pytest.FixtureRequest, folders: pytest.TempPathFactory) -> Iterator[Launch]:
     from robo.testing.launch import Launch
 
-    starter = Launch(lambda: tmp_path_factory.mktemp("robot"), request.config.rootpath)
+    starter = Launch(lambda: folders.mktemp("robot"), request.config.rootpath, _patience(request.config))
     request.node.stash[_LAUNCH] = starter
     yield starter
     starter.close()
+
+
+def _patience(config: pytest.Config) -> float:
+    said = config.getini("robo_patience")
+    try:
+        seconds = float(said)
+    except (TypeError, ValueError):
+        seconds = 0.0
+    if not seconds > 0:
+        raise pytest.UsageError(f"robo_patience = {said}: say how many seconds, such as {_PATIENCE}")
+    return seconds

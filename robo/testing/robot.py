@@ -3,41 +3,30 @@
 from __future__ import annotations
 
 import itertools
-import os
-import signal
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from typing import Any
 
 import msgspec
 import zenoh
 
-from robo.errors import NodeNotFound, RunError
+from robo.errors import RunError
 from robo.interfaces import catalogue
-from robo.machine import orphans
 from robo.node.services import ask
-from robo.testing.cut import Cut
+from robo.testing import ending
 from robo.testing.heard import Heard
-from robo.testing.run import LaunchFailed, Run
+from robo.testing.nodes import Nodes
+from robo.testing.run import Run
 from robo.text.suggestions import suggest
-from robo.tools import nodes, parameters, runs
+from robo.tools import nodes, parameters
 from robo.wire import codec, names
 from robo.wire.keys import NodeToken
-from robo.wire.reports import Exit, ProcessStatus
+from robo.wire.reports import ProcessStatus
 from robo_messages import Message
 
-TIMEOUT = 10.0
-"""How long a test waits for a robot, s, unless it says otherwise."""
-
 _LOOK = 0.05
-"""How often a robot is asked how it is, s."""
-
-_FINE = ("ready", "completed", "stopped")
-
-
-class NodeDied(AssertionError):
-    """A process of a robot ended, or hung, and the test has not brought that about."""
+"""How often it is looked whether there is a service, s."""
 
 
 class Robot:
@@ -46,21 +35,19 @@ class Robot:
     Names are relative to the namespace that all its nodes share (`odom`), or absolute (`/clock`).
     """
 
-    def __init__(self, run: Run, session: zenoh.Session, may_die: Sequence[str]) -> None:
+    def __init__(self, run: Run, session: zenoh.Session, may_die: Sequence[str], patience: float) -> None:
         self.name = run.robot
         """What it is called."""
         self.endpoint = run.endpoint
         """Where it is reached: for `robo … --connect`, and for plain Zenoh clients."""
         self.session = session
         """A session on its network."""
+        self.patience = patience
+        """How long a test waits for it, s, where it does not say otherwise."""
         self._run = run
-        self._may_die = set(may_die)
+        self._nodes = Nodes(run, session, may_die)
         self._heard = Heard(session, "**")
         self._numbers = itertools.count(1)
-        self._cuts: dict[str, Cut] = {}
-        self._paused: dict[str, int] = {}
-        self._run_id = ""
-        self._namespace = ""
 
     # -- messages ----------------------------------------------------------------------------------------------------
 
@@ -68,23 +55,42 @@ class Robot:
         """What was published on a topic since the start, or since `clear`, as far as it came here; in order."""
         return self._heard.messages(self._key(topic))
 
-    def wait_for(self, topic: str, condition: Callable[[Any], bool] = lambda _: True, timeout: float = TIMEOUT) -> Any:
+    def wait_for(
+        self,
+        topic: str,
+        condition: Callable[[Any], bool] = lambda _: True,
+        timeout: float | None = None,
+        *,
+        new: bool = False,
+    ) -> Any:
         """Wait for a message.
 
         Args:
             topic: where.
             condition: what it has to fulfil.
-            timeout: how long to wait, s.
+            timeout: how long to wait, s; by default `patience`.
+            new: whether it has to come from now on.
 
         Returns:
-            The first such message since the start, or since `clear`: it may be there already.
+            The first such message since the start, or since `clear`: it may be there already, unless it has to be new.
         """
+        timeout = self._limit(timeout)
         try:
-            return self._heard.wait_for(self._key(topic), condition, timeout)
+            return self._heard.wait_for(self._key(topic), condition, timeout, anew=new)
         except LookupError:
             count = len(self.messages(topic))
             came = f"{count} others came" if count else f"none came; {suggest(self._key(topic), self._heard.topics())}"
             raise AssertionError(f"no such message on {topic} within {timeout:g} s: {came}") from None
+
+    def wait_for_count(self, topic: str, count: int, timeout: float | None = None) -> list[Any]:
+        """All messages since the start, or since `clear`, once there are so many."""
+        timeout = self._limit(timeout)
+        try:
+            self._heard.wait_for_count(self._key(topic), count, timeout)
+        except LookupError:
+            there = len(self.messages(topic))
+            raise AssertionError(f"{there} messages on {topic} within {timeout:g} s, not {count}") from None
+        return self.messages(topic)
 
     def clear(self) -> None:
         """Forget the messages so far."""
@@ -97,13 +103,14 @@ class Robot:
 
     # -- nodes -------------------------------------------------------------------------------------------------------
 
-    def call(self, service: str, request: Message, timeout: float = TIMEOUT) -> Any:
+    def call(self, service: str, request: Message, timeout: float | None = None) -> Any:
         """Call a service, once there is one.
 
         Raises:
             ServiceError: its handler raised.
             ServiceTimeout: nobody serves it, or it took longer than `timeout` seconds.
         """
+        timeout = self._limit(timeout)
         end, key = time.monotonic() + timeout, self._key(service)
         querier = self.session.declare_querier(key, target=zenoh.QueryTarget.ALL_COMPLETE)
         status: Any = querier.matching_status  # Zenoh's stub says bool, it is an object
@@ -137,53 +144,69 @@ class Robot:
 
     def processes(self) -> list[ProcessStatus]:
         """Its processes, as `robo ps` shows them."""
-        return runs.processes(self.session, self.name)
+        return self._nodes.processes()
 
-    def wait_until_ready(self, timeout: float = 30.0) -> None:
-        """Wait until all processes are ready, again where one was killed.
+    def process(self, node: str) -> ProcessStatus:
+        """One of its processes.
+
+        Raises:
+            NodeNotFound: there is no such node.
+        """
+        return self._nodes.process(node)
+
+    def wait_until(
+        self, node: str, condition: Callable[[ProcessStatus], bool], timeout: float | None = None
+    ) -> ProcessStatus:
+        """Wait until something is true of a process: `robot.wait_until("arm", lambda arm: arm.restarts == 1)`.
+
+        Returns:
+            The process as it is then.
+        """
+        return self._nodes.wait_until(node, condition, self._limit(timeout))
+
+    def wait_until_ready(self, timeout: float | None = None) -> None:
+        """Wait until all processes are ready, again where one was killed; of those that may die, until they are down.
 
         Raises:
             LaunchFailed: one fails, the run ends, or it takes longer than `timeout` seconds.
         """
-        end = time.monotonic() + timeout
-        while True:
-            there = self._processes_so_far()
-            if there and all(one.state in _FINE for one in there):
-                self._run_id, self._namespace = there[0].run, _shared_namespace(one.node for one in there)
-                return
-            broken = [one for one in there if self._is_broken(one)]
-            unready = [one for one in there if one.state not in _FINE]
-            if broken:
-                raise LaunchFailed(f"{self._run.manifest}: {'; '.join(map(_state, broken))}")
-            if self._run.is_over():
-                raise LaunchFailed(f"{self._run.manifest}: the run has ended\n{self._run.printed()}")
-            if time.monotonic() > end:
-                what = "; ".join(map(_state, unready)) or "its supervisor does not answer"
-                raise LaunchFailed(f"{self._run.manifest}: not ready within {timeout:g} s: {what}")
-            time.sleep(_LOOK)
+        self._nodes.wait_until_ready(self._limit(timeout))
+
+    def wait_until_over(self, timeout: float | None = None) -> int:
+        """Wait until the run ends by itself, as one does that plays a log.
+
+        Returns:
+            Its exit code.
+
+        Raises:
+            LaunchFailed: it goes on for longer than `timeout` seconds.
+        """
+        return self._run.wait_until_over(self._limit(timeout))
+
+    # -- output ------------------------------------------------------------------------------------------------------
+
+    @property
+    def output(self) -> str:
+        """What the run has printed so far: the lines of its nodes and its supervisor."""
+        return self._run.printed()
+
+    def wait_for_line(self, text: str, timeout: float | None = None) -> str:
+        """The first line of the output that holds a text, be it there already."""
+        return self._run.wait_for_line(text, self._limit(timeout))
 
     # -- faults ------------------------------------------------------------------------------------------------------
 
     def kill(self, node: str) -> None:
         """End a process as SIGKILL does, and wait until its supervisor has seen it, which does as the manifest says."""
-        pid = self._expected(node)
-        os.kill(pid, signal.SIGKILL)
-        end = time.monotonic() + TIMEOUT
-        while any(one.pid == pid for one in self._processes_so_far()):
-            if time.monotonic() > end:
-                raise LaunchFailed(f"the supervisor has not seen within {TIMEOUT:g} s that {node} was killed")
-            time.sleep(_LOOK)
+        self._nodes.kill(node)
 
     def pause(self, node: str) -> None:
         """Stop a process where it is, until `resume`; a watchdog finds that it hangs."""
-        pid = self._expected(node)
-        self._paused[node] = pid
-        os.kill(pid, signal.SIGSTOP)
+        self._nodes.pause(node)
 
     def resume(self, node: str) -> None:
         """Let a paused process go on."""
-        with suppress(ProcessLookupError):  # its watchdog was quicker
-            os.kill(self._paused.pop(node), signal.SIGCONT)
+        self._nodes.resume(node)
 
     def cut(self, node: str) -> None:
         """Cut a node off the network, until `mend`: its connections break, and it gets no new ones (Linux).
@@ -191,11 +214,11 @@ class Robot:
         Raises:
             CannotCut: the system does not let one process do that to another.
         """
-        self._cuts[node] = Cut(self._expected(node))
+        self._nodes.cut(node)
 
     def mend(self, node: str) -> None:
         """Let a node that was cut off join the network again."""
-        self._cuts.pop(node).mend()
+        self._nodes.mend(node)
 
     # -- the end -----------------------------------------------------------------------------------------------------
 
@@ -203,7 +226,7 @@ class Robot:
         """What helps where a test fails: each node's state and last lines, each topic's last message."""
         lines = [f"{self._run.manifest} as {self.name}, at {self.endpoint}"]
         with suppress(RunError, zenoh.ZError):
-            lines += [f"  {_state(one)}" for one in self.processes()]
+            lines += [f"  {ending.state_of(one)}" for one in self.processes()]
         return "\n".join(
             [*lines, self._run.last_lines(), "last messages:", *(f"  {one}" for one in self._heard.last())]
         )
@@ -213,82 +236,28 @@ class Robot:
 
         Raises:
             NodeDied: a process had died or hung, and the test has not brought that about.
-            LaunchFailed: it did not end as it should, or left processes behind.
+            Leak: a node had left processes of its own behind.
+            LaunchFailed: it did not end as it should.
         """
         with ExitStack() as ends:
-            ends.callback(self._end)
-            for node in list(self._paused):
-                ends.callback(self.resume, node)
-            for node in list(self._cuts):
-                ends.callback(self.mend, node)
             ends.callback(self._heard.close)
-            died = self._deaths()
-        if died:
-            raise NodeDied("\n".join([*died, "if that is meant: launch(…, may_die=[NODE])"]))
+            ends.callback(self._nodes.undo)
+            faults = list(ending.died(self._run, self.session, self._nodes.is_expected)) if self._nodes.run_id else []
+        faults += ending.ended(self._run, self.session, self._nodes.run_id, self._nodes.is_expected)
+        if faults:
+            for other in faults[1:]:
+                faults[0].add_note(f"{type(other).__name__}: {other}")
+            raise faults[0]
 
-    def _end(self) -> None:
-        late = self._run.end()
-        left = orphans.sweep(self._run_id) if self._run_id else []
-        if late:
-            raise LaunchFailed(f"{self._run.manifest}: {late}\n{self._run.printed()}")
-        if left:
-            raise LaunchFailed(f"{self._run.manifest}: it has left the processes {', '.join(map(str, left))} behind")
-
-    def _deaths(self) -> list[str]:
-        """What has died by itself, with its last words."""
-        if not self._run_id:
-            return []  # it never was ready, and the test has been told
-        if self._run.is_over():
-            return [f"{self._run.manifest}: the run has ended by itself\n{self._run.printed()}"]
-        found = []
-        for one in runs.explain(self.session, runs.Target(self.name), []):
-            bad = [end for end in one.exits if end.exit_code]
-            if bad and not self._is_expected(one.process):
-                found.append(_death(one.process, bad[-1]))
-        return found
-
-    def _is_broken(self, process: ProcessStatus) -> bool:
-        return process.state == "failed" or (process.state == "degraded" and not self._is_expected(process))
-
-    def _is_expected(self, process: ProcessStatus) -> bool:
-        return any(process.name.is_meant(name) for name in self._may_die)
-
-    def _expected(self, node: str) -> int:
-        """The process of a node; what becomes of it now is the test's doing."""
-        there = self.processes()
-        meant = [one for one in there if one.name.is_meant(node)]
-        if len(meant) != 1:
-            raise NodeNotFound(f"{self.name} has no node {node}; {suggest(node, (one.name.label for one in there))}")
-        if meant[0].pid is None:
-            raise RunError(f"{node} does not run: {_state(meant[0])}")
-        self._may_die.add(meant[0].node)
-        return meant[0].pid
-
-    def _processes_so_far(self) -> list[ProcessStatus]:
-        try:
-            return self.processes()
-        except RunError:  # it is just coming, or going
-            return []
+    def _limit(self, timeout: float | None) -> float:
+        return self.patience if timeout is None else timeout
 
     def _node(self, name: str) -> NodeToken:
-        return nodes.find_node(nodes.list_nodes(self.session), name if name.startswith("/") else self._full(name))
+        there = nodes.list_nodes(self.session, inactive=True)
+        return nodes.find_node(there, name if name.startswith("/") else self._full(name))
 
     def _full(self, name: str) -> str:
-        return names.absolute(name, self._namespace)
+        return names.absolute(name, self._nodes.namespace)
 
     def _key(self, name: str) -> str:
-        return names.absolute(name, self._namespace).strip("/")
-
-
-def _shared_namespace(full_names: Iterable[str]) -> str:
-    """The namespace that nodes have in common, without outer slashes; empty for the root."""
-    return os.path.commonpath([name.rpartition("/")[0] or "/" for name in full_names]).strip("/")
-
-
-def _state(one: ProcessStatus) -> str:
-    hangs = f", {one.running} has been running for {one.running_for:.1f} s" if one.running else ""
-    return f"{one.name.label} is {one.state}{f', {one.reason}' if one.reason else ''}{hangs}"
-
-
-def _death(process: ProcessStatus, end: Exit) -> str:
-    return "\n".join([f"{process.name.label} has died: {end.reason}", *(f"  {line}" for line in end.last_lines)])
+        return names.absolute(name, self._nodes.namespace).strip("/")

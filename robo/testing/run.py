@@ -16,10 +16,15 @@ from pathlib import Path
 
 from robo.environment import LOG_FOLDER_VARIABLE
 from robo.errors import RunError
+from robo.machine.log_files import SUPERVISOR
+from robo.machine.orphans import Left
 from robo.tools import logs
 
 STOP_TIMEOUT = 20.0
 """How long a run may take to end, s: what its processes are granted, and then some."""
+
+_LOOK = 0.02
+"""How often one looks at what it has printed, s."""
 
 _SHOWN = 10
 """How many lines of each node are shown."""
@@ -43,6 +48,8 @@ class Run:
         """
         self.manifest = manifest
         self.robot = robot
+        self.was_awaited = False
+        """Whether it has ended and the test wanted that."""
         self._port = _free_port()
         self.endpoint = f"tcp/127.0.0.1:{self._port}"
         self._logs = folder / "logs"
@@ -58,6 +65,19 @@ class Run:
                 stdout=output,
                 stderr=subprocess.STDOUT,
             )
+
+    def wait_until_over(self, timeout: float) -> int:
+        """Wait until it ends by itself; returns its exit code.
+
+        Raises:
+            LaunchFailed: it goes on.
+        """
+        try:
+            code = self._process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            raise LaunchFailed(f"{self.manifest}: the run still goes on after {timeout:g} s") from None
+        self.was_awaited = True
+        return code
 
     def is_over(self) -> bool:
         """Whether it has ended."""
@@ -78,6 +98,18 @@ class Run:
                 raise LaunchFailed(f"{self.manifest}: nothing listens within {timeout:g} s\n{self.printed()}")
             time.sleep(0.01)
 
+    def wait_for_line(self, text: str, timeout: float) -> str:
+        """The first line that it has printed, or prints, with a text in it."""
+        end = time.monotonic() + timeout
+        while True:
+            last_look = self.is_over() or time.monotonic() > end
+            line = next((line for line in self.printed().splitlines() if text in line), None)
+            if line is not None:
+                return line
+            if last_look:
+                raise AssertionError(f"no line of the run holds {text!r}, within {timeout:g} s or before its end")
+            time.sleep(_LOOK)
+
     def printed(self) -> str:
         """All that it has printed."""
         return self._output.read_text(errors="replace").rstrip()
@@ -95,6 +127,15 @@ class Run:
             kept[record.node].append(" ".join(filter(None, words)))
         silent = [f"{label}: no line" for label in run.labels if label not in kept]
         return "\n".join([*(line for label, lines in sorted(kept.items()) for line in (f"{label}:", *lines)), *silent])
+
+    def left_behind(self) -> list[Left]:
+        """What its supervisor had to end of that which nodes had started; with labels for nodes."""
+        try:
+            run = logs.find_run(self.robot, None, self._logs)
+        except RunError:
+            return []
+        told = (Left.read(record.message) for record in logs.read(run, {SUPERVISOR}))
+        return [one for one in told if one is not None]
 
     def end(self) -> str:
         """End it, as `robo down` does. Returns what was wrong with that; empty where all is well."""

@@ -6,14 +6,16 @@ wait for the stepper.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
 import zenoh
+import zenoh.ext
 
 from robo.testing.stepper import Call, Inbox, Stepper
+from robo.wire import sources
+from robo.wire.latched import kept
 
 
 class Sent(NamedTuple):
@@ -62,6 +64,19 @@ class NodeSession:
         handlers = _at_once(partial(self._stepper.post, inbox)), _Messages(inbox)
         return _Receiver(self._session.declare_subscriber(key, handlers, **more), inbox)
 
+    def declare_advanced_publisher(self, key: str, **more: Any) -> Any:
+        """A publisher that keeps what it has said, whose messages are noted."""
+        self.topics.append(key)
+        publisher = zenoh.ext.declare_advanced_publisher(self._session, key, **more)
+        return _Publisher(publisher, self.sent, _type(more.get("encoding")), signs=True)
+
+    def declare_latched_subscriber(self, key: str, depth: int, _slots: int) -> Any:
+        """A subscriber that begins with what was said before; the stepper's channel is its."""
+        receiver = self.declare_subscriber(key, zenoh.handlers.FifoChannel(1))
+        for sample in kept(self._session, key, depth):
+            self._stepper.post(self.inboxes[-1][1], sample)
+        return receiver
+
     def declare_queryable(self, key: str, handler: Any = None, **more: Any) -> Any:
         """A queryable; where it is one with a channel, the stepper's is its."""
         if not isinstance(handler, zenoh.handlers.RingChannel | zenoh.handlers.FifoChannel):
@@ -80,12 +95,13 @@ class NodeSession:
 class _Publisher:
     """Notes what is published and hands it on."""
 
-    def __init__(self, publisher: zenoh.Publisher, sent: list[Sent], type_name: str) -> None:
+    def __init__(self, publisher: Any, sent: list[Sent], type_name: str, *, signs: bool = False) -> None:
+        """`signs` where it says by itself whose its messages are."""
         self._publisher = publisher
         self._sent = sent
         self._key = str(publisher.key_expr)
         self._type = type_name
-        self._source = zenoh.SourceInfo(publisher.id, 0)
+        self._source = None if signs else sources.counted(publisher.id)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._publisher, name)
@@ -93,7 +109,9 @@ class _Publisher:
     def put(self, payload: bytes, **more: Any) -> None:
         """Publish. Each message says whose it is: under a clock that is stepped all publishers are quick."""
         self._sent.append(Sent(self._key, payload, self._type))
-        self._publisher.put(payload, **{"source_info": self._source, **more})
+        if self._source is not None:
+            more.setdefault("source_info", self._source())
+        self._publisher.put(payload, **more)
 
 
 class _Receiver:
@@ -135,17 +153,38 @@ class _Questions:
     def __init__(self, inbox: Inbox, stepper: Stepper) -> None:
         self._inbox = inbox
         self._stepper = stepper
-        self._mine = threading.local()
 
     def recv(self) -> Any:
-        """The next one, once the one before has been answered; raises ZError as Zenoh's channels do."""
-        self._stepper.answered(getattr(self._mine, "call", None))
-        self._mine.call = None
+        """The next one; raises ZError as Zenoh's channels do."""
         item = self._inbox.take()
         if item is None:
             raise zenoh.ZError("closed")
-        query, self._mine.call = item
-        return query
+        query, call = item
+        return _Question(query, call, self._stepper)
+
+
+class _Question:
+    """A query; it is answered once it is dropped, which may be long after it was taken."""
+
+    def __init__(self, query: zenoh.Query, call: Call | None, stepper: Stepper) -> None:
+        self._query = query
+        self._call = call
+        self._stepper = stepper
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._query, name)
+
+    def __enter__(self) -> _Question:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.drop()
+
+    def drop(self) -> None:
+        """Answer no more."""
+        self._query.drop()
+        call, self._call = self._call, None
+        self._stepper.answered(call)
 
 
 class _Answers:

@@ -14,14 +14,11 @@ import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from robo.testing.blocked import Watch
-
-PATIENCE = 10.0
-"""How long a callback may take before the test fails, s of the wall clock."""
 
 _LOOK = 0.005
 """How often one looks whether a thread has ended or is blocked, s."""
@@ -82,13 +79,29 @@ class Inbox:
         self._stepper.close(self)
 
 
-class Stepper:
-    """Runs one thread at a time. All times are ns since the test began."""
+class Barrier:
+    """Where a thread waits for its turn: parked, so that whoever has the turn may wait for the time."""
+
+    def __init__(self, stepper: Stepper) -> None:
+        self.open = True
+        self.waits: Actor | None = None
+        """Who waits there."""
+        self._stepper = stepper
+
+    def acquire(self) -> None:
+        """Close it; wait there if it is closed."""
+        self._stepper.enter(self)
+
+    def release(self) -> None:
+        """Let whoever waits there go on."""
+        self._stepper.let_in(self)
+
+
+class _Order:
+    """Who runs, who waits, and who is next. All of it is for whoever has the lock."""
 
     def __init__(self) -> None:
         self.now = 0
-        self.patience = PATIENCE
-        """How long a callback may take, s of the wall clock."""
         self._lock = threading.Lock()
         self._quiet = threading.Condition(self._lock)
         self._actors: dict[threading.Thread, Actor] = {}
@@ -96,14 +109,75 @@ class Stepper:
         self._running: set[Actor] = set()
         self._waiting: set[Actor] = set()
         """Those that wait for a time."""
-        self._handed = 0
-        """What was handed over and is not taken yet."""
+        self._filled: set[Inbox] = set()  # those with something in them
+        self._posted = 0
+        """What the loop of async callbacks has been handed and has not begun with."""
         self._holds = 0
         """How many want nobody to start."""
         self._queue: deque[tuple[Inbox, Any]] = deque()
         self._target = 0
         """How far the time may go."""
         self._steps = 0
+
+    def _actor(self, thread: threading.Thread, *, strict: bool) -> Actor:
+        actor = self._actors.get(thread)
+        if actor is None:
+            actor = self._actors[thread] = Actor(thread, next(self._serials), self._lock, strict=strict)
+        return actor
+
+    def _run(self, actor: Actor) -> None:
+        self._steps += 1
+        self._running.add(actor)
+        actor.watch.begin()
+
+    def _wake(self, actor: Actor) -> None:
+        actor.until = None
+        self._waiting.discard(actor)
+        self._run(actor)
+        actor.awake.notify()
+
+    def _park(self, actor: Actor) -> None:
+        self._running.discard(actor)
+        self._dispatch()
+
+    def _hand_over(self, inbox: Inbox, item: object) -> None:
+        if not inbox.closed:
+            inbox.items.append(item)
+            self._filled.add(inbox)
+            if inbox.readers:
+                inbox.readers[min(len(inbox.items), len(inbox.readers)) - 1].awake.notify()
+
+    def _dispatch(self) -> None:
+        """If nobody runs, let the next one."""
+        while not (self._running or self._holds or self._is_handed_over()):
+            if self._queue:
+                self._hand_over(*self._queue.popleft())
+                continue
+            actor = self._next_due()
+            if actor is None:
+                self._quiet.notify_all()
+                return
+            self.now = max(self.now, actor.until or 0)
+            self._wake(actor)
+
+    def _is_handed_over(self) -> bool:
+        """Whether somebody is about to take an item; what comes for a thread that waits elsewhere stays where it is."""
+        return self._posted > 0 or any(inbox.readers for inbox in self._filled)
+
+    def _next_due(self) -> Actor | None:
+        due = [actor for actor in self._waiting if actor.until is not None and actor.until <= self._target]
+        if len(due) < 2:
+            return due[0] if due else None
+        return min(due, key=lambda actor: (actor.until or 0, actor.serial))
+
+
+class Stepper(_Order):
+    """Runs one thread at a time. All times are ns since the test began."""
+
+    def __init__(self, patience: float) -> None:
+        super().__init__()
+        self.patience = patience
+        """How long a callback may take, s of the wall clock."""
 
     # -- for the test ------------------------------------------------------------------------------------------------
 
@@ -145,10 +219,10 @@ class Stepper:
             if self._steps != steps:
                 steps, since = self._steps, time.monotonic()
             elif time.monotonic() - since > self.patience:
-                raise Hung(self._who_hangs())
+                raise Hung(_who_hangs(self._running, self.patience))
 
     def _is_quiet(self) -> bool:
-        return not (self._running or self._handed or self._queue) and self._next_due() is None
+        return not (self._running or self._queue or self._is_handed_over()) and self._next_due() is None
 
     def _bury(self) -> None:
         """Wait no longer for threads that have ended."""
@@ -164,16 +238,6 @@ class Stepper:
             if not actor.strict and actor.watch.is_blocked():
                 self._running.discard(actor)
         self._dispatch()
-
-    def _who_hangs(self) -> str:
-        frames = sys._current_frames()
-        told = []
-        for actor in sorted(self._running, key=lambda one: one.serial):
-            frame = frames.get(actor.thread.ident or 0)
-            stack = [] if frame is None else traceback.format_stack(frame)[-_FRAMES_SHOWN:]
-            head = f"the thread {actor.thread.name} has not come back for {self.patience:g} s; it stands at"
-            told.append("\n".join([head, *(line.rstrip() for line in stack)]))
-        return "\n".join(told) or f"what was published was not taken within {self.patience:g} s"
 
     # -- for the threads of nodes ------------------------------------------------------------------------------------
 
@@ -240,16 +304,59 @@ class Stepper:
             inbox.readers.remove(me)
             if not inbox.items:
                 return None
-            self._handed -= 1
             self._run(me)
-            return inbox.items.popleft()
+            item = inbox.items.popleft()
+            if not inbox.items:
+                self._filled.discard(inbox)
+            return item
+
+    def hand_to_loop(self) -> None:
+        """Something is about to be handed to the loop of async callbacks, in the thread that does so."""
+        with self._lock:
+            self._posted += 1
+
+    def begin_in_loop(self) -> None:
+        """The loop begins with something that it has been handed."""
+        with self._lock:
+            self._posted -= 1
+            self._run(self._actor(threading.current_thread(), strict=True))
+
+    @contextmanager
+    def parked(self) -> Iterator[None]:
+        """Let others run while this thread waits for something that comes from outside, or that it is handed."""
+        with self._lock:
+            me = self._actor(threading.current_thread(), strict=True)
+            self._park(me)
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._run(me)
+
+    def enter(self, barrier: Barrier) -> None:
+        """Park until a barrier is open, and close it."""
+        with self._lock:
+            if not barrier.open:
+                barrier.waits = me = self._actor(threading.current_thread(), strict=True)
+                self._park(me)
+                me.awake.wait_for(lambda: barrier.open)
+                barrier.waits = None
+            barrier.open = False
+
+    def let_in(self, barrier: Barrier) -> None:
+        """Open a barrier, in the thread that gives its turn away; who waits there is the next to run."""
+        with self._lock:
+            barrier.open = True
+            if barrier.waits is not None:
+                self._run(barrier.waits)
+                barrier.waits.awake.notify()
 
     def close(self, inbox: Inbox) -> None:
         """Take nothing more in, and let whoever waits there end."""
         with self._lock:
             inbox.closed = True
-            self._handed -= len(inbox.items)
             inbox.items.clear()
+            self._filled.discard(inbox)
             for reader in inbox.readers:
                 reader.awake.notify()
 
@@ -271,51 +378,13 @@ class Stepper:
             for actor in [one for one in self._waiting if one.woken.is_set()]:
                 self._wake(actor)
 
-    # -- with the lock -----------------------------------------------------------------------------------------------
 
-    def _actor(self, thread: threading.Thread, *, strict: bool) -> Actor:
-        actor = self._actors.get(thread)
-        if actor is None:
-            actor = self._actors[thread] = Actor(thread, next(self._serials), self._lock, strict=strict)
-        return actor
-
-    def _run(self, actor: Actor) -> None:
-        self._steps += 1
-        self._running.add(actor)
-        actor.watch.begin()
-
-    def _wake(self, actor: Actor) -> None:
-        actor.until = None
-        self._waiting.discard(actor)
-        self._run(actor)
-        actor.awake.notify()
-
-    def _park(self, actor: Actor) -> None:
-        self._running.discard(actor)
-        self._dispatch()
-
-    def _hand_over(self, inbox: Inbox, item: object) -> None:
-        if not inbox.closed:
-            self._handed += 1
-            inbox.items.append(item)
-            if inbox.readers:
-                inbox.readers[min(len(inbox.items), len(inbox.readers)) - 1].awake.notify()
-
-    def _dispatch(self) -> None:
-        """If nobody runs, let the next one."""
-        while not (self._running or self._handed or self._holds):
-            if self._queue:
-                self._hand_over(*self._queue.popleft())
-                continue
-            actor = self._next_due()
-            if actor is None:
-                self._quiet.notify_all()
-                return
-            self.now = max(self.now, actor.until or 0)
-            self._wake(actor)
-
-    def _next_due(self) -> Actor | None:
-        due = [actor for actor in self._waiting if actor.until is not None and actor.until <= self._target]
-        if len(due) < 2:
-            return due[0] if due else None
-        return min(due, key=lambda actor: (actor.until or 0, actor.serial))
+def _who_hangs(running: Iterable[Actor], patience: float) -> str:
+    frames = sys._current_frames()
+    told = []
+    for actor in sorted(running, key=lambda one: one.serial):
+        frame = frames.get(actor.thread.ident or 0)
+        stack = [] if frame is None else traceback.format_stack(frame)[-_FRAMES_SHOWN:]
+        head = f"the thread {actor.thread.name} has not come back for {patience:g} s; it stands at"
+        told.append("\n".join([head, *(line.rstrip() for line in stack)]))
+    return "\n".join(told) or f"what was published was not taken within {patience:g} s"
