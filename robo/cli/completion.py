@@ -35,6 +35,13 @@ def services(ctx: typer.Context, incomplete: str) -> list[str]:
     return _live(ctx, incomplete, lambda session: [service.key for service in tools.list_services(session, TIMEOUT)])
 
 
+def actions(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Keys of actions."""
+    from robo.tools import actions as tools
+
+    return _live(ctx, incomplete, lambda session: [action.key for action in tools.list_actions(session, TIMEOUT)])
+
+
 def nodes(ctx: typer.Context, incomplete: str) -> list[str]:
     """Names of nodes, where they say enough; else full names."""
     from robo.tools import nodes as tools
@@ -46,6 +53,30 @@ def nodes(ctx: typer.Context, incomplete: str) -> list[str]:
             token.full_name if incomplete.startswith("/") or short.count(token.node) > 1 else token.node
             for token in found
         ]
+
+    return _live(ctx, incomplete, find)
+
+
+def managed_nodes(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Names of managed nodes, active or not, where they say enough; else full names."""
+    from robo.tools import lifecycle as tools
+
+    def find(session: "zenoh.Session") -> list[str]:
+        found = tools.managed_nodes(session, TIMEOUT)
+        short = [name.rpartition("/")[2] for name in found]
+        whole = incomplete.startswith("/")
+        return [name if whole or short.count(own) > 1 else own for name, own in zip(found, short, strict=True)]
+
+    return _live(ctx, incomplete, find)
+
+
+def transitions(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Transitions of the managed node that the line names."""
+    from robo.tools import lifecycle as tools
+
+    def find(session: "zenoh.Session") -> Iterable[str]:
+        node = tools.find(tools.managed_nodes(session, TIMEOUT), ctx.params["node"])
+        return [way.label for way in tools.ways(session, node, TIMEOUT)]
 
     return _live(ctx, incomplete, find)
 
@@ -75,7 +106,8 @@ def parameters(ctx: typer.Context, incomplete: str) -> list[str]:
     from robo.tools import parameters as values
 
     def find(session: "zenoh.Session") -> Iterable[str]:
-        return values.get(session, tools.find_node(tools.list_nodes(session, TIMEOUT), ctx.params["node"]))
+        there = tools.list_nodes(session, TIMEOUT, inactive=True)
+        return values.get(session, tools.find_node(there, ctx.params["node"]))
 
     return _live(ctx, incomplete, find)
 
@@ -130,9 +162,9 @@ def services_to_run(ctx: typer.Context, incomplete: str) -> list[str]:
 
 def types(incomplete: str) -> list[str]:
     """Names of message types."""
-    from robo.interfaces import catalogue
+    from robo.interfaces import apart
 
-    return [name for name in catalogue.known() if name.startswith(incomplete)]
+    return sorted(name for name in apart.types(PATIENCE).listed if name.startswith(incomplete))
 
 
 class _Behind(str):

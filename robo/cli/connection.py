@@ -113,13 +113,13 @@ def _what_is_wrong(endpoint: str, error: OSError | None) -> str:
             return "what listens there does not speak Zenoh, or packets are lost"
 
 
-def nodes_of(session: zenoh.Session, reach: Reach) -> list[NodeToken]:
-    """The nodes of the robot that is named, or of all.
+def nodes_of(session: zenoh.Session, reach: Reach, *, inactive: bool = False) -> list[NodeToken]:
+    """The nodes of the robot that is named, or of all; with managed ones that are not active, where these count too.
 
     Raises:
         NodeNotFound: the robot that is named has none; says which robots there are.
     """
-    every = nodes.list_nodes(session, reach.timeout)
+    every = nodes.list_nodes(session, reach.timeout, inactive=inactive)
     found = [token for token in every if reach.covers(token.full_name)]
     if reach.robot is not None and not found:
         robots = sorted({token.namespace for token in every})

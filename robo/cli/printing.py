@@ -88,11 +88,6 @@ def amount(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
-def depth_text(depth: int) -> str:
-    """How much an end of a topic keeps."""
-    return "keeps all" if depth == 0 else f"depth {depth}"
-
-
 def data_size(size: float, unit: str = "B") -> str:
     """A number of bytes for people: `1.2 MB`, or `1.2 MB/s`."""
     for factor, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):

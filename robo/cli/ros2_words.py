@@ -3,14 +3,12 @@
 from collections.abc import Sequence
 
 VERBS: dict[str, str] = {
-    "action": "robo has no actions yet; a service that begins it and a topic that tells how far it is do as much",
     "bag": "robo topic echo '**' --json > log.jsonl records, robo topic pub - < log.jsonl publishes it again, as fast"
     " as it is read; there is no player yet that keeps the time",
-    "component": "robo has no components: each node has a process of its own, which starts in a fraction of a second",
+    "component": "nodes share a process where their manifest names one, process: NAME, with nothing to load; robo ps"
+    " shows nodes under their process",
     "daemon": "robo needs no daemon: each tool asks the running system itself",
     "launch": "robo up MANIFEST starts what a manifest says; manifests are YAML, see docs/from_ros2_launch.md",
-    "lifecycle": "robo has no lifecycle nodes; robo stop, start and restart are the operator's, and `needs:` in a"
-    " manifest waits until a node is ready",
     "msg": "robo interface list shows all types, robo interface show TYPE one",
     "multicast": "robo uses no multicast; robo doctor checks this machine's network, robo net shows who is linked",
     "rqt": "robo has no windows: robo top, robo graph, robo topic plot, robo logs -f and robo param set do that",
@@ -30,6 +28,8 @@ VERBS: dict[str, str] = {
 """Commands of `ros2`, and programs beside it, that robo calls otherwise or has not."""
 
 GROUP_VERBS: dict[tuple[str, str], str] = {
+    ("action", "send_goal"): "robo action send-goal ACTION GOAL, with --feedback for what is told meanwhile",
+    ("action", "find"): "robo action list shows the type of each",
     ("interface", "package"): "robo interface list shows the types of all packages",
     ("interface", "packages"): "robo interface list shows the types of all packages",
     ("interface", "proto"): "robo interface show TYPE --json shows the defaults",
@@ -42,7 +42,7 @@ GROUP_VERBS: dict[tuple[str, str], str] = {
 }
 """Verbs of `ros2`'s groups that robo's groups of the same name have not."""
 
-_QUALITY = "who subscribes says how much it keeps, by depth=; there is nothing else to choose"
+_QUALITY = "nodes say it of their topics, and robo topic info shows it; echo begins with what is latched"
 OPTIONS: dict[tuple[str, str], dict[str, str]] = {
     ("topic", "list"): {"-t": "types are always shown", "--show-types": "types are always shown"},
     ("topic", "info"): {"-v": "everything is always shown", "--verbose": "everything is always shown"},

@@ -23,7 +23,7 @@ from robo.errors import NetworkError
 from robo.machine import orphans
 from robo.machine.cgroup import ControlGroup
 from robo.machine.log_files import log_base
-from robo.tools import nodes, runs
+from robo.tools import nodes, runs, topics
 from robo.tools import strangers as unannounced
 from robo.wire import tcp
 from robo.wire.claims import port_taken
@@ -63,6 +63,7 @@ def examine(connect: Sequence[str], *, kill_test: bool = False) -> Iterator[Find
         lambda: router(connect),
         lambda: twins(connect),
         lambda: strangers(connect),
+        lambda: qualities(connect),
         lambda: sites(connect),
         multicast,
         clock,
@@ -137,6 +138,15 @@ def strangers(connect: Sequence[str]) -> Finding:
     if found:
         return Finding("sources", "fault", "; ".join(map(str, found)), "find out who that is, and end it")
     return Finding("sources", "ok", "every message that nodes receive is of a publisher that is announced")
+
+
+def qualities(connect: Sequence[str]) -> Finding:
+    """Whether subscriptions get of publishers what they want."""
+    found = _asked(connect, topics.all_misfits) or []
+    if found:
+        fix = "say at both ends what is meant, or for both in the manifest: topics: {map: {qos: latched}}"
+        return Finding("topics", "fault", "; ".join(found), fix)
+    return Finding("topics", "ok", "every subscription gets of publishers what it wants of them")
 
 
 def sites(connect: Sequence[str]) -> Finding:

@@ -10,7 +10,7 @@ from robo.wire.keys import NodeToken
 
 
 def running(session: zenoh.Session, timeout: float = 1.0) -> Graph:
-    """Nodes, topics and services, with the ends that any Zenoh client has on topics that no node knows."""
+    """Nodes, topics, services and actions, with the ends that any Zenoh client has on topics that no node knows."""
     nodes: list[graph.GraphNode] = []
     edges: list[Edge] = []
     for token in tokens(session, timeout):
@@ -26,11 +26,12 @@ def running(session: zenoh.Session, timeout: float = 1.0) -> Graph:
 
 
 def of_robot(whole: Graph, namespace: str) -> Graph:
-    """What of a graph belongs to one robot: its nodes, and the topics and services that they have."""
+    """What of a graph belongs to one robot: its nodes, and the topics, services and actions that they have."""
     prefix = f"/{namespace}/"
     own = {node.name for node in whole.nodes if node.name.startswith(prefix)}
     return Graph(
         [node for node in whole.nodes if node.name in own],
         [t for t in whole.topics if t.key.startswith(prefix[1:]) or own.intersection((*t.publishers, *t.subscribers))],
         [s for s in whole.services if s.key.startswith(prefix[1:]) or own.intersection((*s.servers, *s.clients))],
+        [a for a in whole.actions if a.key.startswith(prefix[1:]) or own.intersection((*a.servers, *a.clients))],
     )

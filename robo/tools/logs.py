@@ -16,6 +16,7 @@ from robo.errors import NodeNotFound, RunError, UsageError
 from robo.machine.log_files import SUPERVISOR, RunInfo, log_base
 from robo.text.suggestions import suggest
 from robo.text.unreadable import UNREADABLE
+from robo.wire import names
 from robo.wire.reports import LogRecord, ProcessName
 from robo.wire.run_id import supervisor_lives
 
@@ -34,8 +35,8 @@ class LoggedRun(msgspec.Struct, frozen=True):
     @property
     def processes(self) -> list[ProcessName]:
         """What its processes are called."""
-        groups = chain(self.info.groups, repeat(""))
-        return [ProcessName(self.info.robot, node, group) for node, group in zip(self.info.nodes, groups, strict=False)]
+        groups, shared = (chain(found, repeat("")) for found in (self.info.groups, self.info.processes))
+        return [ProcessName(self.info.robot, *one) for one in zip(self.info.nodes, groups, shared, strict=False)]
 
     @property
     def labels(self) -> list[str]:
@@ -96,7 +97,10 @@ def labels_meant(words: Sequence[str], processes: Sequence[ProcessName], part: s
         words = words or [part]
     found: set[str] = set()
     for word in words:
-        meant = {process.label for process in processes if process.is_meant(word)}
+        named = [process for process in processes if process.is_meant(word)]
+        # What a process prints that nodes share is told with each of them: it may be anybody's.
+        shared = {names.label(process.robot, process.process) for process in named if process.process}
+        meant = {process.label for process in named} | shared
         if word == SUPERVISOR:
             meant.add(SUPERVISOR)
         if not meant:

@@ -263,7 +263,7 @@ def _talk(session: zenoh.Session, a: NodeToken, b: NodeToken, timeout: float) ->
         yield from between(a.full_name, b.full_name, ends) or nearly(a.full_name, b.full_name, ends)
 
 
-_PAIRS: tuple[tuple[EndpointKind, EndpointKind], ...] = (("pub", "sub"), ("srv", "cli"))
+_PAIRS: tuple[tuple[EndpointKind, EndpointKind], ...] = (("pub", "sub"), ("srv", "cli"), ("act", "acl"))
 """Kinds of ends that meet."""
 
 

@@ -13,6 +13,7 @@ from robo.tools.replies import read, samples
 from robo.wire import names
 from robo.wire.discovery import tokens
 from robo.wire.keys import EndpointToken, NodeToken, status_key
+from robo.wire.qos import QoS
 from robo.wire.reports import NodeStatus, ProcessStatus
 
 LONG_CALLBACK = 1.0
@@ -37,7 +38,7 @@ class PublisherInfo(msgspec.Struct, frozen=True):
 
     topic: str
     type: str
-    depth: int
+    qos: QoS
     published: int
     rate: float
     """Messages a second, just now."""
@@ -48,7 +49,7 @@ class SubscriptionInfo(msgspec.Struct, frozen=True):
 
     topic: str
     type: str
-    depth: int
+    qos: QoS
     received: int
     rate: float
     """Messages a second, just now."""
@@ -67,10 +68,19 @@ class ServedInfo(msgspec.Struct, frozen=True):
 
 
 class ClientInfo(msgspec.Struct, frozen=True):
-    """A service that a node may call."""
+    """A service that a node may call, or an action that it executes or sends goals to."""
 
     service: str
     type: str
+
+
+class TurnInfo(msgspec.Struct, frozen=True):
+    """A turn that callbacks of a node have beside the node's own."""
+
+    turn: str
+    callbacks: list[str]
+    load: float
+    """Part of the time that they take, 0 to 1."""
 
 
 class NodeInfo(msgspec.Struct, frozen=True):
@@ -90,7 +100,7 @@ class NodeInfo(msgspec.Struct, frozen=True):
     running: str
     """The callback that ran when it was asked; empty where none did."""
     running_for: float
-    """How long it had been running, s. All others of the node wait for it."""
+    """How long it had been running, s. All others of its turn wait for it."""
     state: str | None
     """As its supervisor says it; None for a node that has none."""
     restarts: int | None
@@ -102,14 +112,39 @@ class NodeInfo(msgspec.Struct, frozen=True):
     subscriptions: list[SubscriptionInfo]
     services: list[ServedInfo]
     clients: list[ClientInfo]
+    actions: list[ClientInfo]
+    """Those that it executes."""
+    action_clients: list[ClientInfo]
+    """Those to which it may send goals."""
     parameters: dict[str, object] | None
+    turns: list[TurnInfo]
+    large_messages: str = ""
+    """How they travel to others on its machine: through shared memory, or sockets, and why."""
     problem: str = ""
     """Why it does not answer."""
 
 
-def list_nodes(session: zenoh.Session, timeout: float = 1.0) -> list[NodeToken]:
-    """Every node, sorted by full name."""
-    found = [token for token in tokens(session, timeout) if isinstance(token, NodeToken)]
+MANAGED = "lifecycle/GetState"
+"""The type of the service by which a managed node is known, active or not."""
+
+
+def list_nodes(session: zenoh.Session, timeout: float = 1.0, *, inactive: bool = False) -> list[NodeToken]:
+    """Every node that is ready, sorted by full name.
+
+    Args:
+        session: whose network to ask on.
+        timeout: how long to wait for routers that do not answer, s.
+        inactive: whether managed nodes that are not active count too; their class, process and host are not known.
+    """
+    there = tokens(session, timeout)
+    found = [token for token in there if isinstance(token, NodeToken)]
+    if inactive:
+        ready = {token.full_name for token in found}
+        found += [
+            NodeToken(token.namespace, token.node, "", 0, "")
+            for token in there
+            if isinstance(token, EndpointToken) and token.type_name == MANAGED and token.full_name not in ready
+        ]
     return sorted(found, key=lambda token: token.full_name)
 
 
@@ -230,8 +265,7 @@ def _info(
     span = max(after.uptime - before.uptime, 1e-9) if before is not None and after is not None else 1.0
 
     def count(counters: str, key: str) -> int:
-        found: dict[str, int] = getattr(after, counters) if after is not None else {}
-        return found.get(key, 0)
+        return int(getattr(after, counters).get(key, 0)) if after is not None else 0
 
     def rate(counters: str, key: str) -> float:
         earlier: dict[str, int] = getattr(before, counters) if before is not None else {}
@@ -253,7 +287,7 @@ def _info(
         cpu=supervised.cpu if supervised is not None else None,
         memory=supervised.memory if supervised is not None else None,
         publishers=[
-            PublisherInfo(t.topic, t.type_name, t.depth, count("published", t.topic), rate("published", t.topic))
+            PublisherInfo(t.topic, t.type_name, t.qos, count("published", t.topic), rate("published", t.topic))
             for t in ends
             if t.kind == "pub"
         ],
@@ -261,7 +295,7 @@ def _info(
             SubscriptionInfo(
                 t.topic,
                 t.type_name,
-                t.depth,
+                t.qos,
                 count("received", t.topic),
                 rate("received", t.topic),
                 count("dropped", t.topic),
@@ -272,6 +306,20 @@ def _info(
         ],
         services=[ServedInfo(t.topic, t.type_name, count("served", t.topic)) for t in ends if t.kind == "srv"],
         clients=[ClientInfo(t.topic, t.type_name) for t in ends if t.kind == "cli"],
+        actions=[ClientInfo(t.topic, t.type_name) for t in ends if t.kind == "act"],
+        action_clients=[ClientInfo(t.topic, t.type_name) for t in ends if t.kind == "acl"],
         parameters=values,
+        turns=_turns(before, after, span),
+        large_messages=after.large_messages if after is not None else "",
         problem=problem,
     )
+
+
+def _turns(before: NodeStatus | None, after: NodeStatus | None, span: float) -> list[TurnInfo]:
+    earlier = before.turns if before is not None else {}
+    later = after.turns if after is not None else {}
+    return [
+        TurnInfo(name, turn.callbacks, min(1.0, (turn.busy - earlier[name].busy) / span))
+        for name, turn in sorted(later.items())
+        if name in earlier
+    ]

@@ -12,6 +12,7 @@ from robo.tools import runs, strangers
 from robo.wire import admin
 from robo.wire.discovery import tokens
 from robo.wire.keys import VERBS, EndpointKind, EndpointToken
+from robo.wire.qos import QoS, misfit
 from robo.wire.reports import ProcessStatus
 
 RATES_TIMEOUT = 0.2
@@ -24,8 +25,8 @@ class End(msgspec.Struct, frozen=True):
     node: str
     """The full name."""
     type: str
-    depth: int
-    """Messages that are kept while a receiver is busy; 0 for all."""
+    qos: QoS
+    """How it keeps messages."""
 
 
 class Topic(msgspec.Struct, frozen=True):
@@ -56,6 +57,8 @@ class TopicInfo(msgspec.Struct, frozen=True):
     """Ends that are no nodes of robo's: `publisher zenoh:<id>`."""
     strangers: list[str] = []
     """Who publishes without being announced, and whose messages a node leaves out, in words."""
+    misfits: list[str] = []
+    """Which subscriptions do not get of which publishers what they want, in words."""
 
 
 def list_topics(session: zenoh.Session, timeout: float = 1.0) -> list[Topic]:
@@ -111,8 +114,36 @@ def topic_info(session: zenoh.Session, key: str, timeout: float = 1.0) -> TopicI
     others += [f"subscriber {name}" for name in topic.subscribers if name.startswith("zenoh:")]
     found = [str(one) for one in strangers.find(session, timeout, key)]
     return TopicInfo(
-        key, topic.type, topic.types, _sorted(ends, "pub"), _sorted(ends, "sub"), rates.get(key), others, found
+        key,
+        topic.type,
+        topic.types,
+        _sorted(ends, "pub"),
+        _sorted(ends, "sub"),
+        rates.get(key),
+        others,
+        found,
+        misfits(ends),
     )
+
+
+def all_misfits(session: zenoh.Session, timeout: float = 1.0) -> list[str]:
+    """Which subscriptions do not get of which publishers what they want, of all topics, in words."""
+    return misfits(_ends(session, timeout))
+
+
+def misfits(ends: Iterable[EndpointToken]) -> list[str]:
+    """Which of some subscriptions do not get of which publishers what they want, in words."""
+    by_topic: dict[str, list[EndpointToken]] = {}
+    for end in ends:
+        by_topic.setdefault(end.topic, []).append(end)
+    found = [
+        misfit(topic, (source.full_name, source.qos), (reader.full_name, reader.qos))
+        for topic, both in sorted(by_topic.items())
+        for source in both
+        for reader in both
+        if source.kind == "pub" and reader.kind == "sub"
+    ]
+    return list(dict.fromkeys(why for why in found if why))
 
 
 def find_topic(topics: Iterable[Topic], key: str) -> Topic:
@@ -159,7 +190,7 @@ def check_unpublished(session: zenoh.Session, key: str, timeout: float = 1.0) ->
 
 def _sorted(ends: Iterable[EndpointToken], kind: EndpointKind) -> list[End]:
     return [
-        End(token.full_name, token.type_name, token.depth)
+        End(token.full_name, token.type_name, token.qos)
         for token in sorted(ends, key=lambda token: token.full_name)
         if token.kind == kind
     ]

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 from msgspec import Meta
 
 import robo
-from robo import READ_ONLY, MessageInfo, Node, Publisher, Unit, service, subscribe, timer
+from robo import READ_ONLY, MessageInfo, Node, Publisher, QoS, Unit, service, subscribe, timer
 from robo.node.clock import SimClock
 from robo_messages import (
     Clock,
@@ -171,7 +171,7 @@ class DiffDriveSim(Node):
             self.create_timer(1.0 / p.odom_rate, self.advance)
         self._begin = self.clock.monotonic()
 
-    @subscribe("cmd_vel", depth=1, sole_source="command_source")
+    @subscribe("cmd_vel", qos=QoS.COMMAND, sole_source="command_source")
     def on_command(self, twist: Twist, info: MessageInfo) -> None:
         """Remember the newest command and when it was sent; one that is not finite counts as silence."""
         if is_finite(twist):

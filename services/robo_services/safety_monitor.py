@@ -1,12 +1,13 @@
 """Stands between whoever commands the robot and its base."""
 
 import math
+import threading
 from typing import Annotated, TypeVar
 
 from msgspec import Meta
 
 import robo
-from robo import READ_ONLY, MessageInfo, Node, NotKept, Publisher, Unit, service, subscribe, timer
+from robo import READ_ONLY, MessageInfo, Node, NotKept, Publisher, QoS, Unit, service, subscribe, timer
 from robo_messages import DiagnosticStatus, KeyValue, LaserScan, Message, Odometry, Trigger, Twist
 from robo_services.arrivals import Arrivals, Newest
 from robo_services.safety import Action, Decision, Limits, Situation, decide
@@ -34,7 +35,7 @@ class SafetyMonitor(Node):
 
     A timer decides, not the arrival of commands, so silence stops the robot too. Ages count from when
     a command or a scan was sent. An emergency stop holds until it is reset, also when this node ends and
-    is started again. Who else commands the base is named in the state.
+    is started again; it waits for no other callback. Who else commands the base is named in the state.
     """
 
     class Parameters(robo.Parameters):
@@ -68,9 +69,9 @@ class SafetyMonitor(Node):
 
     parameters: Parameters
 
-    command = Publisher(Twist, "cmd_vel")
+    command = Publisher(Twist, "cmd_vel", qos=QoS.COMMAND)
     """What the base is to do: a command that is passed on or slowed down, m/s and rad/s; 0 to stand."""
-    state = Publisher(DiagnosticStatus, "safety_state")
+    state = Publisher(DiagnosticStatus, "safety_state", latched=True)
     """What it has decided and why: on every change of the reason, and once a second."""
 
     def on_start(self) -> None:
@@ -84,6 +85,8 @@ class SafetyMonitor(Node):
         if self.memory.lost:
             text = "what was before this start is not known (%s): emergency stop, until reset_emergency_stop"
             self.logger.error(text, self.memory.problem)
+        self._commanding = threading.Lock()
+        """Who holds it commands the base, for no longer than a publish: the emergency stop has a turn of its own."""
         self._rival = self._last_rival = ""
         self._rival_time = -math.inf
         self._last: Decision | None = None
@@ -91,7 +94,7 @@ class SafetyMonitor(Node):
         self._begin = self.clock.monotonic()
         self._advised = False
 
-    @subscribe("cmd_vel_raw", depth=1)
+    @subscribe("cmd_vel_raw", qos=QoS.COMMAND)
     def on_command(self, twist: Twist, info: MessageInfo) -> None:
         """Remember the newest command and when it was sent."""
         self._take(self._command, twist, info)
@@ -101,7 +104,7 @@ class SafetyMonitor(Node):
         """Remember the newest scan and when it was sent."""
         self._take(self._scan, scan, info)
 
-    @subscribe("cmd_vel", depth=1)
+    @subscribe("cmd_vel", qos=QoS.COMMAND)
     def on_passed(self, _twist: Twist, info: MessageInfo) -> None:
         """Notice who else commands the base."""
         if info.source_id != self.command.id:
@@ -114,14 +117,17 @@ class SafetyMonitor(Node):
         linear = odometry.twist.twist.linear
         self._speed = math.hypot(linear.x, linear.y)
 
-    @service("emergency_stop")
+    # Both in one turn: neither undoes half of the other. Beside the node's turn, which a decision, a large scan or
+    # a line of the log may hold: all that they share with it is the flag, and who commands the base.
+    @service("emergency_stop", turn="stop")
     def stop_at_once(self, _request: Trigger.Request) -> Trigger.Response:
         """Stop, and stay until `reset_emergency_stop`, whatever is commanded."""
         self._emergency_stop = True
-        self.command.publish(Twist())
+        with self._commanding:
+            self.command.publish(Twist())
         return Trigger.Response(message="stopped; call reset_emergency_stop to drive again" + self._keep(True))
 
-    @service("reset_emergency_stop")
+    @service("reset_emergency_stop", turn="stop")
     def release(self, _request: Trigger.Request) -> Trigger.Response:
         """Let the robot drive again, once nothing else speaks against it."""
         remark = self._keep(False)
@@ -166,8 +172,12 @@ class SafetyMonitor(Node):
             laser=p.laser,
         )
         decision = decide(situation, limits)
-        # Whoever receives it counts its age from when it was commanded: timeouts of a chain do not add up.
-        self.command.publish(decision.twist, 0.0 if decision.action == "stop" else situation.command_age)
+        with self._commanding:
+            if decision.action == "stop" or self._emergency_stop:  # which may have come since it was looked at
+                self.command.publish(Twist())
+            else:
+                # Whoever receives it counts its age from when it was commanded: timeouts of a chain do not add up.
+                self.command.publish(decision.twist, situation.command_age)
         self._report(decision, now)
 
     def _report(self, decision: Decision, now: float) -> None:

@@ -6,7 +6,7 @@ from typing import Annotated
 from msgspec import Meta
 
 import robo
-from robo import Node, Publisher, Unit, timer
+from robo import Node, Publisher, QoS, Unit, timer
 from robo_messages import Twist, Vector3
 from robo_services.limits import clamp, ramp
 
@@ -37,7 +37,7 @@ class VelocityController(Node):
 
     parameters: Parameters
 
-    command = Publisher(Twist, "cmd_vel")
+    command = Publisher(Twist, "cmd_vel", qos=QoS.COMMAND)
     """How fast to drive, m/s and rad/s."""
 
     def on_start(self) -> None:

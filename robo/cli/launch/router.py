@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
+
 from robo.cli.json_text import document
 from robo.cli.launch.network import router_network
 from robo.cli.printing import note, print_text
@@ -38,5 +40,5 @@ def run_router(*, name: str, listen: Sequence[str], connect: Sequence[str], conf
 def print_config(*, name: str, listen: Sequence[str], connect: Sequence[str], config: Path | None) -> None:
     """Print the configuration by which `zenohd` does the same."""
     network = router_network(listen, connect, config, name=name)
-    tree = nested(settings_of(network), "/")
+    tree = nested(settings_of(msgspec.structs.replace(network, shared_memory=False)), "/")  # as `process.router`
     print_text(document(tree))

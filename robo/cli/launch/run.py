@@ -1,4 +1,4 @@
-"""`robo run`: one node, alone."""
+"""`robo run`: one node, alone, or several in one process."""
 
 import os
 import sys
@@ -10,8 +10,10 @@ from robo.errors import UsageError
 
 USAGE = """Usage: robo run SERVICE [OPTIONS]
        robo run PACKAGE NODE [OPTIONS]
+       robo run SERVICE SERVICE... --one-process [OPTIONS]
 
-Run one node. SERVICE is package.module, or package.module:Class; a file of this folder works too.
+Run one node, or several in one process. SERVICE is package.module, or package.module:Class; a file of
+this folder works too.
 NODE is one of `robo pkg executables PACKAGE`.
 
 Options are the node's own: --robot-name NAME, --name NAME, -p NAME:=VALUE,
@@ -23,7 +25,10 @@ Examples:
   robo run robo_services velocity_controller --name drive
   robo run robo_services.velocity_controller -p linear_velocity:=0.3 -r cmd_vel:=robot/cmd_vel
   robo run my_package.my_node:MyNode --help
+  robo run robo_services.velocity_controller robo_services.position_tracker --one-process --robot-name r1
 """
+
+ONE_PROCESS = "--one-process"
 
 
 def hand_over(arguments: Sequence[str]) -> NoReturn:
@@ -36,11 +41,26 @@ def hand_over(arguments: Sequence[str]) -> NoReturn:
         sys.exit(2)
     try:
         check_nothing_hides_robo()
-        service, options = _service_of(arguments)
+        if ONE_PROCESS in arguments:
+            words = ["robo.process.together", *_services_of(arguments)]
+        else:
+            service, options = _service_of(arguments)
+            words = ["robo.process.node", service, *options]
     except UsageError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
-    os.execv(sys.executable, [sys.executable, "-m", "robo.process.node", service, *options])
+    os.execv(sys.executable, [sys.executable, "-m", *words])
+
+
+def _services_of(arguments: Sequence[str]) -> list[str]:
+    """The services that a command line begins with, and its options.
+
+    Raises:
+        UsageError: there is no such file.
+    """
+    left = [word for word in arguments if word != ONE_PROCESS]
+    begin = next((index for index, word in enumerate(left) if word.startswith("-")), len(left))
+    return [*map(_service, left[:begin]), *left[begin:]]
 
 
 def _service_of(arguments: Sequence[str]) -> tuple[str, Sequence[str]]:
@@ -57,7 +77,14 @@ def _service_of(arguments: Sequence[str]) -> tuple[str, Sequence[str]]:
         except LookupError as error:
             raise UsageError(str(error)) from None
         return f"{package.module}.{arguments[1].removesuffix('.py')}", arguments[2:]
-    service, colon, node_class = arguments[0].partition(":")
-    if service.endswith(".py"):
-        service = module_of(service)
-    return f"{service}{colon}{node_class}", arguments[1:]
+    return _service(arguments[0]), arguments[1:]
+
+
+def _service(word: str) -> str:
+    """The service that a word names.
+
+    Raises:
+        UsageError: there is no such file.
+    """
+    service, colon, node_class = word.partition(":")
+    return f"{module_of(service) if service.endswith('.py') else service}{colon}{node_class}"

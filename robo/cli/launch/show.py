@@ -74,6 +74,7 @@ def _process_lines(process: ProcessPlan) -> list[str]:
     notes = [process.group] if process.group else []
     notes += [f"needs {', '.join(f'{name} {until}' for name, until in process.needs.items())}"] if process.needs else []
     notes += ["required"] if process.required else []
+    notes += ["waits in unconfigured"] if not process.autostart else []
     lines = [f"\n{process.full_name}  ({'; '.join(notes)})"]
     if process.service is not None:
         lines.append(f"  service  {process.service}")

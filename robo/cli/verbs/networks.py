@@ -44,14 +44,14 @@ def router(
 @verb(
     verbs,
     "health",
-    short_help="Tell whether the router, or a node, is well.",
+    short_help="Tell whether the router, nodes or a robot are well.",
     add_help_option=False,
     context_settings={"ignore_unknown_options": True},
 )
 def health(
-    words: Annotated[list[str] | None, typer.Argument(metavar="[NODE] [OPTIONS]", show_default=False)] = None,
+    words: Annotated[list[str] | None, typer.Argument(metavar="[NODE]... [OPTIONS]", show_default=False)] = None,
 ) -> int:
-    """Tell whether the router, or a node, is well; for health checks of containers."""
+    """Tell whether the router, nodes or a whole robot are well; for health checks of containers."""
     from robo.process.health import main
 
     return main(words or [])

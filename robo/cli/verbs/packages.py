@@ -45,7 +45,13 @@ def create(
         list[str] | None, typer.Option("--message", metavar="NAME", help="A message type of it.")
     ] = None,
     license: Annotated[  # noqa: A002
-        str | None, typer.Option("--license", metavar="SPDX", help="Its license, for example MIT.", show_default=False)
+        str | None,
+        typer.Option(
+            "--license",
+            metavar="SPDX",
+            help="Its license, for example MIT; with its text where robo has it.",
+            show_default=False,
+        ),
     ] = None,
     description: Annotated[
         str | None, typer.Option("--description", metavar="TEXT", help="What it is, in a line.", show_default=False)

@@ -74,7 +74,7 @@ def run(
         ),
     ] = None,
 ) -> None:
-    """Run one node, alone; `robo run SERVICE --help` shows its contract."""
+    """Run one node, alone; `robo run SERVICE --help` shows its contract. With --one-process several, in one process."""
     from robo.cli.launch.run import hand_over
 
     hand_over(words or [])

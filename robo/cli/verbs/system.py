@@ -15,6 +15,8 @@ verbs.group("topic", "Topics")
 verbs.group("node", "Nodes")
 verbs.group("param", "Parameters of running nodes")
 verbs.group("service", "Services")
+verbs.group("action", "Actions: goals with feedback and a result")
+verbs.group("lifecycle", "States of managed nodes")
 verbs.group("interface", "Message and service types")
 verbs.group("pkg", "Packages of nodes, messages and manifests")
 

@@ -9,11 +9,12 @@ from pathlib import Path
 import msgspec
 
 from robo.cli.printing import amount, note, print_line
-from robo.create import names
+from robo.create import licenses, names
 from robo.create.addition import Published
 from robo.create.addition import added as addition
 from robo.create.asked import FIRST_NODE, FIRST_TOPIC, Asked, about_faults, contents
 from robo.create.files import conflicts, write
+from robo.create.licenses import license_text
 from robo.create.own_wheel import own_wheel
 from robo.create.project import Project, find_project
 from robo.create.render import MANIFEST, PARAMETERS, PackagePlan, package_files
@@ -100,9 +101,13 @@ def _new_package(name: str, asked: Asked, *, dry_run: bool) -> None:
     files: dict[str, str | bytes] = {
         **package_files(PackagePlan(name, about, asked.license, found.nodes, found.messages))
     }
+    text = license_text(asked.license, name) if asked.license is not None else None
+    if text is not None:
+        files[licenses.FILE] = text
     robo = own_wheel()
     if robo is not None:  # for the package's container: no package index has this robo
         files[f"wheels/{robo[0]}"] = robo[1]
+    files = dict(sorted(files.items()))
     folder = Path(name)
     if dry_run:
         in_the_way = conflicts(folder, files)
@@ -112,8 +117,18 @@ def _new_package(name: str, asked: Asked, *, dry_run: bool) -> None:
         return
     write(folder, files)
     _list(folder / path for path in files)
+    if asked.license is not None:
+        _about_license(asked.license, name, text)
     run, test = f"robo up {MANIFEST} --robot-name r1", "pip install -q pytest && python -m pytest"
     note(f"Next:\n  cd {name}\n  {run}   # run it\n  {test:{len(run)}}   # test it")
+
+
+def _about_license(license_: str, package: str, text: str | None) -> None:
+    """What of the license is left to the user."""
+    if text is None:
+        note(f"The text of {license_} is yours to add, as {package}/{licenses.FILE}")
+    elif (holder := licenses.holder(package)) in text:
+        note(f"{package}/{licenses.FILE} names {holder} as holders of the copyright; write your name there")
 
 
 def _list(paths: Iterable[Path]) -> None:

@@ -49,7 +49,7 @@ def print_messages(
     """
     keys = [reach.key(name) for name in names]
     with connect_to_robot(reach) as session, watched(session, reach):
-        stream = Stream(session, keys)
+        stream = Stream(session, keys, latched=True)
         end = time.monotonic() + duration if duration is not None else None
         tell_who_is_waited_for(session, keys, reach)
         printer = Printer(options, one_topic=len(keys) == 1 and "*" not in keys[0])

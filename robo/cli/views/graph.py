@@ -29,7 +29,7 @@ def print_graph(reach: Reach, *, form: str, hide_system: bool) -> None:
     drawing = graph.draw(found, form)
     print_text(escaped_json(drawing) if form == "json" else drawing)
     problems = [topic.key for topic in found.topics if topic.problems]
-    problems += [service.key for service in found.services if service.problems]
+    problems += [served.key for served in (*found.services, *found.actions) if served.problems]
     if problems:
         more = ", …" if len(problems) > MOST_LISTED else ""
         shown = ", ".join(map(visible, problems[:MOST_LISTED]))

@@ -1,26 +1,26 @@
 """`robo interface`: printing message and service types."""
 
-import robo_messages
 from robo.cli.json_text import document
 from robo.cli.printing import note, paint, print_json, print_line, print_table, print_text
 from robo.errors import MessageError
-from robo.interfaces import catalogue
+from robo.interfaces import apart, catalogue
+from robo.interfaces.apart import Sheet
 from robo.interfaces.catalogue import FieldInfo
-from robo.interfaces.ros_text import ros_text
 from robo.text import colours
-from robo_messages import Message
+from robo_messages import UnknownType
 
 
 def print_list(*, json: bool) -> None:
     """Print all known types."""
-    found = catalogue.listed()
+    found = apart.types()
+    listed = catalogue.together(found.listed.values())
     if json:
-        for one in found:
+        for one in listed:
             print_json(one)
     else:
-        rows = [(one.name, one.kind, one.description or f"in {one.source}") for one in found]
+        rows = [(one.name, one.kind, one.description or f"in {one.source}") for one in listed]
         print_table([("TYPE", "KIND", "DESCRIPTION"), *rows])
-    for problem in catalogue.broken():
+    for problem in found.broken:
         note(f"left out: {problem}")
 
 
@@ -36,33 +36,34 @@ def print_type(name: str, form: str | None) -> None:
         ContractError: the file that says it cannot be imported.
     """
     try:
-        types = [catalogue.find(half) for half in catalogue.halves(name)]
-    except robo_messages.UnknownType as error:
+        found = apart.described(name)
+    except UnknownType as error:
         raise MessageError(error.args[0]) from None
+    sheets = found.sheets
     if form == "ros":
-        print_text(ros_text(name))
+        print_text(found.ros)
     elif form == "json_schema":
-        schemas = [robo_messages.json_schema(type_) for type_ in types]
+        schemas = [sheet.schema for sheet in sheets]
         whole = schemas[0] if len(schemas) == 1 else dict(zip(("request", "response"), schemas, strict=True))
         print_text(document(whole))
     elif form == "json":
-        for type_ in types:
-            print_json(catalogue.describe(type_))
+        for sheet in sheets:
+            print_json(sheet.interface)
     else:
-        for number, type_ in enumerate(types):
+        for number, sheet in enumerate(sheets):
             if number:
                 print_line("---")
-            _print(type_)
+            _print(sheet)
 
 
-def _print(type_: type[Message]) -> None:
-    interface = catalogue.describe(type_)
+def _print(sheet: Sheet) -> None:
+    interface = sheet.interface
     print_line(paint(interface.name, colours.BOLD))
     for line in interface.description.splitlines():
         print_line(f"  {line}".rstrip())
     for name, value in interface.constants.items():
         print_line(f"  {name} = {value}")
-    rows = list(_rows(type_, 0))
+    rows = list(_rows(sheet, 0))
     widths = [max((len(row[i]) for row in rows), default=0) for i in range(2)]
     for left, kind, about in rows:
         print_line(f"  {left:{widths[0]}}  {kind:{widths[1]}}  {about}".rstrip())
@@ -70,14 +71,14 @@ def _print(type_: type[Message]) -> None:
         print_line("  no fields")
 
 
-def _rows(type_: type[Message], depth: int) -> list[tuple[str, str, str]]:
+def _rows(sheet: Sheet, depth: int) -> list[tuple[str, str, str]]:
     """Name, type, and default with description of each field, those of inner messages below theirs."""
-    inner = catalogue.inner_types(type_)
     rows = []
-    for field in catalogue.describe(type_).fields:
-        rows.append((f"{'  ' * depth}{field.name}", field.type, _about(field, shows_default=field.name not in inner)))
-        if field.name in inner:
-            rows += _rows(inner[field.name], depth + 1)
+    for field in sheet.interface.fields:
+        about = _about(field, shows_default=field.name not in sheet.inner)
+        rows.append((f"{'  ' * depth}{field.name}", field.type, about))
+        if field.name in sheet.inner:
+            rows += _rows(sheet.inner[field.name], depth + 1)
     return rows
 
 

@@ -7,7 +7,6 @@ import msgspec
 from robo.cli.connection import connect_to_robot, nodes_of
 from robo.cli.printing import (
     data_size,
-    depth_text,
     note,
     paint,
     print_json,
@@ -83,18 +82,19 @@ def _lines(info: NodeInfo) -> list[str]:
         ("uptime", "" if info.uptime is None else duration(info.uptime)),
         (
             "callback",
-            f"{info.running} has been running for {duration(info.running_for)}; all others wait" if stuck else "",
+            f"{info.running} has been running for {duration(info.running_for)}; all others of its turn wait"
+            if stuck
+            else "",
         ),
         ("load", "" if info.load is None else f"{info.load:.1%} of the time in callbacks"),
         ("cpu", "" if info.cpu is None else f"{info.cpu:.1f}% of a core"),
         ("memory", "" if info.memory is None else data_size(info.memory)),
+        ("large", f"messages through {info.large_messages}" if info.large_messages else ""),
         ("timers", ", ".join(f"{name} skipped {count} ticks" for name, count in info.missed.items())),
         ("errors", f"its callbacks raised {info.callback_errors} exceptions" if info.callback_errors else ""),
     ]
     lines = [paint(info.node, colours.BOLD), *(f"  {label:9} {text}" for label, text in facts if text)]
-    rows = [
-        (p.topic, p.type, depth_text(p.depth), f"{p.rate:.1f} Hz", f"{p.published} published") for p in info.publishers
-    ]
+    rows = [(p.topic, p.type, str(p.qos), f"{p.rate:.1f} Hz", f"{p.published} published") for p in info.publishers]
     lines += _section("publishers", rows)
     lines += _section(
         "subscriptions",
@@ -102,7 +102,7 @@ def _lines(info: NodeInfo) -> list[str]:
             (
                 s.topic,
                 s.type,
-                depth_text(s.depth),
+                str(s.qos),
                 f"{s.rate:.1f} Hz",
                 f"{s.received} received, {s.dropped} dropped, {s.malformed} malformed",
             )
@@ -110,7 +110,12 @@ def _lines(info: NodeInfo) -> list[str]:
         ],
     )
     lines += _section("services", [(s.service, s.type, f"{s.served} calls") for s in info.services])
+    lines += _section(
+        "turns of their own", [(t.turn, ", ".join(t.callbacks), f"{t.load:.1%} of the time") for t in info.turns]
+    )
     lines += _section("clients", [(c.service, c.type) for c in info.clients])
+    lines += _section("actions", [(a.service, a.type) for a in info.actions])
+    lines += _section("sends goals to", [(a.service, a.type) for a in info.action_clients])
     values = info.parameters or {}
     lines += _section("parameters", [(name, msgspec.json.encode(value).decode()) for name, value in values.items()])
     return lines

@@ -154,14 +154,14 @@ def watch(node: str | None, reach: Reach, *, json: bool) -> None:
 
 
 def _find(session: zenoh.Session, node: str, reach: Reach) -> NodeToken:
-    return nodes.find_node(nodes_of(session, reach), node)
+    return nodes.find_node(nodes_of(session, reach, inactive=True), node)
 
 
 def _read(
     session: zenoh.Session, node: str | None, reach: Reach
 ) -> tuple[dict[str, dict[str, object]], list[NodeUnreachable]]:
     """The values of one node or of all, and which did not answer."""
-    wanted = [_find(session, node, reach)] if node else nodes_of(session, reach)
+    wanted = [_find(session, node, reach)] if node else nodes_of(session, reach, inactive=True)
     found: dict[str, dict[str, object]] = {}
     silent: list[NodeUnreachable] = []
     for token in wanted:

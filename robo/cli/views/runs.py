@@ -1,7 +1,7 @@
 """`robo ps`, `stop`, `start`, `restart`, `down`, `why` and `events`: printing what supervisors say."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import msgspec
 import zenoh
@@ -33,6 +33,7 @@ STATE_COLOURS = {
     "degraded": colours.YELLOW,
     "restarting": colours.YELLOW,
     "starting": colours.CYAN,
+    "standby": colours.CYAN,
     "failed": colours.RED,
 }
 _STALE = 2.0
@@ -57,7 +58,7 @@ def print_processes(reach: Reach, *, json: bool, watch: bool, interval: float) -
             elif watch and not found:
                 note(link.lost or "no supervisor answers")
             else:
-                print_table([_HEAD, *map(_row, found)], _SPARED)
+                print_table([_HEAD, *_rows(found)], _SPARED)
                 _print_log_problems(found)
             if not watch:
                 return
@@ -99,22 +100,67 @@ _SPARED = ("ROBOT", "GROUP", "PID", "IN", "OUT", "UPTIME", "MEMORY", "CPU", "RES
 """What a narrow terminal does without, from the first on: a node's full name tells its robot."""
 
 
+def _rows(found: Sequence[ProcessStatus]) -> Iterator[tuple[str, ...]]:
+    """A row for each node; those that share a process stand together below one of its own."""
+    told: set[tuple[str, str, str]] = set()
+    for status in found:
+        if not status.process:
+            yield _row(status)
+            continue
+        process = status.run, status.host, status.process
+        if process in told:
+            continue
+        told.add(process)
+        nodes = [one for one in found if (one.run, one.host, one.process) == process]
+        yield _row_of_process(nodes)
+        yield from map(_row, nodes)
+
+
+def _row_of_process(nodes: Sequence[ProcessStatus]) -> tuple[str, ...]:
+    """The process that nodes share: its id, its processor time and its memory."""
+    running = next((one for one in nodes if one.pid is not None), nodes[0])
+    pid = "-" if running.pid is None else str(running.pid)
+    used = _percent(running.process_cpu), _megabytes(running.memory)
+    return (
+        running.robot,
+        "-",
+        f"{running.process}:",
+        "-",
+        pid,
+        "-",
+        "-",
+        *used,
+        "-",
+        "-",
+        "a process of several nodes",
+    )
+
+
 def _row(status: ProcessStatus) -> tuple[str, ...]:
+    shares = status.process != ""
     return (
         status.robot,
         status.group or "-",
-        status.node,
+        f"  {status.node}" if shares else status.node,
         _painted(status.state),
         "-" if status.pid is None else str(status.pid),
         str(status.restarts),
         "-" if status.uptime is None else duration(status.uptime),
-        "-" if status.cpu is None else f"{status.cpu:.0f}%",
-        "-" if status.memory is None else f"{status.memory / 1e6:.0f}M",
+        _percent(status.cpu),
+        "-" if shares else _megabytes(status.memory),
         _rate(status.published),
         _rate(status.received),
         status.reason
         or (f"{status.running} has been running for {duration(status.running_for)}" if status.running else ""),
     )
+
+
+def _percent(cpu: float | None) -> str:
+    return "-" if cpu is None else f"{cpu:.0f}%"
+
+
+def _megabytes(memory: int | None) -> str:
+    return "-" if memory is None else f"{memory / 1e6:.0f}M"
 
 
 def _rate(topics: dict[str, float]) -> str:
@@ -227,11 +273,12 @@ def explained(found: Explanation, refused: Sequence[Stranger] = ()) -> list[str]
     lines.append(f"  running{for_how_long}{pid}" if status.pid is not None else "  not running")
     if found.next_start is not None:
         lines.append(f"  starts again in {found.next_start:.1f} s")
+    if status.state == "standby":
+        lines.append(f"  robo lifecycle list {status.node}: what can be asked of it now")
     lines += [f"  waits for {need}" for need in found.unmet_needs]
     if status.running:
-        lines.append(
-            f"  its callback {status.running} has been running for {duration(status.running_for)}; all others wait"
-        )
+        how_long = duration(status.running_for)
+        lines.append(f"  its callback {status.running} has been running for {how_long}; all others of its turn wait")
     for entry in found.inputs:
         if status.running:
             pass  # what has come waits for that callback: the input is not to blame

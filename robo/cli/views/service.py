@@ -22,6 +22,7 @@ from robo.tools import nodes
 from robo.tools.nodes import ServiceInfo
 from robo.wire import codec
 from robo.wire.names import shown_key
+from robo.wire.qos import QoS
 
 
 def print_services(reach: Reach, *, json: bool) -> None:
@@ -63,7 +64,7 @@ def print_info(name: str, reach: Reach, *, json: bool) -> None:
     print_line(f"{found.key}  {found.type}")
     print_line(f"  served by {', '.join(found.servers)}")
     for label, name in halves.items():
-        print_line(f"  {label:8}  {_shape(name)}")
+        print_line(f"  {label:8}  {shape(name)}")
 
 
 def call(name: str, words: Sequence[str], reach: Reach, *, timeout: float, json: bool) -> None:
@@ -82,15 +83,19 @@ def call(name: str, words: Sequence[str], reach: Reach, *, timeout: float, json:
         ServiceError: the service refuses, or nobody answers.
     """
     wanted = reach.key(name)
-    type_name, request = _type_and_request(words)
+    type_name, request = type_and_data(words, "a request", "{data: true}")
     with connect_to_robot(reach) as session:
         found = _find(session, wanted, reach)
         if type_name not in (None, found.type):
             raise UsageError(f"{found.key} is a {found.type}, not a {type_name}; its type need not be said")
         asked, _ = robo_messages.halves_of(found.type)
         attachment = codec.pack_attachment(1, time.time_ns())
-        payload = _request(asked, request)
-        sample = services.ask(session, found.key, (payload, attachment), f"{codec.MSGPACK};{asked}", timeout, timeout)
+        payload = msgspec.msgpack.encode(data_of(asked, request, "a request"))
+        encoding = f"{codec.MSGPACK};{asked}"
+        # A person's call goes first: it may be an emergency stop.
+        sample = services.ask(
+            session, found.key, (payload, attachment), encoding, timeout, timeout, QoS.COMMAND.priority
+        )
     answer = codec.decode_any(sample.payload.to_bytes())
     if json:
         print_json(answer)
@@ -101,9 +106,14 @@ def call(name: str, words: Sequence[str], reach: Reach, *, timeout: float, json:
         print_line("done")
 
 
-def _type_and_request(words: Sequence[str]) -> tuple[str | None, str | None]:
+def type_and_data(words: Sequence[str], what: str, example: str) -> tuple[str | None, str | None]:
+    """The type and the data that somebody has typed, each where it was; `what` and an `example` are for the error.
+
+    Raises:
+        UsageError: there are too many words.
+    """
     if len(words) > 2:
-        raise UsageError(f"expected a request, for example '{{data: true}}', in quotes; got {len(words)} words")
+        raise UsageError(f"expected {what}, for example '{example}', in quotes; got {len(words)} words")
     if len(words) == 1:
         return (words[0], None) if _TYPE.fullmatch(words[0]) else (None, words[0])
     return (words[0], words[1]) if words else (None, None)
@@ -112,18 +122,21 @@ def _type_and_request(words: Sequence[str]) -> tuple[str | None, str | None]:
 _TYPE = re.compile(r"[A-Za-z_]\w*/[A-Za-z_]\w*")
 
 
-def _request(type_name: str, text: str | None) -> bytes:
-    """A request from YAML or JSON, checked where its type is known here."""
+def data_of(type_name: str, text: str | None, what: str) -> object:
+    """A message from YAML or JSON, checked where its type is known here; else plain data, which its server checks.
+
+    Raises:
+        UsageError: it is no map.
+        MessageError: it is not of that type.
+    """
     value = parse_value(text) if text else {}
     if not isinstance(value, dict):
-        raise UsageError(f"a request is a map, for example '{{data: true}}', not {text}")
+        raise UsageError(f"{what} is a map, for example '{{name: value}}', not {text}")
     type_ = catalogue.find_here(type_name)
-    if type_ is None:
-        return msgspec.msgpack.encode(value)  # its server checks it
-    return msgspec.msgpack.encode(message_of(type_, value))
+    return value if type_ is None else message_of(type_, value)
 
 
-def _shape(type_name: str) -> str:
+def shape(type_name: str) -> str:
     """A message type in a line: its fields with their types."""
     type_ = catalogue.find_here(type_name)
     if type_ is None:

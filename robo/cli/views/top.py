@@ -27,7 +27,7 @@ from robo.tools.top import NodeFigures, Snapshot, TopicFigures, Watch
 
 T = TypeVar("T")
 
-_STATES = {"ready": "green", "completed": "green", "starting": "cyan", "failed": "bold red"}
+_STATES = {"ready": "green", "completed": "green", "starting": "cyan", "standby": "cyan", "failed": "bold red"}
 _WIDE = 110
 """From how many columns on there is room for everything."""
 _WIDEST = 140

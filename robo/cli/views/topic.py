@@ -4,11 +4,12 @@ import time
 
 from robo.cli.connection import connect_to_robot, nodes_of
 from robo.cli.link import watched
-from robo.cli.printing import clear_screen, depth_text, note, paint, print_json, print_line, print_table
+from robo.cli.printing import clear_screen, note, paint, print_json, print_line, print_table
 from robo.cli.reach import Reach
 from robo.text import colours
 from robo.tools import runs, topics
 from robo.tools.topics import End, Topic
+from robo.wire.keys import is_hidden
 
 
 def print_topics(reach: Reach, *, verbose: bool, json: bool, watch: bool, interval: float) -> None:
@@ -19,7 +20,8 @@ def print_topics(reach: Reach, *, verbose: bool, json: bool, watch: bool, interv
     """
     with connect_to_robot(reach) as session, watched(session, reach) as link:
         while True:
-            found = [topic for topic in topics.list_topics(session, reach.timeout) if reach.covers(topic.key)]
+            there = topics.list_topics(session, reach.timeout)
+            found = [topic for topic in there if reach.covers(topic.key) and not is_hidden(topic.key)]
             if not found and not watch:
                 nodes_of(session, reach)
             found = topics.with_rates(found, runs.processes(session, timeout=topics.RATES_TIMEOUT))
@@ -75,13 +77,13 @@ def print_info(name: str, reach: Reach, *, json: bool) -> None:
             print_line(f"    {_end(end, info.types)}")
     for other in info.others:
         print_line(f"  {other}, which is no node of robo's")
-    for stranger in info.strangers:
-        print_line(f"  {paint('!!', colours.YELLOW)} {stranger}")
+    for problem in (*info.strangers, *info.misfits):
+        print_line(f"  {paint('!!', colours.YELLOW)} {problem}")
 
 
 def _end(end: End, types: list[str]) -> str:
     clash = f"  {end.type}" if len(types) > 1 else ""
-    return f"{end.node}{clash}  {depth_text(end.depth)}"
+    return f"{end.node}{clash}  {end.qos}"
 
 
 def print_type(name: str, reach: Reach, *, json: bool) -> None:
