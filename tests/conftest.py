@@ -10,6 +10,7 @@ import hypothesis
 import pytest
 import zenoh
 
+from robo.wire import zenoh_threads
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from tests.support import Desk
@@ -21,12 +22,6 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 # How long an example takes says more of the machine than of the code.
 hypothesis.settings.register_profile("robo", deadline=None)
 hypothesis.settings.load_profile("robo")
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Use robo's own plugin, also where this checkout was installed before it had one."""
-    if not config.pluginmanager.hasplugin("robo"):
-        config.pluginmanager.import_plugin("robo.testing.plugin")
 
 
 INTEL_LOG = Path(__file__).parents[2] / "shared" / "data" / "intel.log.gz"
@@ -46,6 +41,17 @@ def _logs_of_their_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Non
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _threads_for_linked_sessions() -> None:
+    """Sessions that link within one process share its receiving threads, which are as many as the first one asks for.
+
+    By the one thread of a node a large answer would wait for its own reader. Processes that tests start have theirs.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(zenoh_threads.VARIABLE, zenoh_threads.OF_A_ROUTER)
+        close_session(open_session(Network(mode="peer")))
 
 
 @pytest.fixture

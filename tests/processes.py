@@ -78,6 +78,7 @@ class FakeProcess:
         """What it was asked to do, in order."""
         self.signals: list[signal.Signals] = []
         self.tokens: list[int] = []
+        self.tokens_gone: list[int] = []
         self.told_to_stop: float | None = None
         self.ended: float | None = None
         self._changes = changes or Changes()
@@ -170,6 +171,9 @@ class FakeProcess:
 
     def notice_token(self, pid: int) -> None:
         self.tokens.append(pid)
+
+    def notice_token_gone(self, pid: int) -> None:
+        self.tokens_gone.append(pid)
 
     def status(self, robot: str, run: str, host: str) -> ProcessStatus:
         return ProcessStatus(

@@ -1,4 +1,9 @@
-"""Helpers for tests: waiting for events, and a robot as a process."""
+"""Command lines that tests type, and what they print; and waiting for what no event tells of.
+
+What is not about a command line has its helper elsewhere: `robo.testing` runs nodes and robots, `tests.plain` is a
+client that knows nothing of robo, `tests.processes` plays processes for the parts of a supervisor, and `tests.conftest`
+has free ports and linked sessions.
+"""
 
 import os
 import re
@@ -10,12 +15,9 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
-import msgpack
 import psutil
 import pytest
-import zenoh
 
 PATIENCE = 40.0
 """How long an event may take on a machine that is busy with other things, s. Only what fails waits that long."""
@@ -32,43 +34,6 @@ def eventually(condition: Callable[[], bool], what: str, timeout: float = PATIEN
     while not condition():
         assert time.monotonic() < end, f"not within {timeout} s: {what}"
         time.sleep(0.005)
-
-
-class Inbox:
-    """The messages of a key, as a plain Zenoh client with any MessagePack library reads them."""
-
-    def __init__(self, session: zenoh.Session, key: str) -> None:
-        self._changed = threading.Condition()
-        self.samples: list[zenoh.Sample] = []
-        self.messages: list[dict[str, Any]] = []
-        self._subscriber = session.declare_subscriber(key, self._on_sample)
-
-    def _on_sample(self, sample: zenoh.Sample) -> None:
-        with self._changed:
-            self.samples.append(sample)
-            self.messages.append(msgpack.unpackb(sample.payload.to_bytes()))
-            self._changed.notify_all()
-
-    def wait_for(self, count: int = 1, timeout: float = PATIENCE) -> list[dict[str, Any]]:
-        """At least `count` messages."""
-        self.wait_until(lambda messages: len(messages) >= count, f"{count} messages", timeout)
-        return self.messages
-
-    def wait_until(
-        self, condition: Callable[[list[dict[str, Any]]], bool], what: str, timeout: float = PATIENCE
-    ) -> None:
-        """Wait until the messages so far fulfil a condition."""
-        with self._changed:
-            there = self._changed.wait_for(lambda: bool(self.messages) and condition(self.messages), timeout)
-            assert there, f"not within {timeout} s: {what}; {len(self.messages)} have come"
-
-    def forget(self) -> None:
-        with self._changed:
-            self.samples.clear()
-            self.messages.clear()
-
-    def close(self) -> None:
-        self._subscriber.undeclare()
 
 
 def plain_environment() -> dict[str, str]:
@@ -228,6 +193,7 @@ _ENDLESS = (
     (r"robo topic (echo|hz|bw|delay|loss|plot)\b", r"--once|--count|--duration"),
     (r"robo topic pub\b.* -r\b", r"--times"),
     (r"robo param watch\b", ""),
+    (r"robo action echo\b", ""),
     (r"robo events\b", ""),
     (r"robo logs\b.* -f\b", ""),
     (r"robo\b.* --watch\b", ""),

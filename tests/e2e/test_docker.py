@@ -18,11 +18,12 @@ import zenoh
 
 from robo.export.compose.baggage import PACKAGES
 from robo.export.compose.keeper import DELAY
+from robo.testing.heard import Heard
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from tests.conftest import free_port
 from tests.packages import shared_wheel
-from tests.support import PATIENCE, Inbox, eventually, run_robo
+from tests.support import PATIENCE, eventually, run_robo
 
 ROOT = Path(__file__).parents[2]
 DOCKER_HOST = ROOT.parent / "shared" / "tools" / "docker-host"
@@ -127,9 +128,8 @@ def crash(project: Project, service: str) -> None:
     eventually(lambda: project.state(service)["RestartCount"] > before, "it is started again")
 
 
-def drives(odometry: Inbox) -> bool:
-    """Whether the newest odometry tells of motion."""
-    return bool(odometry.messages) and odometry.messages[-1]["twist"]["twist"]["linear"]["x"] > 0.05
+def wait_until_it_drives(odometry: Heard, timeout: float = PATIENCE) -> None:
+    odometry.wait_for("r1/odom", lambda message: message.twist.twist.linear.x > 0.05, timeout, anew=True)
 
 
 def test_the_image_is_small_and_runs_without_rights(image: str) -> None:
@@ -145,40 +145,40 @@ def test_the_image_is_small_and_runs_without_rights(image: str) -> None:
 def test_the_robot_drives_in_containers_and_heals(project: Project, client: zenoh.Session) -> None:
     states = [project.state(service)["State"] for service in yaml_services()]
     assert {state["Health"]["Status"] for state in states} == {"healthy"}
-    odometry = Inbox(client, "r1/odom")
-    odometry.wait_until(lambda _: drives(odometry), "it drives")
+    odometry = Heard(client, "r1/odom")
+    wait_until_it_drives(odometry)
 
     changed = run_robo("param", "set", "velocity_controller", "linear_velocity", "0.3", "--connect", project.endpoint)
     assert changed.returncode == 0, changed.stderr
-    odometry.wait_until(lambda m: abs(m[-1]["twist"]["twist"]["linear"]["x"] - 0.3) < 0.01, "it drives slower")
+    odometry.wait_for("r1/odom", lambda one: abs(one.twist.twist.linear.x - 0.3) < 0.01, PATIENCE, anew=True)
 
     # A node that crashes comes back by its policy.
     crash(project, "position_tracker")
-    position = Inbox(client, "r1/current_position")
-    position.wait_for(1)
+    position = Heard(client, "r1/current_position")
+    position.wait_for_count("r1/current_position", 1, PATIENCE)
 
     # One that an operator kills is his to start: nobody here holds the engine's socket.
     project("kill", "position_tracker")
     mounts = docker("inspect", "-f", "{{.HostConfig.Binds}}{{.Mounts}}", *project("ps", "--all", "--quiet").split())
     assert "docker.sock" not in mounts
-    position.forget()
+    position.clear()
     project("start", "position_tracker")
-    position.wait_for(1)
+    position.wait_for_count("r1/current_position", 1, PATIENCE)
 
     # Without its network the base stands still; with it the robot drives on.
     network, base = f"{project.name}_robot", project.container("diff_drive_sim")
     docker("network", "disconnect", network, base)
     time.sleep(3)  # for so long it is gone
-    odometry.forget()
+    odometry.clear()
     docker("network", "connect", network, base)
-    odometry.wait_for(1)
-    assert odometry.messages[0]["twist"]["twist"]["linear"]["x"] < 0.25, "it has stood still, or is just starting"
-    odometry.wait_until(lambda _: drives(odometry), "it drives on")
+    first = odometry.wait_for("r1/odom", lambda _: True, PATIENCE)
+    assert first.twist.twist.linear.x < 0.25, "it has stood still, or is just starting"
+    wait_until_it_drives(odometry)
 
     project("restart", "--timeout", "3", "router")
-    odometry.forget()
+    odometry.clear()
     # Not after the 10 s that looking up a name takes where there is no internet.
-    odometry.wait_until(lambda _: drives(odometry), "messages come through the new router", timeout=9)
+    wait_until_it_drives(odometry, timeout=9)
     listed = run_robo("node", "list", "--json", "--connect", project.endpoint)
     assert len(listed.stdout.splitlines()) == 4
     again = run_robo("param", "get", "velocity_controller", "linear_velocity", "--connect", project.endpoint)
@@ -190,27 +190,24 @@ def test_the_robot_drives_in_containers_and_heals(project: Project, client: zeno
 
 
 def test_an_emergency_stop_outlives_the_monitors_container(project: Project, client: zenoh.Session) -> None:
-    odometry, state = Inbox(client, "r1/odom"), Inbox(client, "r1/safety_state")
-    odometry.wait_until(lambda _: drives(odometry), "it drives")
+    odometry, state = Heard(client, "r1/odom"), Heard(client, "r1/safety_state")
+    wait_until_it_drives(odometry)
 
     def call(service: str) -> None:
         done = run_robo("service", "call", f"r1/{service}", "--connect", project.endpoint)
         assert done.returncode == 0, done.stderr
 
-    def stopped(messages: list[dict[str, Any]]) -> bool:
-        return "emergency stop" in messages[-1]["message"]
-
     call("emergency_stop")
-    odometry.wait_until(lambda m: m[-1]["twist"]["twist"]["linear"]["x"] == 0.0, "it stands")
+    odometry.wait_for("r1/odom", lambda message: message.twist.twist.linear.x == 0.0, PATIENCE, anew=True)
     for again in (lambda: crash(project, "safety_monitor"), lambda: project("restart", "safety_monitor")):
-        state.forget()
-        odometry.forget()
+        state.clear()
+        odometry.clear()
         again()
-        state.wait_until(stopped, "the next monitor knows of it")
-        odometry.wait_for(len(odometry.messages) + 50)
-        assert not any(m["twist"]["twist"]["linear"]["x"] for m in odometry.messages)
+        state.wait_for("r1/safety_state", lambda one: "emergency stop" in one.message, PATIENCE, anew=True)
+        odometry.wait_for_count("r1/odom", len(odometry.messages("r1/odom")) + 50, PATIENCE)
+        assert not any(message.twist.twist.linear.x for message in odometry.messages("r1/odom"))
     call("reset_emergency_stop")
-    odometry.wait_until(lambda _: drives(odometry), "it drives on")
+    wait_until_it_drives(odometry)
 
 
 def yaml_services() -> list[str]:
@@ -260,8 +257,8 @@ def test_the_log_of_a_real_robot_is_a_profile(
     monkeypatch.setenv("ROBO_LOG", str(intel_log.resolve()))
     project("--profile", "replay", "up", "--wait", "--detach")
     session = open_session(Network(mode="client", connect=(project.endpoint,)))
-    position = Inbox(session, "r1_replay/current_position")
-    position.wait_for(5)
+    position = Heard(session, "r1_replay/current_position")
+    position.wait_for_count("r1_replay/current_position", 5, PATIENCE)
     close_session(session)
 
 

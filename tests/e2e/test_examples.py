@@ -5,28 +5,29 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from robo.wire.network import Network
-from robo.wire.session import close_session, open_session
-from tests.conftest import free_port
-from tests.support import Inbox, robo, run_robo
+from robo.testing import Launch, Robot
+from tests.support import run_robo
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @pytest.fixture(scope="module")
-def robot() -> Iterator[str]:
-    """The robot with the lamp; its endpoint."""
-    where = f"tcp/127.0.0.1:{free_port()}"
-    with robo("up", str(EXAMPLES / "other_languages.yaml"), "--robot-name", "r1", "--listen", where) as run:
-        run.wait_for("is ready")
-        assert "lamp of r1 on, robot at " in run.output
-        yield where
-        run.interrupt()
-        run.wait_for("lamp off")
+def lamp(module_launch: Launch) -> Iterator[Robot]:
+    """The robot with the lamp."""
+    robot = module_launch(EXAMPLES / "other_languages.yaml")
+    robot.wait_for_line("lamp of r1 on, robot at ")
+    yield robot
+    assert run_robo("stop", "lamp", "--connect", robot.endpoint).returncode == 0
+    robot.wait_for_line("lamp off")
+
+
+@pytest.fixture
+def robot(lamp: Robot) -> str:
+    """Its endpoint."""
+    return lamp.endpoint
 
 
 def test_a_plain_client_reads_calls_and_sets(robot: str) -> None:
@@ -39,26 +40,18 @@ def test_a_plain_client_reads_calls_and_sets(robot: str) -> None:
     assert "get       {'linear_velocity': 0.3}" in found
 
 
-def test_a_shell_drives_with_json(robot: str) -> None:
+def test_a_shell_drives_with_json(robot: str, lamp: Robot) -> None:
     assert run_robo("stop", "velocity_controller", "--connect", robot).returncode == 0
-    session = open_session(Network(mode="client", connect=(robot,)))
-    odometry = Inbox(session, "r1/odom")
-    odometry.wait_until(lambda messages: speed(messages[-1]) == 0.0, "it stands")
-    odometry.forget()
+    lamp.wait_for("odom", lambda odometry: odometry.twist.twist.linear.x == 0.0, new=True)
+    lamp.clear()
     said = subprocess.run(
         ["sh", str(EXAMPLES / "drive.sh"), "r1", "0.25"],
         env={"PATH": "/usr/bin:/bin", "PYTHON": sys.executable, "ROBO_CONNECT": robot},
         capture_output=True, text=True, timeout=60, check=True,
     )  # fmt: skip
     assert said.stdout == 'r1/cmd_vel_raw: {"linear": {"x": 0.25}}\n'
-    odometry.wait_until(lambda messages: any(speed(message) > 0.2 for message in messages), "it drives")
-    close_session(session)
+    lamp.wait_for("odom", lambda odometry: odometry.twist.twist.linear.x > 0.2)
     assert run_robo("start", "velocity_controller", "--connect", robot).returncode == 0
-
-
-def speed(odometry: dict[str, Any]) -> float:
-    """Of a message of odometry, m/s."""
-    return float(odometry["twist"]["twist"]["linear"]["x"])
 
 
 @pytest.mark.timeout(600)

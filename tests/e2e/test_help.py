@@ -41,8 +41,10 @@ NO_MATTER = {
 """Verbs that look at no network."""
 
 NODE = '''
-from robo import Node, service
-from robo_messages import SetBool
+from collections.abc import Generator
+
+from robo import Node, action, service
+from robo_messages import Fibonacci, SetBool
 
 
 class MyNode(Node):
@@ -51,6 +53,19 @@ class MyNode(Node):
     @service("lights")
     def lights(self, request: SetBool.Request) -> SetBool.Response:
         return SetBool.Response(message="on" if request.data else "off")
+
+    @action("fibonacci", policy="queue")
+    def fibonacci(self, goal: Fibonacci.Goal) -> Generator[Fibonacci.Feedback, None, Fibonacci.Result]:
+        for number in range(goal.order):
+            yield Fibonacci.Feedback([number])
+        return Fibonacci.Result()
+'''
+MANAGED = '''
+from robo import LifecycleNode
+
+
+class Gripper(LifecycleNode):
+    """Grip."""
 '''
 GRIPPER = '''
 from robo_messages import Message, message
@@ -70,6 +85,7 @@ groups:
     namespace: ${robot_name}
     nodes:
       my_node: {service: my_package.my_node}
+      gripper: {service: my_package.gripper}
 """
 TWO_HOSTS = """
 groups:
@@ -98,6 +114,7 @@ class Lab:
         for name, text in {
             "my_package/__init__.py": "",
             "my_package/my_node.py": NODE,
+            "my_package/gripper.py": MANAGED,
             "my_robot/__init__.py": "",
             "my_robot/messages.py": GRIPPER,
             "launch/mine.yaml": MANIFEST,

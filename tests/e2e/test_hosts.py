@@ -191,7 +191,7 @@ groups:
         eventually(lambda: states(arm).get("/r1/far_tracker") == ("ready", "arm"), "what it needs is there")
         assert states(base) == states(arm)
         assert len(states(base)) == 5
-        assert rate(base, here, "r1/far_position") > 40
+        assert rate(base, here, "r1/far_position") > 10
         stopped = base.robo("stop", "far_tracker", "position_tracker")
         assert set(stopped.stdout.split()) - {"stopped"} == {"/r1/far_tracker", "/r1/position_tracker"}
         assert states(arm)["/r1/far_tracker"][0] == "stopped"

@@ -3,14 +3,13 @@
 import json
 import os
 import re
-import signal
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
 
-from tests.support import eventually, robo, run_robo
+from robo.testing import Launch
+from tests.support import robo, run_robo
 
 pytestmark = pytest.mark.timeout(120)
 
@@ -209,7 +208,7 @@ groups:
     assert [(line["node"], line["stream"], line["message"]) for line in kept] == [("prepare", "stdout", "prepared")]
 
 
-def test_a_process_that_dies_is_started_again_and_a_storm_is_slowed_down(endpoint: str, tmp_path: Path) -> None:
+def test_a_process_that_dies_is_started_again_and_a_storm_is_slowed_down(launch: Launch, tmp_path: Path) -> None:
     file = write(
         tmp_path,
         """
@@ -221,24 +220,13 @@ groups:
       crashing: {run: [python, -c, "import sys; sys.exit('boom')"]}
 """,
     )
-    with robo("up", file, "--listen", endpoint) as launch:
-        launch.wait_for("crashing is degraded: ended with exit code 1, more than 2 times in 60 s; next try in ")
-        assert launch.output.count("| boom") == 3
-        listed = ("ps", "--json", "--connect", endpoint)
-        eventually(lambda: '"node":"/tracker","state":"ready"' in run_robo(*listed).stdout, "the tracker is ready")
-        tracker = launch.child("/tracker")
-        tracker.send_signal(signal.SIGKILL)
-        launch.wait_for("tracker was killed by SIGKILL; starting it again in 0.0")
-        eventually(lambda: _is_up(launch, tracker.pid), "another tracker runs")
-        launch.interrupt()
-        assert launch.wait() == 130
-
-
-def _is_up(launch: Any, old: int) -> bool:
-    try:
-        return bool(launch.child("/tracker").pid != old)
-    except (AssertionError, psutil.Error):
-        return False
+    robot = launch(file, may_die=["crashing"])
+    robot.wait_for_line("crashing is degraded: ended with exit code 1, more than 2 times in 60 s; next try in ")
+    assert robot.output.partition("crashing is degraded")[0].count("| boom") == 3
+    tracker = robot.process("tracker").pid
+    robot.kill("tracker")
+    robot.wait_for_line("tracker was killed by SIGKILL; starting it again in 0.0")
+    robot.wait_until("tracker", lambda tracker_: tracker_.state == "ready" and tracker_.pid not in (tracker, None))
 
 
 def test_a_program_or_file_that_is_not_there_is_said_before_anything_runs(endpoint: str, tmp_path: Path) -> None:

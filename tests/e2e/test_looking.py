@@ -21,29 +21,30 @@ import pytest
 import zenoh
 
 import robo_messages
+from robo.testing import Launch, Robot
 from robo.wire import codec
-from robo.wire.network import Network
-from robo.wire.session import close_session, open_session
-from robo_messages import Twist
+from robo_messages import String, Twist
 from tests.conftest import free_port
-from tests.support import PATIENCE, Inbox, eventually, robo, run_robo
+from tests.plain import hear, samples, so_far
+from tests.support import PATIENCE, eventually, robo, run_robo
 
 
 @pytest.fixture(scope="module")
-def robot() -> Iterator[str]:
-    """The reference robot; its endpoint."""
-    where = f"tcp/127.0.0.1:{free_port()}"
-    with robo("up", "--robot-name", "r1", "--listen", where) as run:
-        run.wait_for("is ready")
-        yield where
+def running(module_launch: Launch) -> Robot:
+    """The reference robot."""
+    return module_launch("robot.yaml")
+
+
+@pytest.fixture(scope="module")
+def robot(running: Robot) -> str:
+    """Its endpoint."""
+    return running.endpoint
 
 
 @pytest.fixture
-def client(robot: str) -> Iterator[zenoh.Session]:
+def client(running: Robot) -> zenoh.Session:
     """A Zenoh client on the robot's network."""
-    session = open_session(Network(mode="client", connect=(robot,)))
-    yield session
-    close_session(session)
+    return running.session
 
 
 def ask(robot: str, *words: str, code: int = 0) -> str:
@@ -71,7 +72,7 @@ def test_one_topic(robot: str) -> None:
     info = json.loads(ask(robot, "topic", "info", "odom", "--robot-name", "r1", "--json"))
     assert info["types"] == ["nav/Odometry"]
     assert [end["node"] for end in info["publishers"]] == ["/r1/diff_drive_sim"]
-    assert {end["node"]: end["depth"] for end in info["subscribers"]} == {
+    assert {end["node"]: end["qos"]["depth"] for end in info["subscribers"]} == {
         "/r1/position_tracker": 0,
         "/r1/safety_monitor": 1,
     }
@@ -173,25 +174,28 @@ def test_echo_of_everything_tells_every_message(robot: str, client: zenoh.Sessio
 
 
 def test_echo_and_pub_reproduce_a_topic_byte_for_byte(robot: str, client: zenoh.Session) -> None:
-    inbox = Inbox(client, "q3/*")
+    heard = hear(client, "q3/*")
     command = (
         f"{sys.executable} -m robo topic echo r1/scan --json --count 5 --connect {robot} | "
         f"{sys.executable} -m robo topic pub q3/scan sensor/LaserScan - --connect {robot}"
     )
-    originals = Inbox(client, "r1/scan")
+    originals = hear(client, "r1/scan")
     result = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=60, check=False)
     assert (result.returncode, result.stderr) == (0, "")
-    inbox.wait_for(5)
-    sent = [sample.payload.to_bytes() for sample in inbox.samples]
+    came = samples(heard, 5) + so_far(heard)
+    sent = [sample.payload.to_bytes() for sample in came]
     assert len(sent) == 5
-    before = [sample.payload.to_bytes() for sample in originals.samples]
+    before = [sample.payload.to_bytes() for sample in so_far(originals)]
     begin = before.index(sent[0])
     assert sent == before[begin : begin + 5]
-    assert {str(sample.encoding) for sample in inbox.samples} == {"application/msgpack;sensor/LaserScan"}
+    assert {str(sample.encoding) for sample in came} == {"application/msgpack;sensor/LaserScan"}
+    heard.undeclare()
+    originals.undeclare()
 
 
-def test_what_is_piped_back_into_its_own_topic_does_not_circle(robot: str, client: zenoh.Session) -> None:
-    inbox = Inbox(client, "q4/x")
+def test_what_is_piped_back_into_its_own_topic_does_not_circle(
+    robot: str, running: Robot, client: zenoh.Session
+) -> None:
     publisher = client.declare_publisher("q4/x", encoding="application/msgpack;std/Bool")
     command = f"{sys.executable} -m robo topic echo q4/x --json | {sys.executable} -m robo topic pub - --beside"
     pipeline = subprocess.Popen(
@@ -218,7 +222,7 @@ def test_what_is_piped_back_into_its_own_topic_does_not_circle(robot: str, clien
             sent += 1
             assert sent < 300, "nothing came back"
             publisher.put(robo_messages.encode(robo_messages.Bool(True)), attachment=codec.pack_attachment(sent, sent))
-        assert len(inbox.messages) <= 2 * sent
+        assert len(running.messages("/q4/x")) <= 2 * sent
     finally:
         os.killpg(pipeline.pid, signal.SIGINT)
         pipeline.wait(40)
@@ -228,7 +232,7 @@ def test_what_is_piped_back_into_its_own_topic_does_not_circle(robot: str, clien
 
 
 def test_pub_tells_mistakes_and_publishes_nothing(robot: str, client: zenoh.Session) -> None:
-    inbox = Inbox(client, "q5/**")
+    heard = hear(client, "q5/**")
     for type_name, data, message in (
         ("geometry/Twist", "{linear: {x: fast}}", "geometry/Twist.linear.x: expected float, got str 'fast'"),
         ("geometry/Twist", "{lin: {}}", "geometry/Twist has no field 'lin'; did you mean linear?"),
@@ -243,26 +247,27 @@ def test_pub_tells_mistakes_and_publishes_nothing(robot: str, client: zenoh.Sess
     assert "r1/scan is no geometry/Twist: /r1/" in other.stderr
     good = run_robo("topic", "pub", "q5/end", "geometry/Twist", "{linear: {x: 1e-3}}", "--connect", robot)
     assert good.returncode == 0
-    inbox.wait_for()
-    assert [str(sample.key_expr) for sample in inbox.samples] == ["q5/end"]
-    assert robo_messages.decode(inbox.samples[0].payload.to_bytes(), Twist).linear.x == 0.001
+    came = samples(heard) + so_far(heard)
+    assert [str(sample.key_expr) for sample in came] == ["q5/end"]
+    assert robo_messages.decode(came[0].payload.to_bytes(), Twist).linear.x == 0.001
+    heard.undeclare()
 
 
-def test_pub_waits_and_repeats(robot: str, client: zenoh.Session) -> None:
+def test_pub_waits_and_repeats(session: zenoh.Session, endpoint: str) -> None:
     words = ("topic", "pub", "q6/x", "std/String", "{data: hi}", "-r", "100", "--times", "4", "--wait-for-subscriber")
-    with robo(*words, "--connect", robot) as pub:
-        eventually(lambda: "q6/x" in ask(robot, "topic", "list"), "it announces itself")
+    with robo(*words, "--connect", endpoint) as pub:
+        eventually(lambda: "q6/x" in ask(endpoint, "topic", "list"), "it announces itself")
         assert pub.process.poll() is None
-        inbox = Inbox(client, "q6/x")
+        heard = hear(session, "q6/x")
         assert pub.wait() == 0
-    messages = inbox.wait_for(4)
-    assert messages == [{"data": "hi"}] * 4
-    numbers = [codec.unpack_attachment(s.attachment.to_bytes()) for s in inbox.samples if s.attachment is not None]
+    came = samples(heard, 4) + so_far(heard)
+    assert [robo_messages.decode(s.payload.to_bytes(), String) for s in came] == [String("hi")] * 4
+    numbers = [codec.unpack_attachment(s.attachment.to_bytes()) for s in came if s.attachment is not None]
     assert [number[0] for number in numbers if number is not None] == [1, 2, 3, 4]
 
 
-def test_pub_does_not_fight_with_a_publisher_unasked(robot: str, client: zenoh.Session) -> None:
-    inbox = Inbox(client, "r1/cmd_vel_raw")
+def test_pub_does_not_fight_with_a_publisher_unasked(robot: str, running: Robot, client: zenoh.Session) -> None:
+    running.clear()
     words = ("topic", "pub", "r1/cmd_vel_raw", "geometry/Twist")
     record = '{"key": "r1/cmd_vel_raw", "type": "geometry/Twist", "time": 1, "sequence_number": 1, "message": {}}'
     for command, text in (
@@ -281,8 +286,8 @@ def test_pub_does_not_fight_with_a_publisher_unasked(robot: str, client: zenoh.S
             "stop it first (robo stop /r1/velocity_controller), or add --beside\n"
         )
     ask(robot, *words, "{linear: {z: 7}}", "--beside")
-    inbox.wait_until(lambda messages: any(m["linear"]["z"] == 7 for m in messages), "the message beside the others")
-    assert [m["linear"]["z"] for m in inbox.messages].count(7) == 1
+    running.wait_for("cmd_vel_raw", lambda twist: twist.linear.z == 7)  # beside the others
+    assert [twist.linear.z for twist in running.messages("cmd_vel_raw")].count(7) == 1
     foreign = client.declare_publisher("q10/x")
     assert f"zenoh:{client.zid()} publishes q10/x already" in run_robo(
         "topic", "pub", "q10/x", "std/Empty", "--connect", robot
@@ -367,7 +372,18 @@ def test_health(robot: str, endpoint: str) -> None:
     nothing = run_robo("health", "--connect", endpoint, "--timeout", "0.3")
     assert nothing.returncode == 1
     assert "no connection at" in nothing.stderr
-    assert run_robo("health", "a", "b").returncode == 2
+    assert run_robo("health", "a", "--robot-name", "r1").returncode == 2, "nodes, or a robot"
+
+
+def test_health_of_several_nodes_and_of_a_robot(robot: str) -> None:
+    assert run_robo("health", "/r1/position_tracker", "/r1/safety_monitor", "--connect", robot).returncode == 0
+    one_absent = run_robo("health", "/r1/position_tracker", "/r1/nobody", "--connect", robot)
+    assert (one_absent.returncode, one_absent.stderr) == (1, "/r1/nobody is not ready\n")
+    whole = run_robo("health", "--robot-name", "r1", "--connect", robot)
+    assert (whole.returncode, whole.stderr) == (0, "")
+    other = run_robo("health", "--robot-name", "r7", "--connect", robot)
+    assert (other.returncode, other.stderr) == (1, "no supervisor tells of a robot r7 within 2 s\n")
+    assert "robot name" in run_robo("health", "--robot-name", "r 1", "--connect", robot).stderr
 
 
 # -- nodes and the graph ---------------------------------------------------------------------------

@@ -111,6 +111,12 @@ def test_fine_tests_leave_nothing_and_say_nothing(pytester: pytest.Pytester) -> 
     assert "1 passed" in ended.stdout
 
 
+def test_a_patience_that_is_none_is_told(pytester: pytest.Pytester) -> None:
+    ended = run(pytester, FINE, "-o", "robo_patience=soon", "-p", "no:xdist")
+    assert ended.returncode != 0
+    assert "robo_patience = soon: say how many seconds, such as 10" in ended.stdout + ended.stderr
+
+
 def test_it_needs_none_of_pytests_other_plugins(pytester: pytest.Pytester) -> None:
     ended = run(pytester, FINE, "-p", "no:xdist", "-p", "no:logging", "-p", "no:capture", "-p", "no:timeout")
     assert ended.returncode == 0, ended.stdout + ended.stderr

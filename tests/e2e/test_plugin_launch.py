@@ -17,7 +17,7 @@ from tests.support import eventually
 pytest_plugins = ["pytester"]
 
 ARM = """
-import os, sys, time
+import os, subprocess, sys, time
 
 from robo import Node, Publisher, subscribe, timer
 from robo_messages import String
@@ -25,6 +25,7 @@ from robo_messages import String
 
 class Arm(Node):
     done = Publisher(String, "done")
+    helper = None
 
     @timer(rate=20.0)
     def tell(self) -> None:
@@ -45,6 +46,16 @@ class Arm(Node):
                 time.sleep(987)
             self.logger.info("child %d", pid)
             self.done.publish(String("forked"))
+        if order.data in ("spawn", "help"):
+            child = subprocess.Popen(["sleep", "988"])
+            self.logger.info("child %d", child.pid)
+            self.helper = child if order.data == "help" else None
+            self.done.publish(String("spawned"))
+
+    def on_stop(self) -> None:
+        if self.helper is not None:
+            self.helper.terminate()
+            self.helper.wait()
 """
 
 MANIFEST = """
@@ -82,7 +93,36 @@ def test_fork(launch):
     robot = launch("arm.yaml")
     robot.send("order", String("fork"))
     robot.wait_for("done", lambda done: done.data == "forked")
-    assert not "shown"
+
+
+def test_spawn(launch):
+    robot = launch("arm.yaml")
+    robot.send("order", String("spawn"))
+    robot.wait_for("done", lambda done: done.data == "spawned")
+    assert robot.processes()[0].restarts == 0
+
+
+def test_die_of_many(launch):
+    robot = launch("arm.yaml")
+    robot.send("order", String("spawn"))
+    robot.wait_for("done", lambda done: done.data == "spawned")
+    robot.send("order", String("die"))
+    robot.wait_for("log", lambda record: "told to die" in record.msg)
+    while not any(one.restarts for one in robot.processes()):
+        pass
+
+
+def test_help(launch):
+    robot = launch("arm.yaml")
+    robot.send("order", String("help"))
+    robot.wait_for("done", lambda done: done.data == "spawned")
+
+
+def test_kill(launch):
+    robot = launch("arm.yaml")
+    robot.send("order", String("spawn"))
+    robot.wait_for("done", lambda done: done.data == "spawned")
+    robot.kill("arm")
 """
 
 SAID = {
@@ -93,7 +133,19 @@ SAID = {
         r"arm:\n(.*\n)*?.*INFO told to hang",
         r"last messages:\n(.*\n)*?.*done, message \d+: \{.data.:.at rest.\}",
     ],
-    "fork": [r"arm is ready", r"INFO child \d+"],
+    "fork": [
+        r"Leak: arm.yaml: nodes have left behind\n"
+        r"E +arm: the process \d+: \S+python\S* -m robo.process.node arm /arm\n",
+        r"INFO told to fork\n(.*\n)*?.*INFO child \d+",
+    ],
+    "spawn": [
+        r"Leak: arm.yaml: nodes have left behind\nE +arm: the process \d+: sleep 988\n",
+        r"INFO told to spawn\n(.*\n)*?.*INFO child \d+",
+    ],
+    "die of many": [
+        r"NodeDied: arm has died: exit code 1\n(.*\n)*?.*the arm is broken\n(.*\n)*?"
+        r"E +Leak: arm.yaml: nodes have left behind\nE +arm: the process \d+: sleep 988\n",
+    ],
 }
 
 
@@ -122,12 +174,61 @@ def test_what_robots_do_wrong_is_named_and_does_not_stay(pytester: pytest.Pytest
         for pattern in patterns:
             assert re.search(pattern, output), f"{pattern}\n{output}"
     assert re.search(r"^FAILED test_arm.py::test_hang", output, re.MULTILINE), output
-    assert re.search(r"^FAILED test_arm.py::test_fork", output, re.MULTILINE), output
-    assert re.search(r"^ERROR test_arm.py::test_die", output, re.MULTILINE), output
-    (child,) = {int(pid) for pid in re.findall(r"INFO child (\d+)", output)}
-    assert not is_alive(child)
+    wrong = ["die", "die_of_many", "fork", "spawn"]
+    assert sorted(re.findall(r"^ERROR test_arm.py::test_(\w+)", output, re.MULTILINE)) == wrong, output
+    assert "1 failed, 7 passed, 4 errors" in output, output
+    children = {int(pid) for pid in re.findall(r"INFO child (\d+)", output)}
+    assert len(children) == 3
+    assert not any(map(is_alive, children))
     there = {one.pid for one in psutil.process_iter(["cwd"]) if one.info["cwd"] == str(pytester.path)}
     assert there <= {os.getpid()}  # where pytester has gone itself
+
+
+OF_A_MODULE = """
+import pytest
+from robo_messages import String
+
+
+@pytest.fixture(scope="module")
+def robot(module_launch):
+    return module_launch("arm.yaml")
+
+
+def test_one(robot):
+    robot.wait_for_count("done", 2)
+
+
+def test_two(robot):
+    assert robot.wait_until("arm", lambda arm: arm.state == "ready").restarts == 0
+    robot.send("order", String("rest"))
+    robot.wait_for_line("told to rest")
+    with pytest.raises(AssertionError, match="no line of the run holds 'told to run', within 0.1 s"):
+        robot.wait_for_line("told to run", timeout=0.1)
+    with pytest.raises(AssertionError, match="0 messages on nothing within 0.1 s, not 3"):
+        robot.wait_for_count("nothing", 3, timeout=0.1)
+    with pytest.raises(AssertionError, match="it is not so within 0.1 s: arm is ready"):
+        robot.wait_until("arm", lambda arm: arm.restarts == 5, timeout=0.1)
+    with pytest.raises(AssertionError, match="the run still goes on after 0.1 s"):
+        robot.wait_until_over(0.1)
+    assert not "shown"
+
+
+def test_three(robot):
+    robot.send("order", String("spawn"))
+    robot.wait_for("done", lambda done: done.data == "spawned")
+"""
+
+
+def test_a_robot_of_a_module_is_started_once_and_looked_at_to_its_end(pytester: pytest.Pytester) -> None:
+    make(pytester, OF_A_MODULE)
+    ended = subprocess.run(
+        command("-p", "no:xdist"), cwd=pytester.path, capture_output=True, text=True, timeout=120, check=False
+    )
+    output = ended.stdout
+    assert "1 failed, 2 passed, 1 error" in output, output
+    assert re.search(r"assert not .shown.\n(.*\n)*?.*robot r1.*\n(.*\n)*?.*INFO told to rest", output), output
+    assert re.search(r"Leak: arm.yaml: nodes have left behind\nE +arm: the process \d+: sleep 988\n", output), output
+    assert output.count("- robot r1 -") == 2, "with the test that failed, and with what was left at the end"
 
 
 def test_a_run_that_is_killed_takes_its_robots_along(pytester: pytest.Pytester) -> None:

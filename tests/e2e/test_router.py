@@ -129,5 +129,19 @@ def test_tools_tell_that_the_connection_is_lost_and_back() -> None:
         assert all("safety_monitor" in table for table in tables[1:-1]), f"an empty one in:\n{ps.output}"
 
 
+def test_a_router_that_hangs_is_started_again() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with ExitStack() as stack:
+        up = stack.enter_context(robo("up", "robot.yaml", "--robot-name", "r1", "--listen", endpoint))
+        up.wait_for("r1 is ready")
+        echo = stack.enter_context(robo("topic", "echo", "r1/odom", "--connect", endpoint))
+        echo.wait_for("# r1/odom")
+        up.child("robo.process.router").suspend()
+        up.wait_for("the router runs, but answers nobody; starting it again")
+        echo.wait_for(f"the link to {endpoint} is back")
+        before = echo.output.count("# r1/odom")
+        eventually(lambda: echo.output.count("# r1/odom") > before, "messages come again")
+
+
 def answered(session: zenoh.Session) -> bool:
     return any(reply.ok is not None for reply in session.get("service", timeout=WATCHED))

@@ -202,3 +202,78 @@ def test_a_node_whose_own_thread_dies_is_started_again_by_its_policy(endpoint: s
         launch.wait_for("the thread camera died; the node ends")
         launch.wait_for("mortal ended with exit code 1; starting it again in 0.")
         eventually(lambda: " is ready" in launch.output.partition("starting it again")[2], "it is ready after that")
+
+
+PAIR = """\
+import robo
+from robo import Node, Publisher, subscribe, timer
+from robo_messages import String
+
+class Talker(Node):
+    class Parameters(robo.Parameters):
+        word: str = "hello"
+        rate: float = 20.0
+
+    parameters: Parameters
+    out = Publisher(String, "words")
+
+    @timer(rate="rate")
+    def speak(self) -> None:
+        self.out.publish(String(self.parameters.word))
+
+class Listener(Node):
+    class Parameters(robo.Parameters):
+        word: str = ""
+
+    parameters: Parameters
+
+    @subscribe("words")
+    def hear(self, message: String) -> None:
+        self.logger.info("heard %s, for %s", message.data, self.parameters.word, throttle=60.0)
+        if message.data == "go":
+            raise SystemExit(4)
+"""
+
+
+def test_several_nodes_run_in_one_process_by_hand(endpoint: str, tmp_path: Path) -> None:
+    (tmp_path / "pair.py").write_text(PAIR)
+    words = ["run", "pair:Talker", "pair.py:Listener", "--one-process", "--robot-name", "r1", "--listen", endpoint]
+    values = ["-p", "talker.word:=two", "-p", "listener.word:=it", "-p", "rate:=30.0"]
+    with robo(*words, *values, cwd=str(tmp_path)) as running:
+        running.wait_for("r1.listener: heard two, for it")
+        running.wait_for("r1.talker: runs as /r1/talker, at ")
+        again = robo("run", "pair:Listener", "--robot-name", "r1", "--listen", endpoint, cwd=str(tmp_path))
+        with again as refused:
+            assert refused.wait() == 1
+            assert "/r1/listener" in refused.output
+        running.interrupt()
+        assert running.wait() == 0
+    with robo(*words, "-p", "word:=go", cwd=str(tmp_path)) as running:
+        running.wait_for("r1.listener: heard go, for go")
+        running.interrupt()
+        assert running.wait() == 4, "one has failed"
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["-p", "talker.wrod:=x"], "error: -p talker.wrod:=x: none of these nodes has such a parameter"),
+        (["-p", "x"], "error: -p x: none of these nodes has such a parameter"),
+        (["-p", "rate:=fast"], "rate"),
+        (["-r", "x"], "error: remapping 'x': write from:=to"),
+    ],
+)
+def test_an_option_that_no_node_of_a_process_takes_is_refused(tmp_path: Path, words: list[str], told: str) -> None:
+    (tmp_path / "pair.py").write_text(PAIR)
+    with robo("run", "pair:Talker", "pair:Listener", "--one-process", *words, cwd=str(tmp_path)) as running:
+        assert running.wait() == 1
+        assert told in running.output
+
+
+def test_nodes_of_one_process_have_names_of_their_own(tmp_path: Path) -> None:
+    (tmp_path / "pair.py").write_text(PAIR)
+    (tmp_path / "other.py").write_text(PAIR)
+    for services in (["pair:Talker", "pair:Talker"], ["pair:Talker", "other:Talker"]):
+        with robo("run", *services, "--one-process", cwd=str(tmp_path)) as running:
+            assert running.wait() == 1
+            assert "twice" in running.output or "two of these nodes are called /talker" in running.output

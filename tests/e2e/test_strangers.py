@@ -1,7 +1,5 @@
 """A plain client may ask, declare, answer and publish what it likes: the robot, supervisors and tools go on."""
 
-from collections.abc import Iterator
-
 import msgpack
 import psutil
 import pytest
@@ -9,9 +7,8 @@ import zenoh
 
 from benchmarks.abuse import MOST_GROWTH, memory, processes, throw
 from benchmarks.stranger import Stranger
-from robo.wire.network import Network
-from robo.wire.session import close_session, open_session
-from tests.support import Command, Inbox, eventually, robo, run_robo
+from robo.testing import Launch, Robot
+from tests.support import eventually, run_robo
 
 NONSENSE = [
     "@robo/r1/pub/base/std%String/³/r1%odom",
@@ -26,25 +23,25 @@ GARBAGE = [b"", b"\xc1", b"\x93\x01\x02\x03", b"\x81\xa4node\xa1\xff", b"\x91" *
 
 
 @pytest.fixture
-def robot(endpoint: str) -> Iterator[Command]:
-    with robo("up", "--robot-name", "r1", "--listen", endpoint) as up:
-        up.wait_for("r1 is ready")
-        yield up
+def robot(launch: Launch) -> Robot:
+    return launch("robot.yaml")
 
 
 @pytest.fixture
-def stranger(robot: Command, endpoint: str) -> Iterator[zenoh.Session]:
-    del robot  # it has to be there first
-    session = open_session(Network(mode="client", connect=(endpoint,)))
-    yield session
-    close_session(session)
+def stranger(robot: Robot) -> zenoh.Session:
+    return robot.session
+
+
+@pytest.fixture
+def endpoint(robot: Robot) -> str:
+    return robot.endpoint
 
 
 def test_tokens_that_mean_nothing_are_told_once_and_left_out(
-    robot: Command, stranger: zenoh.Session, endpoint: str
+    robot: Robot, stranger: zenoh.Session, endpoint: str
 ) -> None:
     tokens = [stranger.liveliness().declare_token(key) for key in NONSENSE]
-    line = robot.wait_for("ignoring a liveliness token that means nothing here")
+    line = robot.wait_for_line("ignoring a liveliness token that means nothing here")
     assert "\x1b" not in line
     for words in (
         ["node", "list"],
@@ -61,13 +58,13 @@ def test_tokens_that_mean_nothing_are_told_once_and_left_out(
     for token in tokens:
         token.undeclare()
     eventually(lambda: run_robo("down", "--connect", endpoint).returncode == 0, "it can be asked and ended as ever")
-    assert robot.wait() == 0
+    assert robot.wait_until_over() == 0
     assert robot.output.count("ignoring a liveliness token") == 1
     assert "Traceback" not in robot.output
 
 
 def test_a_thousand_tokens_of_strangers_are_no_trouble_for_tools(
-    robot: Command, stranger: zenoh.Session, endpoint: str
+    robot: Robot, stranger: zenoh.Session, endpoint: str
 ) -> None:
     del robot
     declared = []
@@ -95,7 +92,7 @@ def test_a_thousand_tokens_of_strangers_are_no_trouble_for_tools(
 
 
 def test_answers_that_cannot_be_read_are_left_out_and_told_once(
-    robot: Command, stranger: zenoh.Session, endpoint: str
+    robot: Robot, stranger: zenoh.Session, endpoint: str
 ) -> None:
     del robot
     keys = ["@robo/r9/supervisor/ps", "@robo/r9/supervisor/events", "@robo/r1/status/base", "@/abc/router"]
@@ -119,10 +116,9 @@ def test_answers_that_cannot_be_read_are_left_out_and_told_once(
         queryable.undeclare()
 
 
-def test_queries_with_wildcards_run_nothing(robot: Command, stranger: zenoh.Session) -> None:
-    position = Inbox(stranger, "r1/current_position")
-    position.wait_until(lambda ms: ms[-1]["z"] > 0.05, "the robot drives")
-    changes = Inbox(stranger, "r1/parameter_events")
+def test_queries_with_wildcards_run_nothing(robot: Robot, stranger: zenoh.Session) -> None:
+    robot.wait_for("current_position", lambda position: position.z > 0.05)
+    changes = len(robot.messages("parameter_events"))
     reset = msgpack.packb({"linear_velocity": 0.0})
     everything = ("**", "r1/**", "r1/emergency_$*", "**/$*stop", "r1/*/parameters/set", "@robo/**", "@robo/r1/**")
     for wide in (*everything, "@robo/*/supervisor/*", "@robo/r1/supervisor/d$*"):
@@ -131,28 +127,27 @@ def test_queries_with_wildcards_run_nothing(robot: Command, stranger: zenoh.Sess
             assert replies, wide
             answered = {str(reply.ok.key_expr).rpartition("/")[2] for reply in replies if reply.ok is not None}
             assert not answered & {"set", "stop", "start", "restart", "down", "emergency_stop", "reset"}, wide
-    driven = position.messages[-1]["z"]
-    position.wait_until(lambda ms: ms[-1]["z"] > driven + 0.05, "it drives on")
+    driven = robot.messages("current_position")[-1].z
+    robot.wait_for("current_position", lambda position: position.z > driven + 0.05)  # it drives on
     served = {}
     for reply in stranger.get("@robo/r1/status/*", timeout=40, consolidation=zenoh.ConsolidationMode.NONE):
         assert reply.ok is not None
         served.update(msgpack.unpackb(reply.ok.payload.to_bytes())["served"])
     assert {"r1/emergency_stop", "r1/reset_emergency_stop", "r1/reset", "r1/reset_distance"} <= served.keys()
     assert set(served.values()) == {0}
-    assert not changes.messages
+    assert len(robot.messages("parameter_events")) == changes
 
-    state = Inbox(stranger, "r1/safety_state")
     (reply,) = stranger.get("r1/emergency_stop", timeout=40)
     assert reply.ok is not None
-    state.wait_until(lambda ms: ms[-1]["values"][1]["value"] == "emergency_stop", "a full name calls")
+    robot.wait_for("safety_state", lambda state: state.values[1].value == "emergency_stop")  # a full name calls
     (reply,) = stranger.get("@robo/r1/supervisor/down", timeout=40)
     assert reply.ok is not None
-    assert robot.wait() == 0
+    assert robot.wait_until_over() == 0
 
 
-def test_random_things_at_a_thousand_a_second_hurt_nobody(robot: Command, stranger: zenoh.Session) -> None:
+def test_random_things_at_a_thousand_a_second_hurt_nobody(robot: Robot, stranger: zenoh.Session) -> None:
     # `python -m benchmarks.abuse` throws 100,000 and measures pauses too.
-    supervisor = psutil.Process(robot.process.pid)
+    *_, supervisor = (one for one in psutil.Process().children(recursive=True) if "up" in one.cmdline())
     before = processes(supervisor)
     sizes = memory(before)
     rogue = Stranger(stranger, "r1", seed=14)
@@ -160,7 +155,7 @@ def test_random_things_at_a_thousand_a_second_hurt_nobody(robot: Command, strang
     assert set(rogue.thrown) == {"message", "token", "query", "parameter request", "command"}
     (reply,) = stranger.get("r1/emergency_stop", timeout=10)
     assert reply.ok is not None
-    robot.wait_for("emergency stop, until reset_emergency_stop is called")
+    robot.wait_for_line("emergency stop, until reset_emergency_stop is called")
     assert processes(supervisor) == before
     assert {name: size for name, size in memory(before).items() if size > sizes[name] + 2 * MOST_GROWTH} == {}
     assert "Traceback" not in robot.output

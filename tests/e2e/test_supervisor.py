@@ -8,16 +8,16 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import psutil
 import pytest
 
-from robo.wire.network import Network
-from robo.wire.session import close_session, open_session
-from tests.support import PATIENCE, Command, Inbox, eventually, robo, run_robo
+from robo.testing import Launch
+from tests.conftest import free_port
+from tests.support import PATIENCE, Command, eventually, robo, run_robo
 
 pytestmark = pytest.mark.timeout(120)
 
@@ -36,25 +36,13 @@ def processes(endpoint: str) -> dict[str, dict[str, Any]]:
     return {status["node"]: status for status in found}
 
 
-def state_becomes(endpoint: str, node: str, condition: Callable[[dict[str, Any]], bool], what: str) -> dict[str, Any]:
-    """The status of a node once it fulfils a condition."""
-    found: dict[str, Any] = {}
-
-    def look() -> bool:
-        found.update(processes(endpoint)[node])
-        return condition(found)
-
-    eventually(look, what)
-    return found
-
-
 def tell(endpoint: str, *words: str) -> str:
     result = run_robo(*words, "--connect", endpoint)
     assert result.returncode == 0, result.stderr
     return result.stdout
 
 
-def test_a_killed_node_comes_back_and_its_peers_hear_it_again(endpoint: str, tmp_path: Path) -> None:
+def test_a_killed_node_comes_back_and_its_peers_hear_it_again(launch: Launch, tmp_path: Path) -> None:
     file = write(
         tmp_path,
         """
@@ -66,27 +54,24 @@ groups:
       tracker: {service: robo_services.position_tracker}
 """,
     )
-    with robo("up", file, "--robot-name", "r1", "--listen", endpoint) as launch:
-        launch.wait_for("r1 is ready: 2 nodes")
-        session = open_session(Network(mode="client", connect=(endpoint,)))
-        positions = Inbox(session, "r1/current_position")
-        positions.wait_for(3)
-        launch.child("/r1/base").kill()
-        launch.wait_for("base was killed by SIGKILL; starting it again in 0.")
-        launch.wait_for("base is ready again")
-        positions.forget()
-        positions.wait_for(3)  # the tracker hears the new base
-        close_session(session)
-        found = processes(endpoint)
-        assert (found["/r1/base"]["state"], found["/r1/base"]["restarts"]) == ("ready", 1)
-        assert found["/r1/base"]["pid"] == launch.child("/r1/base").pid
-        assert {"robot", "group", "node", "state", "pid", "restarts", "uptime", "cpu", "memory"} <= set(
-            found["/r1/tracker"]
-        )
-        assert (found["/r1/tracker"]["robot"], found["/r1/tracker"]["group"]) == ("r1", "g")
-        told = tell(endpoint, "why", "base")
-        assert "/r1/base is ready" in told
-        assert "killed by SIGKILL, after" in told
+    robot = launch(file)
+    robot.wait_for_line("r1 is ready: 2 nodes")
+    robot.wait_for_count("current_position", 3)
+    robot.kill("base")
+    robot.wait_for_line("base was killed by SIGKILL; starting it again in 0.")
+    robot.wait_for_line("base is ready again")
+    robot.clear()
+    robot.wait_for_count("current_position", 3)  # the tracker hears the new base
+    found = processes(robot.endpoint)
+    assert (found["/r1/base"]["state"], found["/r1/base"]["restarts"]) == ("ready", 1)
+    assert psutil.Process(found["/r1/base"]["pid"]).cmdline()[-1] == "/r1/base"
+    assert {"robot", "group", "node", "state", "pid", "restarts", "uptime", "cpu", "memory"} <= set(
+        found["/r1/tracker"]
+    )
+    assert (found["/r1/tracker"]["robot"], found["/r1/tracker"]["group"]) == ("r1", "g")
+    told = tell(robot.endpoint, "why", "base")
+    assert "/r1/base is ready" in told
+    assert "killed by SIGKILL, after" in told
 
 
 def test_a_template_that_is_told_to_stop_while_it_imports_says_nothing() -> None:
@@ -125,7 +110,7 @@ groups:
         assert launch.wait() == 130
 
 
-def test_a_crash_loop_ends_in_degraded_and_hurts_nobody(endpoint: str, tmp_path: Path) -> None:
+def test_a_crash_loop_ends_in_degraded_and_hurts_nobody(launch: Launch, tmp_path: Path) -> None:
     file = write(
         tmp_path,
         """
@@ -138,19 +123,14 @@ groups:
         restart: {policy: on-failure, delay: 0.1, max: 2, max_delay: 0.5, jitter: 0}
 """,
     )
-    with robo("up", file, "--robot-name", "r1", "--listen", endpoint) as launch:
-        launch.wait_for("loop is degraded: ended with exit code 1, more than 2 times in 60 s; next try in 0.5 s")
-        waits = [line for line in launch.output.splitlines() if "starting it again in" in line]
-        assert [line.partition("again in ")[2] for line in waits] == ["0.1 s", "0.2 s"]
-        state_becomes(endpoint, "/loop", lambda s: s["restarts"] >= 5, "it is tried again and again")
-        state_becomes(
-            endpoint,
-            "/base",
-            lambda s: s["published"].get("odom") == pytest.approx(50, rel=0.2),
-            "the rest of the robot runs on",
-        )
-        told = tell(endpoint, "why", "loop")
-        assert "ValueError: no such port" in told
+    robot = launch(file, may_die=["loop"])
+    robot.wait_for_line("loop is degraded: ended with exit code 1, more than 2 times in 60 s; next try in 0.5 s")
+    waits = [line for line in robot.output.splitlines() if "starting it again in" in line]
+    assert [line.partition("again in ")[2] for line in waits] == ["0.1 s", "0.2 s"]
+    robot.wait_until("loop", lambda loop: loop.restarts >= 5)
+    robot.wait_until("base", lambda base: base.published.get("odom") == pytest.approx(50, rel=0.2))
+    told = tell(robot.endpoint, "why", "loop")
+    assert "ValueError: no such port" in told
 
 
 HANGING = """\
@@ -173,7 +153,7 @@ HANGING_INPUT = """\
 """
 
 
-def test_a_stopped_node_is_found_hung_and_replaced(endpoint: str, tmp_path: Path) -> None:
+def test_a_stopped_node_is_found_hung_and_replaced(launch: Launch, tmp_path: Path) -> None:
     file = write(
         tmp_path,
         """
@@ -184,19 +164,18 @@ groups:
       monitor: {service: robo_services.safety_monitor, watchdog: 1.0}
 """,
     )
-    with robo("up", file, "--robot-name", "r1", "--listen", endpoint) as launch:
-        launch.wait_for("r1 is ready: 2 nodes")
-        tracker, monitor = launch.child("/tracker"), launch.child("/monitor")
-        eventually(lambda: processes(endpoint)["/monitor"]["published"] != {}, "beats come")
-        tracker.send_signal(signal.SIGSTOP)
-        launch.wait_for("tracker is degraded: hangs: no sign of life for 1.")
-        launch.wait_for("tracker is ready again")
-        assert launch.child("/tracker").pid != tracker.pid
-        monitor.send_signal(signal.SIGSTOP)  # its policy is never: it is shown, and left alone
-        launch.wait_for("monitor is degraded: hangs: no sign of life for 1.")
-        monitor.send_signal(signal.SIGCONT)
-        state_becomes(endpoint, "/monitor", lambda s: s["state"] == "ready", "it is forgiven")
-        assert launch.child("/monitor").pid == monitor.pid
+    robot = launch(file)
+    tracker, monitor = robot.process("tracker").pid, robot.process("monitor").pid
+    robot.wait_until("monitor", lambda monitor: monitor.published != {})  # beats come
+    robot.pause("tracker")
+    robot.wait_for_line("tracker is degraded: hangs: no sign of life for 1.")
+    robot.wait_for_line("tracker is ready again")
+    assert robot.process("tracker").pid not in (tracker, None)
+    robot.pause("monitor")  # its policy is never: it is shown, and left alone
+    robot.wait_for_line("monitor is degraded: hangs: no sign of life for 1.")
+    robot.resume("monitor")
+    robot.wait_until("monitor", lambda monitor: monitor.state == "ready")  # it is forgiven
+    assert robot.process("monitor").pid == monitor
 
 
 def test_a_callback_that_does_not_return_is_asked_where_it_is(endpoint: str, tmp_path: Path) -> None:
@@ -219,31 +198,46 @@ groups:
         assert 'hanging.py", line 8 in work' in launch.output
 
 
-def test_tools_name_the_callback_that_holds_up_a_node(endpoint: str, tmp_path: Path) -> None:
+HANGING_OTHERWISE = {
+    "a turn of its own": HANGING.replace("(rate=10.0)", "(rate=10.0, turn='work')"),
+    "async": HANGING.replace("    def work", "    async def work"),
+}
+
+
+@pytest.mark.parametrize("how", HANGING_OTHERWISE)
+def test_a_callback_that_does_not_return_is_named_whatever_it_is(endpoint: str, tmp_path: Path, how: str) -> None:
+    (tmp_path / "hanging.py").write_text(HANGING_OTHERWISE[how])
+    file = write(tmp_path, "groups: {g: {nodes: {hanging: {service: hanging, watchdog: 1.0, required: true}}}}")
+    with robo("up", file, "--listen", endpoint, cwd=str(tmp_path)) as launch:
+        assert launch.wait(60) == 1
+        assert re.search(r"hanging failed: hangs: no sign of life for 1\.\d s; work does not return", launch.output)
+
+
+def test_tools_name_the_callback_that_holds_up_a_node(launch: Launch, tmp_path: Path) -> None:
     (tmp_path / "hanging.py").write_text(HANGING.replace("    @timer", HANGING_INPUT + "    @timer"))
-    file = write(
+    write(
         tmp_path,
         """
 groups:
   g:
     nodes:
       base: {service: robo_services.diff_drive_sim}
-      hanging: {service: hanging, watchdog: 600}
+      hanging: {service: hanging, watchdog: 600, stop: {timeout: 0.5}}
 """,
     )
-    with robo("up", file, "--listen", endpoint, cwd=str(tmp_path)) as launch:
-        launch.wait_for("is ready")
-        eventually(lambda: processes(endpoint)["/hanging"]["running"] == "work", "its heart names the callback")
-        why = run_robo("why", "hanging", "--connect", endpoint).stdout
-        assert re.search(r"its callback work has been running for \d+\.\ds; all others wait", why)
-        assert "received nothing" not in why
-        assert re.search(r"/hanging .* work has been running for", run_robo("ps", "--connect", endpoint).stdout)
-        info = run_robo("node", "info", "hanging", "--connect", endpoint).stdout
-        assert re.search(r"callback +work has been running for \d+\.\ds; all others wait\n  load +100\.0%", info)
-        seen = json.loads(run_robo("top", "--once", "--json", "--connect", endpoint).stdout)
-        assert [(node["node"], node["running"]) for node in seen["nodes"]] == [("/base", ""), ("/hanging", "work")]
-        table = run_robo("top", "--once", "--connect", endpoint).stdout
-        assert "ready, in work for" in table
+    robot = launch("m.yaml", folder=tmp_path)
+    robot.wait_until("hanging", lambda hanging: hanging.running == "work")  # its heart names the callback
+    why = tell(robot.endpoint, "why", "hanging")
+    assert re.search(r"its callback work has been running for \d+\.\ds; all others of its turn wait", why)
+    assert "received nothing" not in why
+    assert re.search(r"/hanging .* work has been running for", tell(robot.endpoint, "ps"))
+    info = tell(robot.endpoint, "node", "info", "hanging")
+    assert re.search(
+        r"callback +work has been running for \d+\.\ds; all others of its turn wait\n  load +100\.0%", info
+    )
+    seen = json.loads(tell(robot.endpoint, "top", "--once", "--json"))
+    assert [(node["node"], node["running"]) for node in seen["nodes"]] == [("/base", ""), ("/hanging", "work")]
+    assert "ready, in work for" in tell(robot.endpoint, "top", "--once")
 
 
 QUIET = """\
@@ -264,9 +258,9 @@ class Quiet(Node):
 """
 
 
-def test_a_node_that_keeps_silent_against_its_promise_is_replaced(endpoint: str, tmp_path: Path) -> None:
+def test_a_node_that_keeps_silent_against_its_promise_is_replaced(launch: Launch, tmp_path: Path) -> None:
     (tmp_path / "quiet.py").write_text(QUIET)
-    file = write(
+    write(
         tmp_path,
         """
 groups:
@@ -278,11 +272,11 @@ groups:
       patient: {service: quiet, remap: {data: other}, watchdog: 2.0}
 """,
     )
-    with robo("up", file, "--robot-name", "r1", "--listen", endpoint, cwd=str(tmp_path)) as launch:
-        launch.wait_for("quiet is degraded: nothing on r1/data for ")
-        launch.wait_for("quiet hangs: nothing on r1/data for 2.")
-        launch.wait_for("quiet is ready again")
-        assert "patient is degraded" not in launch.output  # nobody promised anything of its topic
+    robot = launch("m.yaml", folder=tmp_path, may_die=["quiet"])
+    robot.wait_for_line("quiet is degraded: nothing on r1/data for ")
+    robot.wait_for_line("quiet hangs: nothing on r1/data for 2.")
+    robot.wait_for_line("quiet is ready again")
+    assert "patient is degraded" not in robot.output  # nobody promised anything of its topic
 
 
 def test_a_required_node_ends_the_run_and_its_last_words_are_repeated(endpoint: str, tmp_path: Path) -> None:
@@ -305,7 +299,7 @@ groups:
         assert "RuntimeError: the brain is empty" in end
 
 
-def test_what_needs_a_process_is_started_again_with_it(endpoint: str, tmp_path: Path) -> None:
+def test_what_needs_a_process_is_started_again_with_it(launch: Launch, tmp_path: Path) -> None:
     file = write(
         tmp_path,
         """
@@ -318,14 +312,13 @@ groups:
       apart: {service: robo_services.position_tracker}
 """,
     )
-    with robo("up", file, "--listen", endpoint) as launch:
-        launch.wait_for("is ready: 4 nodes")
-        before = {name: launch.child(f"/{name}").pid for name in ("base", "tracker", "other", "apart")}
-        launch.child("/base").kill()
-        for name in ("base", "tracker", "other"):
-            launch.wait_for(f"{name} is ready again")
-        after = {name: launch.child(f"/{name}").pid for name in before}
-        assert [name for name in before if before[name] == after[name]] == ["apart"]
+    robot = launch(file)
+    before = {one.node: one.pid for one in robot.processes()}
+    robot.kill("base")
+    for name in ("base", "tracker", "other"):
+        robot.wait_for_line(f"{name} is ready again")
+    after = {one.node: one.pid for one in robot.processes()}
+    assert [name for name in before if before[name] == after[name]] == ["/apart"]
 
 
 READY = """
@@ -343,8 +336,8 @@ groups:
 """
 
 
-def test_readiness_by_port_probe_and_data_and_its_limit(endpoint: str, tmp_path: Path) -> None:
-    port = int(endpoint.rpartition(":")[2]) - 1
+def test_readiness_by_port_probe_and_data_and_its_limit(launch: Launch, tmp_path: Path) -> None:
+    port = free_port()
     file = write(
         tmp_path,
         READY.format(
@@ -355,13 +348,13 @@ def test_readiness_by_port_probe_and_data_and_its_limit(endpoint: str, tmp_path:
             slow=f"import time; time.sleep(.3); open('{tmp_path}/made', 'w'); time.sleep(600)",
         ),
     )
-    with robo("up", file, "--robot-name", "r1", "--listen", endpoint) as launch:
-        launch.wait_for("never not ready within 0.5 s: no line of its output holds 'hello'")
-        launch.wait_for("deaf not ready within 0.5 s: r1/nothing does not come as promised")
-        state_becomes(endpoint, "/r1/last", lambda s: s["state"] == "ready", "the chain is ready")
-        lines = run_robo("events", "--json", "--no-follow", "--connect", endpoint).stdout.splitlines()
-        ready = [e["node"] for e in map(json.loads, lines) if e["event"] == "ready"]
-        assert ready == ["/r1/server", "/r1/file", "/r1/base", "/r1/last"]
+    robot = launch(file, may_die=["never", "deaf"])
+    robot.wait_for_line("never not ready within 0.5 s: no line of its output holds 'hello'")
+    robot.wait_for_line("deaf not ready within 0.5 s: r1/nothing does not come as promised")
+    assert robot.process("last").state == "ready"  # the chain is ready
+    lines = tell(robot.endpoint, "events", "--json", "--no-follow").splitlines()
+    ready = [e["node"] for e in map(json.loads, lines) if e["event"] == "ready"]
+    assert ready == ["/r1/server", "/r1/file", "/r1/base", "/r1/last"]
 
 
 @pytest.fixture
@@ -662,38 +655,37 @@ class Watched(Node):
 """
 
 
-def test_changed_files_restart_what_they_touch(endpoint: str, tmp_path: Path) -> None:
+def test_changed_files_restart_what_they_touch(launch: Launch, tmp_path: Path) -> None:
     (tmp_path / "watched.py").write_text(SOURCE.replace("{}", "one"))
     (tmp_path / "params.yaml").write_text("tracker: {log_rate: 1.0}\n")
     text = (
         "groups:\n  g:\n    params: params.yaml\n    nodes:\n"
         "      watched: {service: watched}\n      tracker: {service: robo_services.position_tracker}\n"
     )
-    file = write(tmp_path, text)
-    with robo("up", file, "--watch", "--listen", endpoint, cwd=str(tmp_path)) as launch:
-        launch.wait_for("is ready: 2 nodes")
-        launch.wait_for("version one")
-        eventually(lambda: processes(endpoint)["/watched"]["published"] != {}, "beats come")
-        tracker, watched = launch.child("/tracker").pid, launch.child("/watched").pid
-        (tmp_path / "watched.py").write_text(SOURCE.replace("{}", "two"))
-        launch.wait_for("version two")
-        assert launch.child("/tracker").pid == tracker
-        watched = launch.child("/watched").pid
-        (tmp_path / "params.yaml").write_text("tracker: {log_rate: 2.0}\n")
-        launch.wait_for("tracker is ready again")
-        assert launch.child("/watched").pid == watched
-        (tmp_path / "watched.py").write_text("def broken(:\n")
-        launch.wait_for("watched ended with exit code 1")
-        (tmp_path / "watched.py").write_text(SOURCE.replace("{}", "three"))
-        launch.wait_for("version three")  # what has failed is tried again once it is mended
-        watched = launch.child("/watched").pid
-        write(tmp_path, text + "      third: {servce: x}\n")
-        launch.wait_for("unknown key 'servce'")
-        write(tmp_path, text + "      third: {service: robo_services.safety_monitor}\n")
-        launch.wait_for("third is ready")
-        write(tmp_path, text)
-        launch.wait_for("third is stopped")
-        assert launch.child("/watched").pid == watched
+    write(tmp_path, text)
+    robot = launch("m.yaml", folder=tmp_path, options=["--watch"], may_die=["watched"])
+    robot.wait_for_line("version one")
+    robot.wait_until("watched", lambda watched: watched.published != {})  # beats come
+    tracker = robot.process("tracker").pid
+    (tmp_path / "watched.py").write_text(SOURCE.replace("{}", "two"))
+    robot.wait_for_line("version two")
+    assert robot.process("tracker").pid == tracker
+    watched = robot.process("watched").pid
+    (tmp_path / "params.yaml").write_text("tracker: {log_rate: 2.0}\n")
+    robot.wait_for_line("tracker is ready again")
+    assert robot.process("watched").pid == watched
+    (tmp_path / "watched.py").write_text("def broken(:\n")
+    robot.wait_for_line("watched ended with exit code 1")
+    (tmp_path / "watched.py").write_text(SOURCE.replace("{}", "three"))
+    robot.wait_for_line("version three")  # what has failed is tried again once it is mended
+    watched = robot.process("watched").pid
+    write(tmp_path, text + "      third: {servce: x}\n")
+    robot.wait_for_line("unknown key 'servce'")
+    write(tmp_path, text + "      third: {service: robo_services.safety_monitor}\n")
+    robot.wait_for_line("third is ready")
+    write(tmp_path, text)
+    robot.wait_for_line("third is stopped")
+    assert robot.process("watched").pid == watched
 
 
 def test_the_doctor_examines_and_proves_the_promise(endpoint: str) -> None:

@@ -26,6 +26,7 @@ from robo import Node, Parameters
 from robo.wire.codec import pack_attachment
 from robo.wire.keys import EndpointToken, NodeToken, SupervisorToken, control_key, event_key, log_key, status_key
 from robo.wire.network import Network
+from robo.wire.qos import QoS
 from robo.wire.queries import Fault, reply_error
 from robo.wire.reports import Event, Exit, Explanation, Input, LogRecord, ProcessStatus
 from robo.wire.session import close_session, open_session
@@ -65,11 +66,11 @@ def stranger() -> Iterator[str]:
         tokens = [
             NodeToken("r1", f"evil{IN_KEYS}", IN_KEYS, 1, IN_KEYS).key(),
             NodeToken("r1", "silent", IN_KEYS, 1, IN_KEYS).key(),
-            EndpointToken("r1", "evil", "pub", IN_KEYS, 1, "r1/evil").key(),
-            EndpointToken("r1", "evil", "pub", "other/Type", 1, "r1/evil").key(),
-            EndpointToken("r1", "evil", "sub", IN_KEYS, 1, f"r1/{IN_KEYS}").key(),
-            EndpointToken("r1", "evil", "srv", IN_KEYS, 0, "r1/call").key(),
-            EndpointToken("r1", "evil", "pub", IN_KEYS, 1, "r1/call").key(),
+            EndpointToken("r1", "evil", "pub", IN_KEYS, QoS(), "r1/evil").key(),
+            EndpointToken("r1", "evil", "pub", "other/Type", QoS(), "r1/evil").key(),
+            EndpointToken("r1", "evil", "sub", IN_KEYS, QoS(), f"r1/{IN_KEYS}").key(),
+            EndpointToken("r1", "evil", "srv", IN_KEYS, QoS(), "r1/call").key(),
+            EndpointToken("r1", "evil", "pub", IN_KEYS, QoS(), "r1/call").key(),
             SupervisorToken("r1", 1, IN_KEYS, "", "").key(),
         ]
         for key in tokens:

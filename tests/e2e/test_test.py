@@ -71,15 +71,26 @@ def test_packages_are_found_below_a_folder(workspace: Path) -> None:
 
 
 def test_failures_are_summed_up_with_their_places(workspace: Path) -> None:
-    ended = run_robo("test", "--junit", "results.xml", "--", "-q", "-p", "no:randomly", cwd=str(workspace))
+    ended = run_robo("test", "--junit", "results.xml", "--", "-p", "no:randomly", cwd=str(workspace))
     assert ended.returncode == 1
     said = ended.stdout.splitlines()
-    summary = said[said.index("") :] if "" in said else said
+    assert not [line for line in said if "xml" in line], "where pytest had its report is gone"
+    summary = said[-5:]
     assert "    src/arm/tests/test_arm.py:6 test_wrong: assert 1 == 2" in summary
     assert '    src/arm/tests/test_arm.py:19 test_port: failed on setup with "OSError: no device"' in summary
     assert summary[-1] == "2 packages: 5 tests, 1 error, 1 failure, 1 skipped"
     suites = list(ElementTree.parse(workspace / "results.xml").getroot())
     assert [suite.get("name") for suite in suites] == ["my_arm", "my_base"]
+
+
+def test_a_test_that_fails_twice_is_one(tmp_path: Path) -> None:
+    (tmp_path / "pyproject.toml").write_text("[project]\nname = 'twice'\n")
+    (tmp_path / "test_twice.py").write_text(
+        "import pytest\n\n@pytest.fixture\ndef torn():\n    yield\n    raise OSError('torn')\n\n"
+        "def test_it(torn):\n    assert 1 == 2\n"
+    )
+    ended = run_robo("test", "--", "-q", cwd=str(tmp_path))
+    assert "!!  twice: 1 test, 1 error, 1 failure, 0 skipped" in ended.stdout
 
 
 def test_the_summary_for_programs(workspace: Path) -> None:
@@ -104,6 +115,9 @@ def test_what_pytest_refuses_is_a_failure_and_no_test_is_none(workspace: Path) -
     none = run_robo("test", "src/base", "--", "-k", "nothing", cwd=str(workspace))
     assert none.returncode == 0
     assert run_robo("test", "elsewhere", cwd=str(workspace)).returncode == 2
+    twice = run_robo("test", "src/base", "--", "--junit-xml=mine.xml", cwd=str(workspace))
+    assert twice.returncode == 2
+    assert "robo test --junit FILE" in twice.stderr
 
 
 def test_without_pytest_it_says_what_to_install(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:

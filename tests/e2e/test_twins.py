@@ -4,9 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from robo.testing import Launch
 from robo.wire.keys import NodeToken
-from robo.wire.network import Network
-from robo.wire.session import close_session, open_session
 from tests.support import Command, eventually, lines_of_its_own, robo, run_robo
 
 pytestmark = pytest.mark.timeout(120)
@@ -74,20 +73,18 @@ def test_a_node_alone_and_a_run_respect_each_other(endpoint: str) -> None:
             assert "/r1/position_tracker runs already" in refused_up.output
 
 
-def test_twins_are_shown(endpoint: str) -> None:
-    with robo("up", "--robot-name", "r1", "--listen", endpoint) as robot:
-        robot.wait_for("r1 is ready")
-        twin = NodeToken("r1", "safety_monitor", "mine:Monitor", 17, "elsewhere")
-        stranger = open_session(Network(mode="client", connect=(endpoint,)))
-        token = stranger.liveliness().declare_token(twin.key())
-        robot.wait_for("another /r1/safety_monitor has come up (process 17 on elsewhere)")
-        said = "/r1/safety_monitor runs twice: "
-        listed = run_robo("node", "list", "--connect", endpoint)
-        assert said in listed.stderr
-        assert listed.stdout.count("/r1/safety_monitor") == 2
-        (line,) = [line for line in run_robo("ps", "--connect", endpoint).stdout.splitlines() if "_monitor" in line]
-        assert "runs twice: process " in line
-        assert "process 17 on elsewhere" in line
-        assert said in run_robo("doctor", "--connect", endpoint).stdout
-        token.undeclare()
-        close_session(stranger)
+def test_twins_are_shown(launch: Launch) -> None:
+    robot = launch("robot.yaml")
+    twin = NodeToken("r1", "safety_monitor", "mine:Monitor", 17, "elsewhere")
+    token = robot.session.liveliness().declare_token(twin.key())
+    robot.wait_for_line("another /r1/safety_monitor has come up (process 17 on elsewhere)")
+    said = "/r1/safety_monitor runs twice: "
+    listed = run_robo("node", "list", "--connect", robot.endpoint)
+    assert said in listed.stderr
+    assert listed.stdout.count("/r1/safety_monitor") == 2
+    shown = run_robo("ps", "--connect", robot.endpoint).stdout
+    (line,) = [line for line in shown.splitlines() if "_monitor" in line]
+    assert "runs twice: process " in line
+    assert "process 17 on elsewhere" in line
+    assert said in run_robo("doctor", "--connect", robot.endpoint).stdout
+    token.undeclare()

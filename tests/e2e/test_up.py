@@ -1,19 +1,22 @@
 """Robots as users start them: real processes, a terminal's signals, plain Zenoh clients."""
 
+import re
 import signal
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import msgpack
 import psutil
 import pytest
 import zenoh
 
+from robo.testing import Launch, Robot
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
-from tests.support import Inbox, eventually, robo, run_robo
+from tests.plain import hear, samples, sent
+from tests.support import eventually, robo, run_robo
 
 pytestmark = pytest.mark.timeout(120)
 
@@ -28,20 +31,15 @@ def client(endpoint: str) -> Iterator[zenoh.Session]:
         close_session(session)
 
 
+@pytest.fixture(scope="module")
+def standing(module_launch: Launch) -> Robot:
+    """The reference robot, for tests that only look."""
+    return module_launch("robot.yaml")
+
+
 def test_the_reference_robot_comes_alive_and_stops_cleanly(endpoint: str, tmp_path: Path) -> None:
-    with robo("up", "--robot-name", "r1", "--listen", endpoint, cwd=str(tmp_path)) as robot, client(endpoint) as plain:
-        topics = {
-            "r1/cmd_vel": ("geometry/Twist", {"linear", "angular"}),
-            "r1/odom": ("nav/Odometry", {"header", "child_frame_id", "pose", "twist"}),
-            "r1/scan": ("sensor/LaserScan", {"header", "angle_min", "ranges", "range_max"}),
-            "r1/current_position": ("geometry/Point", {"x", "y", "z"}),
-        }
-        inboxes = {key: Inbox(plain, key) for key in topics}
+    with robo("up", "--robot-name", "r1", "--listen", endpoint, cwd=str(tmp_path)) as robot:
         robot.wait_for("r1 is ready: 4 nodes")
-        for key, (type_name, fields) in topics.items():
-            assert fields <= set(inboxes[key].wait_for(1)[0])
-            assert str(inboxes[key].samples[0].encoding) == f"application/msgpack;{type_name}"
-        inboxes["r1/current_position"].wait_until(lambda ms: ms[-1]["z"] > 0.1, "it drives")
         children = robot.children()
         assert len(children) == 7  # four nodes, the router, the template of both, and the watchdog
         robot.interrupt()
@@ -52,19 +50,34 @@ def test_the_reference_robot_comes_alive_and_stops_cleanly(endpoint: str, tmp_pa
         assert "safety_monitor" in robot.output
 
 
-def test_a_real_log_is_tracked_to_the_millimetre(endpoint: str, intel_log: Path) -> None:
-    words = ("up", "replay.yaml", f"log:={intel_log}", "rate:=0", "--robot-name", "r1", "--listen", endpoint)
-    with robo(*words) as replay, client(endpoint) as plain:
-        positions, odometry = Inbox(plain, "r1/current_position"), Inbox(plain, "r1/odom")
-        assert replay.wait(60) == 0
-        for inbox in (positions, odometry):
-            inbox.wait_for(13_700)
-        last = positions.messages[-1]
-        assert last["z"] == pytest.approx(534.082, abs=0.01)
-        assert (last["x"], last["y"]) == pytest.approx((-0.322783, -0.0967671))
-        assert len(positions.messages) == len(odometry.messages) == 13_700
-        assert "played 13700 odometry and 910 laser records" in replay.output
-        assert "skipped 841 odometry records of time 0" in replay.output
+@pytest.mark.parametrize(
+    ("topic", "type_name", "fields"),
+    [
+        ("cmd_vel", "geometry/Twist", {"linear", "angular"}),
+        ("odom", "nav/Odometry", {"header", "child_frame_id", "pose", "twist"}),
+        ("scan", "sensor/LaserScan", {"header", "angle_min", "ranges", "range_max"}),
+        ("current_position", "geometry/Point", {"x", "y", "z"}),
+    ],
+)
+def test_a_plain_client_reads_what_a_robot_says(standing: Robot, topic: str, type_name: str, fields: set[str]) -> None:
+    heard = hear(standing.session, f"r1/{topic}")
+    (sample,) = samples(heard)
+    heard.undeclare()
+    assert fields <= set(msgpack.unpackb(sample.payload.to_bytes()))
+    assert str(sample.encoding) == f"application/msgpack;{type_name}"
+    standing.wait_for("current_position", lambda position: position.z > 0.1)  # it drives
+
+
+def test_a_real_log_is_tracked_to_the_millimetre(launch: Launch, intel_log: Path) -> None:
+    replay = launch("replay.yaml", log=intel_log, rate=0)
+    assert replay.wait_until_over(60.0) == 0
+    positions, odometry = (replay.wait_for_count(topic, 13_700) for topic in ("current_position", "odom"))
+    last = positions[-1]
+    assert last.z == pytest.approx(534.082, abs=0.01)
+    assert (last.x, last.y) == pytest.approx((-0.322783, -0.0967671))
+    assert len(positions) == len(odometry) == 13_700
+    assert "played 13700 odometry and 910 laser records" in replay.output
+    assert "skipped 841 odometry records of time 0" in replay.output
 
 
 def test_the_log_that_ships_is_played_without_any_argument(endpoint: str) -> None:
@@ -90,13 +103,14 @@ def test_two_robots_share_a_network_and_either_may_leave(endpoint: str) -> None:
         first.wait_for("r1 is ready")
         with robo("up", "--robot-name", "r2", "--listen", endpoint) as second, client(endpoint) as plain:
             second.wait_for("r2 is ready")
-            one, two = Inbox(plain, "r1/odom"), Inbox(plain, "r2/odom")
-            one.wait_for(3)
-            two.wait_for(3)
+            one, two = hear(plain, "r1/odom"), hear(plain, "r2/odom")
+            samples(one, 3)
+            samples(two, 3)
             first.interrupt()
             assert first.wait() == 130
-            two.forget()
-            two.wait_for(3)  # through the second robot's router, which has taken the port over
+            begin = time.time_ns()
+            eventually(lambda: sent(samples(two)[0]) > begin, "it comes through the second robot's router")
+            samples(two, 3)
             result = run_robo("topic", "list", "--connect", endpoint)
             assert "r2/odom" in result.stdout
             assert "r1/scan" not in result.stdout
@@ -104,56 +118,49 @@ def test_two_robots_share_a_network_and_either_may_leave(endpoint: str) -> None:
             assert "Traceback" not in second.output
 
 
-def test_a_killed_controller_leaves_a_robot_that_others_can_drive(endpoint: str) -> None:
-    with robo("up", "--robot-name", "r1", "--listen", endpoint) as robot, client(endpoint) as plain:
-        odometry = Inbox(plain, "r1/odom")
-        robot.wait_for("r1 is ready")
-        robot.child("velocity_controller").kill()
-        robot.wait_for("velocity_controller was killed by SIGKILL")
-        odometry.wait_until(lambda ms: _speed(ms[-1]) == 0.0, "it stands without commands")
-        before = odometry.messages[-1]["pose"]["pose"]["position"]
+def test_a_killed_controller_leaves_a_robot_that_others_can_drive(launch: Launch) -> None:
+    robot = launch("robot.yaml")
+    robot.kill("velocity_controller")
+    robot.wait_for_line("velocity_controller was killed by SIGKILL")
+    before = robot.wait_for("odom", lambda odometry: odometry.twist.twist.linear.x == 0.0, new=True).pose.pose.position
 
-        def moved() -> bool:
-            plain.put("r1/cmd_vel_raw", '{"linear": {"x": 0.3}}')
-            here = odometry.messages[-1]["pose"]["pose"]["position"]
-            return bool(abs(here["x"] - before["x"]) + abs(here["y"] - before["y"]) > 0.05)
+    def moved() -> bool:
+        robot.session.put("r1/cmd_vel_raw", '{"linear": {"x": 0.3}}')
+        here = robot.messages("odom")[-1].pose.pose.position
+        return bool(abs(here.x - before.x) + abs(here.y - before.y) > 0.05)
 
-        eventually(moved, "JSON commands move it")
-        for key in ("r1/odom", "r1/scan", "r1/cmd_vel_raw", "r1/cmd_vel"):
-            for _ in range(50):
-                plain.put(key, b"\xc1garbage")
-        robot.wait_for("dropped a malformed message on r1/cmd_vel ")
-        eventually(moved, "it still obeys")
-        lines = [line for line in robot.output.splitlines() if "malformed message on r1/cmd_vel " in line]
-        assert len(lines) == 1
-        robot.interrupt()
-        assert robot.wait() == 130
-
-
-def _speed(odometry: dict[str, Any]) -> float:
-    x: float = odometry["twist"]["twist"]["linear"]["x"]
-    return abs(x)
+    robot.clear()
+    robot.wait_for("odom")
+    eventually(moved, "JSON commands move it")
+    for key in ("r1/odom", "r1/scan", "r1/cmd_vel_raw", "r1/cmd_vel"):
+        for _ in range(50):
+            robot.session.put(key, b"\xc1garbage")
+    robot.wait_for_line("dropped a malformed message on r1/cmd_vel ")
+    robot.clear()
+    before = robot.wait_for("odom").pose.pose.position
+    eventually(moved, "it still obeys")
+    lines = [line for line in robot.output.splitlines() if "malformed message on r1/cmd_vel " in line]
+    assert len(lines) == 1
 
 
-def test_a_killed_base_makes_the_monitor_stop(endpoint: str) -> None:
-    with robo("up", "--robot-name", "r1", "--listen", endpoint) as robot, client(endpoint) as plain:
-        commands = Inbox(plain, "r1/cmd_vel")
-        robot.wait_for("r1 is ready")
-        commands.wait_until(lambda ms: ms[-1]["linear"]["x"] > 0.4, "it drives")
-        robot.child("diff_drive_sim").kill()
-        commands.forget()
-        commands.wait_until(lambda ms: ms[-1]["linear"]["x"] == 0.0, "it is told to stop")
+def test_a_killed_base_makes_the_monitor_stop(launch: Launch) -> None:
+    robot = launch("robot.yaml")
+    robot.wait_for("cmd_vel", lambda twist: twist.linear.x > 0.4)
+    robot.kill("diff_drive_sim")
+    robot.clear()
+    robot.wait_for("cmd_vel", lambda twist: twist.linear.x == 0.0)
 
 
 def test_the_router_comes_back_and_data_flow_on(endpoint: str) -> None:
     with robo("up", "--robot-name", "r1", "--listen", endpoint) as robot, client(endpoint) as plain:
-        positions = Inbox(plain, "r1/current_position")
+        positions = hear(plain, "r1/current_position")
         robot.wait_for("r1 is ready")
-        positions.wait_for(1)
+        samples(positions)
         robot.child("robo.process.router").kill()
         robot.wait_for("starting it again")
-        positions.forget()
-        positions.wait_for(3)
+        begin = time.time_ns()
+        eventually(lambda: sent(samples(positions)[0]) > begin, "it comes through the router that was started again")
+        samples(positions, 3)
 
 
 def test_a_node_that_cannot_start_is_named_again_at_the_end(endpoint: str, tmp_path: Path) -> None:
@@ -193,11 +200,11 @@ def test_one_node_alone(endpoint: str) -> None:
         "odom:=robot/odom",
     )
     with robo(*words, "--listen", endpoint) as node, client(endpoint) as plain:
-        positions = Inbox(plain, "r1/current_position")
+        positions = hear(plain, "r1/current_position")
 
         def answered() -> bool:
             plain.put("r1/robot/odom", msgpack.packb({"pose": {"pose": {"position": {"x": 1.0}}}}))
-            return bool(positions.messages)
+            return positions.try_recv() is not None
 
         node.wait_for(f"runs as /r1/position_tracker, at {endpoint}; Ctrl-C stops")
         eventually(answered, "it tracks")
@@ -238,6 +245,6 @@ def test_nothing_outlives_the_launch(killed: bool, endpoint: str, tmp_path: Path
         else:
             launch.interrupt()
             assert launch.wait() == 130
-            assert "which a node had left behind" in launch.output
+            assert re.search(r"ended process \d+, which daemon had left behind: .*daemon.py", launch.output)
         _, alive = psutil.wait_procs(processes, timeout=40)
         assert not [p for p in alive if p.status() != psutil.STATUS_ZOMBIE]

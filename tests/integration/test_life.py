@@ -113,17 +113,17 @@ def _of_robo() -> list[str]:
 
 @pytest.mark.parametrize("node_class", [Base, Warming])
 def test_a_node_that_is_closed_has_taken_back_all_that_it_declared(
-    session: zenoh.Session, node_class: type[Base]
+    robo_session: zenoh.Session, node_class: type[Base]
 ) -> None:
-    ledger = lived(session, node_class)
+    ledger = lived(robo_session, node_class)
     assert ledger.live == []
     kinds = {what.partition(" ")[0].removeprefix("declare_") for what in ledger.all}
     assert kinds == {"publisher", "subscriber", "queryable", "querier", "token"}
 
 
-def test_a_node_that_is_refused_any_of_its_ends_leaves_nothing_behind(session: zenoh.Session) -> None:
-    for refused in range(len(lived(session, Base).all)):
-        ledger: Any = Ledger(session, refused)
+def test_a_node_that_is_refused_any_of_its_ends_leaves_nothing_behind(robo_session: zenoh.Session) -> None:
+    for refused in range(len(lived(robo_session, Base).all)):
+        ledger: Any = Ledger(robo_session, refused)
         node = Base(namespace="r1", session=ledger)
         with pytest.raises(zenoh.ZError, match="refused"):
             node.start()
@@ -132,8 +132,8 @@ def test_a_node_that_is_refused_any_of_its_ends_leaves_nothing_behind(session: z
     eventually(lambda: not _of_robo(), "all threads have ended")
 
 
-def test_nodes_that_share_a_session_leave_each_other_alone(session: zenoh.Session) -> None:
-    ledger: Any = Ledger(session)
+def test_nodes_that_share_a_session_leave_each_other_alone(robo_session: zenoh.Session) -> None:
+    ledger: Any = Ledger(robo_session)
     with Base(name="first", namespace="r1", session=ledger) as first:
         before = sorted(ledger.live)
         with Base(name="second", namespace="r1", session=ledger) as second:

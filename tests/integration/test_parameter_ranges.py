@@ -53,9 +53,9 @@ def runs(node: Node) -> None:
 
 @pytest.mark.parametrize("cls", SHIPPED)
 def test_no_value_that_is_accepted_while_it_runs_ends_a_thread(
-    session: zenoh.Session, given: dict[type[Node], dict[str, object]], cls: type[Node]
+    robo_session: zenoh.Session, given: dict[type[Node], dict[str, object]], cls: type[Node]
 ) -> None:
-    with cls(session=session, parameters=given.get(cls)) as node:
+    with cls(session=robo_session, parameters=given.get(cls)) as node:
         for info, value in ends_of(cls, read_only=False):
             try:
                 node.set_parameters({info.name: value})
@@ -68,11 +68,11 @@ def test_no_value_that_is_accepted_while_it_runs_ends_a_thread(
 
 @pytest.mark.parametrize("cls", SHIPPED)
 def test_no_value_that_is_accepted_at_the_start_ends_a_thread(
-    session: zenoh.Session, given: dict[type[Node], dict[str, object]], cls: type[Node]
+    robo_session: zenoh.Session, given: dict[type[Node], dict[str, object]], cls: type[Node]
 ) -> None:
     for info, value in ends_of(cls, read_only=True):
         try:
-            node = cls(session=session, parameters={**given.get(cls, {}), info.name: value})
+            node = cls(session=robo_session, parameters={**given.get(cls, {}), info.name: value})
         except ParameterError:
             continue  # it is refused before anything runs
         with node:

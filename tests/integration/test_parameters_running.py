@@ -3,7 +3,7 @@
 import json
 import threading
 import time
-from collections.abc import Set
+from collections.abc import Iterator, Set
 from typing import Annotated, Any, Literal
 
 import msgpack
@@ -16,12 +16,13 @@ from msgspec import Meta
 
 import robo
 from robo import READ_ONLY, Node, ParameterError, Publisher, Unit, timer
+from robo.testing import Clock, RunNode
+from robo.testing.heard import Heard
 from robo.tools import parameters as tools
-from robo.wire.discovery import wait_for_nodes
 from robo.wire.keys import NodeToken
 from robo.wire.queries import read_fault
 from robo_messages import String
-from tests.support import PATIENCE, Inbox
+from tests.support import PATIENCE
 
 
 class Gains(msgspec.Struct, frozen=True):
@@ -69,10 +70,21 @@ def ask(session: zenoh.Session, verb: str, request: object = None, *, as_json: b
 
 
 @pytest.fixture
-def base(session: zenoh.Session, other: zenoh.Session) -> Any:
-    with Base(namespace="r1", session=session) as node:
-        assert not wait_for_nodes(other, ["/r1/base"], 40)
+def base(run_node: RunNode) -> Base:
+    return run_node(Base, namespace="r1").node
+
+
+@pytest.fixture
+def threaded(robo_session: zenoh.Session) -> Iterator[Base]:
+    """One whose threads run as they like, as in its process."""
+    with Base(namespace="r1", session=robo_session) as node:
         yield node
+
+
+@pytest.fixture
+def other(robo_session: zenoh.Session) -> zenoh.Session:
+    """A plain client of its network."""
+    return robo_session
 
 
 def test_any_client_reads_and_sets(base: Base, other: zenoh.Session) -> None:
@@ -125,51 +137,53 @@ def test_a_refused_change_changes_nothing_and_says_why(
     assert base.told == []
 
 
-def test_events_tell_of_changes_and_timers_follow_at_once(base: Base, other: zenoh.Session) -> None:
-    events, beats = Inbox(other, "r1/parameter_events"), Inbox(other, "r1/beat")
-    beats.wait_for(1)
+def test_events_tell_of_changes_and_timers_follow_at_once(run_node: RunNode, clock: Clock) -> None:
+    node = run_node(Base, namespace="r1")
+    base = node.node
+    clock.advance(0.05)
+    assert len(node.published("beat")) == 1
     base.set_parameters(rate=0.01)
-    beats.forget()
+    clock.advance(1.0)
+    assert len(node.published("beat")) == 1
     base.set_parameters({"rate": 50.0}, speed=2.0)
-    beats.wait_for(3)
-    assert beats.messages[-1] == {"data": "2.0 1.0"}
-    events.wait_for(2)
-    assert [[p["name"] for p in e["changed_parameters"]] for e in events.messages] == [["rate"], ["speed", "rate"]]
-    assert events.messages[0]["node"] == "/r1/base"
+    clock.advance(0.06)
+    assert node.published("beat")[1:] == [String("2.0 1.0")] * 4  # the first at once: it is overdue by the new rate
+    events = node.published("parameter_events")
+    assert [[p.name for p in event.changed_parameters] for event in events] == [["rate"], ["speed", "rate"]]
+    assert events[0].node == "/r1/base"
 
 
-def test_a_callback_may_set_its_own_parameters(session: zenoh.Session, other: zenoh.Session) -> None:
+def test_a_callback_may_set_its_own_parameters(run_node: RunNode, clock: Clock) -> None:
     class Counting(Base):
         @timer(rate=100.0)
         def count(self) -> None:
             if self.parameters.speed < 3:
                 self.set_parameters(speed=self.parameters.speed + 0.5)
 
-    with Counting(name="base", namespace="r1", session=session):
-        events = Inbox(other, "r1/parameter_events")
-        events.wait_until(lambda es: es[-1]["changed_parameters"][0]["value"] == 3.0, "it counts up")
+    node = run_node(Counting, name="base", namespace="r1")
+    clock.advance(0.1)
+    told = [event.changed_parameters[0].value for event in node.published("parameter_events")]
+    assert told == [1.0, 1.5, 2.0, 2.5, 3.0]
 
 
-def test_a_hook_that_fails_refuses(session: zenoh.Session) -> None:
+def test_a_hook_that_fails_refuses(run_node: RunNode) -> None:
     class Broken(Base):
         def on_parameters_changing(self, new: Base.Parameters) -> None:
             raise KeyError(f"oops {new.speed}")
 
-    node = Broken(name="base", namespace="r1", session=session)
-    with node:
-        with pytest.raises(ParameterError, match=r"refuses: 'oops 1\.0'"):
-            node.set_parameters(speed=1.0)
-        assert node.parameters.speed == 0.5
-        assert node.status.callback_errors == 1
+    node = run_node(Broken, name="base", namespace="r1")
+    with pytest.raises(ParameterError, match=r"refuses: 'oops 1\.0'"):
+        node.set(speed=1.0)
+    assert node.node.parameters.speed == 0.5
+    assert node.node.status.callback_errors == 1
 
 
-@pytest.mark.usefixtures("base")
+@pytest.mark.usefixtures("threaded")
 def test_many_sets_from_many_clients_lose_and_tear_nothing(other: zenoh.Session) -> None:
     """Each client sets two values that belong together; events come in the order of the sets."""
     count = 500
-    events = Inbox(other, "r1/parameter_events")
-    beats = Inbox(other, "r1/beat")
-    beats.wait_for(1)
+    heard = Heard(other, "r1/*")
+    heard.wait_for_count("r1/beat", 1, PATIENCE)
 
     def work(client: int) -> None:
         for i in range(count):
@@ -183,19 +197,21 @@ def test_many_sets_from_many_clients_lose_and_tear_nothing(other: zenoh.Session)
         thread.join()
     last = ask(other, "get", {"names": ["speed", "gains.p"]})
     assert last["speed"] == last["gains.p"]
-    events.wait_until(
-        lambda es: {p["name"]: p["value"] for p in es[-1]["changed_parameters"]} == last,
-        "the last event is the last set",
+    heard.wait_for(
+        "r1/parameter_events", lambda event: {p.name: p.value for p in event.changed_parameters} == last, PATIENCE
     )
-    for beat in beats.messages:
-        speed, p = beat["data"].split()
+    events = heard.messages("r1/parameter_events")
+    assert {p.name: p.value for p in events[-1].changed_parameters} == last, "the last event is the last set"
+    for beat in heard.messages("r1/beat"):
+        speed, p = beat.data.split()
         assert speed == p or (speed, p) == ("0.5", "1.0")
     per_client: dict[int, list[float]] = {}
-    for event in events.messages:
-        value = next(p["value"] for p in event["changed_parameters"] if p["name"] == "speed")
+    for event in events:
+        value = next(p.value for p in event.changed_parameters if p.name == "speed")
         per_client.setdefault(int(value), []).append(value)
     assert all(values == sorted(values) for values in per_client.values())
     assert sum(map(len, per_client.values())) >= 4 * count - 4  # a value set twice in a row is no change
+    heard.close()
 
 
 requests = st.recursive(
@@ -235,14 +251,13 @@ def test_huge_and_deep_requests_are_refused(base: Base, other: zenoh.Session) ->
 
 
 @pytest.mark.usefixtures("base")
-def test_one_query_reads_the_parameters_of_all_nodes(session: zenoh.Session, other: zenoh.Session) -> None:
-    with Base(name="second", namespace="r1", session=session):
-        assert not wait_for_nodes(other, ["/r1/second"], 40)
-        keys = {str(r.ok.key_expr) for r in other.get("r1/*/parameters/get", timeout=40) if r.ok}
-        assert keys == {"r1/base/parameters/get", "r1/second/parameters/get"}
+def test_one_query_reads_the_parameters_of_all_nodes(run_node: RunNode, other: zenoh.Session) -> None:
+    run_node(Base, name="second", namespace="r1")
+    keys = {str(r.ok.key_expr) for r in other.get("r1/*/parameters/get", timeout=40) if r.ok}
+    assert keys == {"r1/base/parameters/get", "r1/second/parameters/get"}
 
 
-def test_a_set_waits_for_the_callback_that_runs(session: zenoh.Session, other: zenoh.Session) -> None:
+def test_a_set_waits_for_the_callback_that_runs(robo_session: zenoh.Session) -> None:
     class Slow(Base):
         @timer(rate=10.0)
         def dawdle(self) -> None:
@@ -250,14 +265,13 @@ def test_a_set_waits_for_the_callback_that_runs(session: zenoh.Session, other: z
             time.sleep(0.05)
             assert self.parameters is before
 
-    with Slow(name="base", namespace="r1", session=session) as node:
-        assert not wait_for_nodes(other, ["/r1/base"], 40)
+    with Slow(name="base", namespace="r1", session=robo_session) as node:
         for i in range(10):
-            assert ask(other, "set", {"speed": i / 10 + 1})["successful"]
+            assert ask(robo_session, "set", {"speed": i / 10 + 1})["successful"]
         assert node.status.callback_errors == 0
 
 
-def test_a_rate_that_no_timer_can_keep_is_refused(session: zenoh.Session, other: zenoh.Session) -> None:
+def test_a_rate_that_no_timer_can_keep_is_refused(run_node: RunNode, clock: Clock) -> None:
     class Ticker(Node):
         class Parameters(robo.Parameters):
             rate: float = 100.0
@@ -273,27 +287,26 @@ def test_a_rate_that_no_timer_can_keep_is_refused(session: zenoh.Session, other:
         def tick(self) -> None:
             self.beat.publish(String())
 
-    with Ticker(namespace="r1", session=session) as node:
-        beats = Inbox(other, "r1/beat")
-        for name, said in (("rate", ": rate: a timer's rate of"), ("period", " refuses: a timer's period of")):
-            for value in (0, -1, 1e-300, 1e300):
-                with pytest.raises(ParameterError, match=f"^/r1/ticker{said} .*: use 1e-"):
-                    node.set_parameters({name: value})
-        assert node.parameters == Ticker.Parameters()
-        beats.forget()
-        beats.wait_for(2)
+    node = run_node(Ticker, namespace="r1")
+    for name, said in (("rate", ": rate: a timer's rate of"), ("period", " refuses: a timer's period of")):
+        for value in (0, -1, 1e-300, 1e300):
+            with pytest.raises(ParameterError, match=f"^/r1/ticker{said} .*: use 1e-"):
+                node.node.set_parameters({name: value})
+    assert node.node.parameters == Ticker.Parameters()
+    clock.advance(0.02)
+    assert len(node.published("beat")) == 2
     with pytest.raises(ParameterError, match=r"^/r1/ticker: rate: a timer's rate of 0\.0 Hz"):
-        Ticker(namespace="r1", session=session, parameters={"rate": 0}).start()
+        run_node(Ticker, namespace="r1", rate=0)
 
 
-def test_an_answer_that_lacks_what_was_asked_for_is_told(session: zenoh.Session, other: zenoh.Session) -> None:
+def test_an_answer_that_lacks_what_was_asked_for_is_told(other: zenoh.Session) -> None:
     token = NodeToken("r1", "ghost", "m:Ghost", 1, "here")
 
     def answer(query: zenoh.Query) -> None:
         with query:
             query.reply(query.key_expr, msgpack.packb({"rate": []}))
 
-    served = session.declare_queryable("r1/ghost/parameters/*", answer)
+    served = other.declare_queryable("r1/ghost/parameters/*", answer)
     for ask in (tools.get, tools.explain):
         with pytest.raises(ParameterError, match="the answer of /r1/ghost cannot be read: it lacks width"):
             ask(other, token, ["width"])
@@ -302,29 +315,27 @@ def test_an_answer_that_lacks_what_was_asked_for_is_told(session: zenoh.Session,
     served.undeclare()
 
 
-def test_a_large_request_holds_up_no_callback(session: zenoh.Session, other: zenoh.Session) -> None:
+def test_a_large_request_holds_up_no_callback(threaded: Base, other: zenoh.Session) -> None:
     entered, done = threading.Event(), threading.Event()
 
     def block() -> None:
         entered.set()
         done.wait(PATIENCE)
 
-    with Base(namespace="r1", session=session) as node:
-        assert not wait_for_nodes(other, ["/r1/base"], 40)
-        node.create_timer(0.001, block)
-        assert entered.wait(PATIENCE)  # from here on the node's turn is held
-        try:
-            many = {f"spee{number}": number for number in range(10_000)}
-            for verb, request in (("set", many), ("get", list(many)), ("describe", {"names": list(many)})):
-                (reply,) = other.get(f"r1/base/parameters/{verb}", payload=msgpack.packb(request), timeout=40)
-                fault = read_fault(reply)
-                assert fault is not None
-                assert fault.message == "the request names 10,000 parameters; name at most 1,000"
-            fewer = dict(list(many.items())[:1000])
-            (reply,) = other.get("r1/base/parameters/set", payload=msgpack.packb(fewer), timeout=40)
-            assert reply.ok is not None
-            answer = msgpack.unpackb(reply.ok.payload.to_bytes())
-            assert not answer["successful"]
-            assert len(answer["reason"].splitlines()) == 21
-        finally:
-            done.set()
+    threaded.create_timer(0.001, block)
+    assert entered.wait(PATIENCE)  # from here on the node's turn is held
+    try:
+        many = {f"spee{number}": number for number in range(10_000)}
+        for verb, request in (("set", many), ("get", list(many)), ("describe", {"names": list(many)})):
+            (reply,) = other.get(f"r1/base/parameters/{verb}", payload=msgpack.packb(request), timeout=40)
+            fault = read_fault(reply)
+            assert fault is not None
+            assert fault.message == "the request names 10,000 parameters; name at most 1,000"
+        fewer = dict(list(many.items())[:1000])
+        (reply,) = other.get("r1/base/parameters/set", payload=msgpack.packb(fewer), timeout=40)
+        assert reply.ok is not None
+        answer = msgpack.unpackb(reply.ok.payload.to_bytes())
+        assert not answer["successful"]
+        assert len(answer["reason"].splitlines()) == 21
+    finally:
+        done.set()

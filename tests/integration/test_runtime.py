@@ -17,13 +17,15 @@ from msgspec import Meta
 import robo
 from robo import KEEP_ALL, Node, NodeStatus, Publisher, service, subscribe, timer
 from robo.errors import ContractError, NetworkError
+from robo.testing import Clock, RunNode
 from robo.wire.codec import unpack_attachment
 from robo.wire.discovery import wait_for_nodes
 from robo.wire.keys import ALL_TOKENS, EndpointToken, NodeToken, Token, parse_token
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from robo_messages import Image, String, Trigger, Twist, Vector3
-from tests.support import PATIENCE, Inbox, eventually
+from tests.plain import hear, samples, so_far
+from tests.support import PATIENCE, eventually
 
 
 class Echo(Node):
@@ -57,55 +59,48 @@ class Echo(Node):
         self.out.publish(String("bye"))
 
 
-def texts(inbox: Inbox) -> list[str]:
-    return [message["data"] for message in inbox.messages]
-
-
 def test_a_node_answers_a_client_that_knows_nothing_of_robo(session: zenoh.Session, other: zenoh.Session) -> None:
     with Echo(namespace="r1", parameters={"prefix": "> "}, session=session):
-        inbox = Inbox(other, "r1/out")
+        heard = hear(other, "r1/out")
         assert not wait_for_nodes(other, ["/r1/echo"], 40)
         other.put("r1/in", msgpack.packb({"data": "hello"}))
         other.put("r1/in", '{"data": "json"}', encoding="application/json")
         other.put("r1/in", '{"data": "plain"}')
-        assert inbox.wait_for(3) == [{"data": "> hello"}, {"data": "> json"}, {"data": "> plain"}]
-        sample = inbox.samples[0]
-        assert str(sample.encoding) == "application/msgpack;std/String"
-        stamps = [unpack_attachment(s.attachment.to_bytes()) for s in inbox.samples if s.attachment is not None]
+        came = samples(heard, 3)
+        read = [msgpack.unpackb(sample.payload.to_bytes()) for sample in came]
+        assert read == [{"data": "> hello"}, {"data": "> json"}, {"data": "> plain"}]
+        assert str(came[0].encoding) == "application/msgpack;std/String"
+        stamps = [unpack_attachment(s.attachment.to_bytes()) for s in came if s.attachment is not None]
         assert [stamp.sequence_number for stamp in stamps if stamp] == [1, 2, 3]
         assert all(stamp is not None and abs(stamp.source_time - time.time_ns()) < 60e9 for stamp in stamps)
 
 
-def test_names_are_resolved_and_remapped(session: zenoh.Session, other: zenoh.Session) -> None:
-    options = {"in": "/elsewhere/in", "out": "renamed"}
-    with Echo(name="twin", namespace="a/b", remappings=options, session=session):
-        inbox, beats = Inbox(other, "a/b/renamed"), Inbox(other, "a/b/twin/beat")
-        assert not wait_for_nodes(other, ["/a/b/twin"], 40)
-        other.put("elsewhere/in", msgpack.packb({"data": "x"}))
-        assert inbox.wait_for(1) == [{"data": "x"}]
-        beats.wait_for(2)
+def test_names_are_resolved_and_remapped(run_node: RunNode, robo_session: zenoh.Session, clock: Clock) -> None:
+    heard, beats = hear(robo_session, "a/b/renamed"), hear(robo_session, "a/b/twin/beat")
+    node = run_node(Echo, name="twin", namespace="a/b", remap={"in": "/elsewhere/in", "out": "renamed"})
+    robo_session.put("elsewhere/in", msgpack.packb({"data": "x"}))
+    assert node.published("out") == [String("x")]
+    assert [sample.payload.to_bytes() for sample in so_far(heard)] == [msgpack.packb({"data": "x"})]
+    clock.advance(0.04)
+    assert len(so_far(beats)) == 2
 
 
 def test_garbage_changes_nothing_but_a_counter_and_one_line(
-    session: zenoh.Session, other: zenoh.Session, caplog: pytest.LogCaptureFixture
+    run_node: RunNode, robo_session: zenoh.Session, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with Echo(namespace="r1", session=session) as node:
-        inbox, log = Inbox(other, "r1/out"), Inbox(other, "r1/log")
-        assert not wait_for_nodes(other, ["/r1/echo"], 40)
-        garbage = [b"", b"\xc1", b"\x00" * 100, b"{nope", msgpack.packb({"data": 5}), msgpack.packb({"date": "x"})]
-        for payload in garbage * 3:
-            other.put("r1/in", payload)
-        other.put("r1/in", msgpack.packb({"data": "still here"}))
-        assert inbox.wait_for(1) == [{"data": "still here"}]
-        assert node.status.malformed == {"r1/in": 18}
-        eventually(lambda: node.status.received == {"r1/in": 1}, "the message is counted")
-        (record,) = log.wait_for(1)
-        assert (record["name"], record["level"]) == ("/r1/echo", 30)
-        eventually(lambda: "malformed" in caplog.text, "it is logged")
-        lines = [r.getMessage() for r in caplog.records if "malformed" in r.getMessage()]
-        assert len(lines) == 1
-        assert "malformed message on r1/in" in lines[0]
-        assert lines[0].endswith("; from a plain Zenoh client")
+    node = run_node(Echo, namespace="r1")
+    garbage = [b"", b"\xc1", b"\x00" * 100, b"{nope", msgpack.packb({"data": 5}), msgpack.packb({"date": "x"})]
+    for payload in garbage * 3:
+        robo_session.put("r1/in", payload)
+    robo_session.put("r1/in", msgpack.packb({"data": "still here"}))
+    assert node.published("out") == [String("still here")]
+    assert node.node.status.malformed == {"r1/in": 18}
+    assert node.node.status.received == {"r1/in": 1}
+    (record,) = node.published("log")
+    assert (record.name, record.level) == ("/r1/echo", 30)
+    (line,) = [r.getMessage() for r in caplog.records if "malformed" in r.getMessage()]
+    assert "malformed message on r1/in" in line
+    assert line.endswith("; from a plain Zenoh client")
 
 
 def test_a_publisher_of_a_wrong_field_is_told_and_a_receiver_is_told_the_publisher(
@@ -135,38 +130,34 @@ def test_a_publisher_of_a_wrong_field_is_told_and_a_receiver_is_told_the_publish
         )
 
 
-def test_a_callback_that_returns_a_coroutine_is_an_error(
-    session: zenoh.Session, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_callback_that_returns_a_coroutine_is_an_error(run_node: RunNode, clock: Clock) -> None:
     async def later() -> None:
         """Do nothing that anybody waits for."""
 
-    with Echo(session=session) as node:
-        node.create_timer(0.001, lambda: later())  # type: ignore[arg-type]
-        eventually(lambda: "returned a coroutine, which nobody awaits" in caplog.text, "it is logged")
-        assert node.status.callback_errors > 0
-        with pytest.raises(ContractError, match="later is async"):
-            node.create_service(Trigger.Request, Trigger.Response, "~/x", later)  # type: ignore[arg-type]
+    node = run_node(Echo).node
+    node.create_timer(0.001, lambda: later())
+    with pytest.raises(ContractError, match="returned a coroutine, which nobody awaits"):
+        clock.advance(0.001)
+    assert node.status.callback_errors == 1
 
 
-def test_counters_can_be_asked_for_by_any_client(session: zenoh.Session, other: zenoh.Session) -> None:
-    with Echo(namespace="r1", session=session):
-        assert not wait_for_nodes(other, ["/r1/echo"], 40)
-        (reply,) = other.get("@robo/r1/status/echo", timeout=40)
-        assert reply.ok is not None
-        status = msgpack.unpackb(reply.ok.payload.to_bytes())
-        assert status["node"] == "/r1/echo"
-        assert status["malformed"] == {"r1/in": 0}
+def test_counters_can_be_asked_for_by_any_client(run_node: RunNode, robo_session: zenoh.Session) -> None:
+    run_node(Echo, namespace="r1")
+    (reply,) = robo_session.get("@robo/r1/status/echo", timeout=40)
+    assert reply.ok is not None
+    status = msgpack.unpackb(reply.ok.payload.to_bytes())
+    assert status["node"] == "/r1/echo"
+    assert status["malformed"] == {"r1/in": 0}
 
 
-def test_a_callback_that_raises_is_counted_and_the_node_goes_on(session: zenoh.Session, other: zenoh.Session) -> None:
-    with Echo(namespace="r1", session=session) as node:
-        inbox = Inbox(other, "r1/out")
-        assert not wait_for_nodes(other, ["/r1/echo"], 40)
-        for text in ("raise", "raise", "fine"):
-            other.put("r1/in", msgpack.packb({"data": text}))
-        assert inbox.wait_for(1) == [{"data": "fine"}]
-        assert node.status.callback_errors == 2
+def test_a_callback_that_raises_is_counted_and_the_node_goes_on(run_node: RunNode) -> None:
+    node = run_node(Echo, namespace="r1")
+    for _ in range(2):
+        with pytest.raises(ValueError, match="asked to"):
+            node.send("in", String("raise"))
+    node.send("in", String("fine"))
+    assert node.published("out") == [String("fine")]
+    assert node.node.status.callback_errors == 2
 
 
 class Half(Node):
@@ -284,14 +275,13 @@ def test_ticks_that_were_skipped_are_counted(session: zenoh.Session) -> None:
         eventually(lambda: node.status.missed["tick"] > 0, "it is told")
 
 
-def test_a_callback_may_end_the_node(session: zenoh.Session, other: zenoh.Session) -> None:
-    node = Echo(namespace="r1", session=session)
-    with node:
-        assert not wait_for_nodes(other, ["/r1/echo"], 40)
-        other.put("r1/in", msgpack.packb({"data": "exit"}))
-        assert node.wait(40)
+def test_a_callback_may_end_the_node(run_node: RunNode) -> None:
+    node = run_node(Echo, namespace="r1")
+    node.send("in", String("exit"))
+    assert node.has_ended()
     assert node.exit_code == 3
-    assert node.stopped
+    assert node.node.stopped
+    assert node.published("out") == [String("bye")]
 
 
 def test_tokens_tell_of_a_node_and_vanish_with_it(session: zenoh.Session, other: zenoh.Session) -> None:
@@ -500,7 +490,7 @@ def test_endpoints_made_while_running(session: zenoh.Session, other: zenoh.Sessi
             node.create_subscription(Image, "camera", on_image, sole_source=lambda: "/src")
 
 
-def test_main_runs_beside_callbacks_and_ends_the_node(session: zenoh.Session) -> None:
+def test_main_runs_beside_callbacks_and_ends_the_node(run_node: RunNode, clock: Clock) -> None:
     class Script(Node):
         def main(self) -> None:
             assert self.sleep(0.01)
@@ -511,10 +501,13 @@ def test_main_runs_beside_callbacks_and_ends_the_node(session: zenoh.Session) ->
         def main(self) -> None:
             raise ValueError("broken")
 
-    for cls, code in ((Script, 4), (Broken, 1)):
-        with cls(session=session) as node:
-            assert node.wait(40)
-        assert node.exit_code == code
+    script = run_node(Script)
+    assert not script.has_ended()
+    clock.advance(0.01)
+    assert script.has_ended()
+    assert script.exit_code == 4
+    with pytest.raises(ValueError, match="broken"):
+        run_node(Broken)
 
 
 def test_nobody_there_is_a_clear_error(endpoint: str) -> None:
@@ -529,11 +522,11 @@ def test_routers_hand_the_meeting_point_over(endpoint: str) -> None:
     first, second, third = (open_session(network) for _ in range(3))
     client = open_session(Network(mode="client", connect=(endpoint,)))
 
-    def reaches(inbox: Inbox) -> bool:
+    def reaches(heard: Any) -> bool:
         third.put("x", msgpack.packb({}))
-        return bool(inbox.samples)
+        return bool(so_far(heard))
 
-    before = Inbox(client, "x")
+    before = hear(client, "x")
     eventually(lambda: reaches(before), "the third reaches the client through the first")
     first.close()
     eventually(lambda: len(second.info.routers_zid()) == 1, "the other two have found each other again")
@@ -541,9 +534,9 @@ def test_routers_hand_the_meeting_point_over(endpoint: str) -> None:
     eventually(lambda: {str(zid) for zid in client.info.routers_zid()} < holders, "the client has the new holder")
     # What it subscribes from now on comes. What it had subscribed before stays silent in 2 of 100 runs on a busy
     # machine: Zenoh 1.10.2 does not tell a router that is just linking of a subscription that is just renewed.
-    before.close()
-    after = Inbox(client, "x")
+    before.undeclare()
+    after = hear(client, "x")
     eventually(lambda: reaches(after), "the third reaches the client through the second")
-    after.close()
+    after.undeclare()
     for session in (client, second, third):
         close_session(session)

@@ -12,6 +12,7 @@ from robo.testing import Clock, NodeUnderTest, RunNode
 from robo_messages import LaserScan, Trigger, Twist, Vector3
 from robo_services import safety_monitor
 from robo_services.diff_drive_sim import DiffDriveSim
+from robo_services.safety import Decision, Limits, Situation, decide
 from robo_services.safety_monitor import SafetyMonitor
 from robo_services.velocity_controller import VelocityController
 
@@ -105,6 +106,35 @@ def test_a_base_without_a_laser_drives_and_obeys_the_emergency_stop(run_node: Ru
     assert reached() == 0.0
     monitor.call("reset_emergency_stop", Trigger.Request())
     assert reached() == 0.4
+
+
+def test_an_emergency_stop_waits_for_no_decision_and_none_from_before_moves_the_robot(
+    run_node: RunNode, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monitor = run_node(SafetyMonitor, namespace="r1", laser=False)
+    monitor.send("cmd_vel_raw", Twist(Vector3(x=0.4)))
+    clock.advance(0.02)
+    assert speed(monitor.published("cmd_vel")[-1]) == 0.4
+
+    def ponder(situation: Situation, limits: Limits) -> Decision:
+        decision = decide(situation, limits)
+        monitor.node.sleep(0.1)
+        return decision
+
+    monkeypatch.setattr("robo_services.safety_monitor.decide", ponder)
+    clock.advance(0.05)
+    monitor.clear()
+    assert "stopped" in monitor.call("emergency_stop", Trigger.Request()).message
+    assert [speed(twist) for twist in monitor.published("cmd_vel")] == [0.0]
+    monkeypatch.undo()
+    for _ in range(20):
+        monitor.send("cmd_vel_raw", Twist(Vector3(x=0.4)))
+        clock.advance(0.02)
+    assert not any(speed(twist) for twist in monitor.published("cmd_vel")), "not even what was decided before"
+    assert last_reason(monitor) == "emergency_stop"
+    monitor.call("reset_emergency_stop", Trigger.Request())
+    clock.advance(0.02)
+    assert speed(monitor.published("cmd_vel")[-1]) == 0.4
 
 
 def test_the_simulated_robot_stops_before_a_wall(run_node: RunNode, clock: Clock, tmp_path: Path) -> None:

@@ -8,11 +8,12 @@ import pytest
 import zenoh
 
 from robo import Node, Publisher, timer
+from robo.testing.heard import Heard
 from robo_messages import Clock, String, Time, Twist, Vector3
 from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.safety_monitor import SafetyMonitor
 from robo_services.velocity_controller import VelocityController
-from tests.support import Inbox, eventually
+from tests.support import PATIENCE, eventually
 
 
 class Ticker(Node):
@@ -28,15 +29,16 @@ class Ticker(Node):
 
 def test_a_node_follows_the_clock_topic(session: zenoh.Session, other: zenoh.Session) -> None:
     with Ticker(namespace="r1", parameters={"use_sim_time": True}, session=session):
-        ticks, logs = Inbox(other, "r1/ticks"), Inbox(other, "r1/log")
+        heard = Heard(other, "r1/*")
         clock = other.declare_publisher("clock")
         eventually(lambda: bool(clock.matching_status.matching), "it listens to /clock")  # type: ignore[attr-defined]
         for i in range(1, 31):
             clock.put(msgspec.msgpack.encode(Clock(Time.from_seconds(100 + i / 10))))
-            ticks.wait_for(i)
-        assert [m["data"] for m in ticks.messages] == [f"{100 + i / 10:.1f}" for i in range(1, 31)]
-        logs.wait_for(3)
-        assert {message["stamp"]["sec"] for message in logs.messages} <= {100, 101, 102, 103}
+            heard.wait_for_count("r1/ticks", i, PATIENCE)
+        assert [tick.data for tick in heard.messages("r1/ticks")] == [f"{100 + i / 10:.1f}" for i in range(1, 31)]
+        heard.wait_for_count("r1/log", 3, PATIENCE)
+        assert {record.stamp.sec for record in heard.messages("r1/log")} <= {100, 101, 102, 103}
+        heard.close()
 
 
 def drive(
@@ -56,16 +58,13 @@ def drive(
         remappings={"/clock": f"/{name}/clock"},
         session=session,
     )
-    inbox = Inbox(other, f"{name}/odom")
+    heard = Heard(other, f"{name}/odom")
     with controller, simulator:
-        inbox.wait_until(lambda ms: ms[-1]["header"]["stamp"]["sec"] >= seconds, f"{seconds} s")
+        heard.wait_for(f"{name}/odom", lambda odometry: odometry.header.stamp.sec >= seconds, PATIENCE)
+    heard.close()
     return [
-        (
-            m["header"]["stamp"]["sec"] + m["header"]["stamp"]["nanosec"] * 1e-9,
-            m["pose"]["pose"]["position"]["x"],
-            m["pose"]["pose"]["position"]["y"],
-        )
-        for m in inbox.messages
+        (one.header.stamp.to_nanoseconds() * 1e-9, one.pose.pose.position.x, one.pose.pose.position.y)
+        for one in heard.messages(f"{name}/odom")
     ]
 
 
@@ -88,13 +87,13 @@ def test_a_command_from_before_the_time_stepped_back_moves_nothing(
     """The simulator was started again, or a log begins anew."""
     parameters = {"use_sim_time": True, "laser": False}
     with SafetyMonitor(namespace="r1", parameters=parameters, session=session):
-        out, states = Inbox(other, "r1/cmd_vel"), Inbox(other, "r1/safety_state")
+        heard = Heard(other, "r1/*")
         clock = other.declare_publisher("clock")
         eventually(lambda: bool(clock.matching_status.matching), "it listens to /clock")  # type: ignore[attr-defined]
         time = 100.0
 
         def reaches(wanted: float, *, commanded: bool) -> None:
-            out.forget()
+            heard.clear()
 
             def there() -> bool:
                 nonlocal time
@@ -102,14 +101,15 @@ def test_a_command_from_before_the_time_stepped_back_moves_nothing(
                 clock.put(msgspec.msgpack.encode(Clock(Time.from_seconds(time))))
                 if commanded:
                     other.put("r1/cmd_vel_raw", msgspec.msgpack.encode(Twist(Vector3(x=0.4))))
-                return bool(out.samples) and out.messages[-1]["linear"]["x"] == wanted
+                commands = heard.messages("r1/cmd_vel")
+                return bool(commands) and commands[-1].linear.x == wanted
 
             eventually(there, f"{wanted} m/s")
 
         reaches(0.4, commanded=True)
         time = 1.0
-        states.forget()
         reaches(0.0, commanded=False)
         assert time < 99.0
-        states.wait_until(lambda ms: ms[-1]["values"][1]["value"] == "stale_command", "it says so")
+        heard.wait_for("r1/safety_state", lambda state: state.values[1].value == "stale_command", PATIENCE)
         reaches(0.4, commanded=True)
+        heard.close()

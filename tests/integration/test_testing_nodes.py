@@ -112,9 +112,10 @@ def test_a_message_is_handled_when_send_returns(
 
 def test_services_answer(run_node: RunNode, clock: Clock) -> None:
     node = run_node(Gripper)
-    with pytest.raises(robo.ServiceError, match="nothing to close") as told:
-        node.call("close", Trigger.Request())
-    assert isinstance(told.value.__cause__, ValueError)
+    for _ in range(2):
+        with pytest.raises(robo.ServiceError, match="nothing to close") as told:
+            node.call("close", Trigger.Request())
+        assert isinstance(told.value.__cause__, ValueError)
     clock.advance(3.0)
     assert node.call("close", Trigger.Request()).message == "after 3 steps"
 
@@ -135,8 +136,9 @@ def test_what_is_not_there_is_named_with_what_is(run_node: RunNode) -> None:
 
 def test_what_a_callback_raises_reaches_the_test(run_node: RunNode) -> None:
     node = run_node(Gripper)
-    with pytest.raises(ValueError, match="no such order"):
-        node.send("order", String("fail"))
+    for _ in range(3):
+        with pytest.raises(ValueError, match="no such order"):
+            node.send("order", String("fail"))
     node.send("order", String("go on"))
     assert len(node.published("heard")) == 1
 

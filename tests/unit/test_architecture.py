@@ -41,6 +41,24 @@ def test_a_node_carries_nothing_heavy(code: str) -> None:
     assert not modules_after(code) & HEAVY
 
 
+def test_a_plain_node_imports_nothing_of_managed_ones() -> None:
+    script = (
+        "import robo_services.velocity_controller, robo.process.node, robo.process.runner, sys; print(*sys.modules)"
+    )
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
+    kept_out = {f"robo.node.{name}" for name in ("lifecycle", "managed", "managed_life", "gate")}
+    assert "robo.node.node" in loaded
+    assert not {*loaded} & {*kept_out, "robo_messages.lifecycle"}
+
+
+def test_a_node_without_large_messages_imports_nothing_of_them() -> None:
+    script = (
+        "import robo_services.velocity_controller, robo.process.node, robo.process.runner, sys; print(*sys.modules)"
+    )
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
+    assert not {*loaded} & {"robo.node.large", "robo.wire.shared_buffers", "robo_messages.arrays"}
+
+
 def test_help_needs_no_zenoh() -> None:
     loaded = modules_after("import robo.cli.app")
     assert not loaded & {"zenoh", "rich", "yaml", "psutil", "numpy", "asyncio"}

@@ -17,6 +17,7 @@ from robo.launch.schema import manifest_schema, parts
 from robo.text.graph import GraphTopic
 from robo.text.tree import plain
 from robo.text.yaml_tree import parse
+from robo.wire.qos import Quality
 
 ROOT = Path(__file__).parents[2]
 SCHEMA = jsonschema.Draft202012Validator(manifest_schema())
@@ -58,6 +59,60 @@ def test_a_sound_manifest_has_notes_at_most() -> None:
     assert [str(note) for note in found.notes] == [
         "m.yaml:6:7: nobody reads r1/current_position, which /r1/tracker publishes geometry/Point"
     ]
+
+
+MAPPER = """
+from robo import KEEP_ALL, Node, Publisher, subscribe
+from robo_messages import String
+
+
+class Mapper(Node):
+    map = Publisher(String, "map")
+    notes = Publisher(String, "notes", depth=KEEP_ALL)
+
+
+class Planner(Node):
+    @subscribe("map", latched=True)
+    def on_map(self, text: String) -> None: ...
+
+    @subscribe("notes", deadline=1.0)
+    def on_note(self, text: String) -> None: ...
+"""
+
+
+def test_ends_that_do_not_fit_are_told_and_the_manifest_may_say_what_holds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mapping_nodes.py").write_text(MAPPER)
+    monkeypatch.syspath_prepend(tmp_path)
+    mapper, planner = (f"{name.lower()}: {{service: 'mapping_nodes:{name}'}}" for name in ("Mapper", "Planner"))
+    nodes = group(mapper, planner)
+    told = "/r1/mapper does not latch r1/map, and /r1/planner wants what it said before: say latched=True there"
+    assert faults(nodes) == [f"m.yaml:6:7: {told}"]
+    for qos in ("latched", "{latched: true}", "{profile: default, latched: true}", "{latched: false}"):
+        assert faults(f"{nodes}    topics: {{map: {{qos: {qos}}}}}\n") == []
+    slow = group(mapper, planner) + "    topics: {map: {qos: latched}, notes: {qos: {latched: true}}}\n"
+    assert faults(slow) == [
+        "m.yaml:5:7: /r1/mapper on r1/notes: a latched publisher keeps its last `depth` messages, and KEEP_ALL would be"
+        " all for ever; say how many"
+    ]
+    plan = resolve.resolve(Path("m.yaml"), {}).plan
+    assert plan.processes[0].qos == {"r1/map": Quality(profile="latched"), "r1/notes": Quality(latched=True)}
+
+
+@pytest.mark.parametrize(
+    ("qos", "told"),
+    [
+        ("fast", "is not known; use default, sensor_data, command, latched or bulk"),
+        ("{depht: 1}", "unknown key 'depht' in qos"),
+        ("{depth: -1}", "depth: expected a whole number of at least 0, not -1"),
+        ("{priority: urgent}", "priority: 'urgent' is not known; use real_time"),
+        ("{latched: true, depth: 0}", "topic odom: a latched publisher keeps its last `depth` messages"),
+    ],
+)
+def test_a_quality_that_makes_no_sense_is_told(qos: str, told: str) -> None:
+    (fault,) = faults(f"{group(SOURCE, TRACKER)}    topics: {{odom: {{qos: {qos}}}}}\n")
+    assert told in fault
 
 
 def test_two_types_on_one_key() -> None:
@@ -229,6 +284,8 @@ def with_number(part: str, key: str, value: object) -> dict[str, Any]:
         node[key] = value
     elif part == "topic":
         group["topics"] = {"odom": {key: value}}
+    elif part == "quality":
+        group["topics"] = {"odom": {"qos": {key: value}}}
     else:
         node[part] = {key: value}
     return {"groups": {"g": group}}
@@ -268,3 +325,31 @@ def test_the_guide_names_every_key() -> None:
 
 def test_message_types_have_schemas_too() -> None:
     assert "$defs" in robo_messages.json_schema("geometry/Twist")
+
+
+ACTIONS = """
+from robo import ActionClient, Node, action
+from robo_messages import Fibonacci
+
+
+class Counter(Node):
+    @action("count")
+    def count(self, goal: Fibonacci.Goal) -> Fibonacci.Result:
+        return Fibonacci.Result()
+
+
+class Asker(Node):
+    count = ActionClient(Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback, "fibonacci")
+"""
+
+
+def test_who_executes_the_action_of_a_client(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    Path("counting_nodes.py").write_text(ACTIONS)
+    nodes = "counter: {service: counting_nodes:Counter}", "asker: {service: counting_nodes:Asker}"
+    found = findings(group(*nodes))
+    assert found.faults == ()
+    (note,) = [str(note) for note in found.notes if "nobody executes" in str(note)]
+    assert "nobody executes r1/fibonacci, to which /r1/asker sends goals (example/Fibonacci)" in note
+    remapped = nodes[1].replace("Asker}", "Asker, remap: {fibonacci: count}}")
+    assert [str(note) for note in findings(group(nodes[0], remapped)).notes if "executes" in str(note)] == []

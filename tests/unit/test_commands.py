@@ -9,7 +9,7 @@ import pytest
 
 from robo.errors import NodeNotFound, RoboError, RunError, UsageError
 from robo.machine.log_files import LogFilter
-from robo.supervisor.commands import Address, Commands
+from robo.supervisor.commands import Address, Commands, meant
 from robo.supervisor.control import read_request
 from robo.supervisor.tasks import Tasks
 from robo.wire.reports import Event, LogRecord, LogsRequest, Outcome, Request, Site
@@ -55,9 +55,12 @@ class Desk:
         self.journal, self.stopping = Journal(), FakeStopping()
         address = Address("r1", "id17", "pi", is_part=is_part)
         tasks = Tasks(lambda _name, error: pytest.fail(str(error)))
+        self.renewed: list[str] = []
+        """Who was about to be started anew."""
         commands = Commands(
-            address, self.processes, self.journal, Sites(), tasks, self.stopping, lambda plan: [*plan.needs]
-        )
+            address, self.processes, self.journal, Sites(), tasks, self.stopping,
+            lambda plan: [*plan.needs], self.renewed.extend,
+        )  # fmt: skip
         self.tells, self.acts = commands.tells, commands.acts
         self.verbs = {**self.tells, **self.acts}
 
@@ -181,6 +184,7 @@ def test_start_starts_what_does_not_run_and_restart_all() -> None:
     desk["base"].fail()
     assert desk.ask("start", "drive") == Outcome(["/r1/base"])
     assert desk.ask("restart", "drive") == Outcome(["/r1/base", "/r1/lidar"])
+    assert desk.renewed == ["/r1/base", "/r1/lidar"]
     assert desk.asked() == {
         "base": ["start", "restart: starting again as asked"],
         "lidar": ["restart: starting again as asked"],
@@ -294,3 +298,14 @@ def test_at_the_end_all_work_is_cancelled_and_that_is_no_failure() -> None:
     run(go())
     assert told == []
     assert ended == [1.0, 5.0, 5.0, 7.0, 8.0]
+
+
+def test_the_name_of_a_process_means_the_nodes_that_share_it() -> None:
+    plans = [
+        process_plan("/r1/a", process="/r1/team"),
+        process_plan("/r1/b", process="/r1/team"),
+        process_plan("/r1/c"),
+    ]
+    processes = [FakeProcess(plan) for plan in plans]
+    for word in ("team", "r1/team", "/r1/team"):
+        assert [one.label for one in meant(word, "r1", processes)] == ["a", "b"]

@@ -163,6 +163,15 @@ def test_a_node_is_told_by_its_command_line() -> None:
     assert "entrypoint" not in said, "it is the image's own"
 
 
+def test_a_managed_node_that_waits_is_well_while_it_runs() -> None:
+    # The class is a plain one; that it could not wait is for `robo check` to say.
+    said = node("autostart: false")
+    assert said["command"][-1] == "--no-autostart"
+    assert said["healthcheck"]["test"] == ["CMD", "true"]
+    spec = msgspec.json.decode(command("autostart: false")["environment"]["ROBO_NODE"], type=NodeSpec)
+    assert not spec.autostart
+
+
 def test_what_a_parameter_file_says_is_not_said_again() -> None:
     Path("params.yaml").write_text("a: {ros__parameters: {log_rate: 0.5, max_linear_velocity: 1.0}}\n")
     said = node("params: [params.yaml, {max_linear_velocity: 2.0}]")

@@ -1,4 +1,4 @@
-from collections.abc import Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from functools import partial, wraps
 from typing import Annotated, Any
 from unittest.mock import MagicMock
@@ -7,9 +7,10 @@ import pytest
 from msgspec import Meta
 
 import robo
-from robo import KEEP_ALL, MessageInfo, Node, Publisher, service, subscribe, timer
+from robo import KEEP_ALL, MessageInfo, Node, Publisher, subscribe, timer
 from robo.errors import ContractError, ParameterError
-from robo.node.contract import check_constructor, check_plain, contract_of, snake_case, takes_info
+from robo.node.callables import is_async, takes_info
+from robo.node.contract import check_constructor, contract_of, snake_case
 from robo.node.loading import load_node_class
 from robo_messages import Message, Odometry, Point, Twist
 from robo_services.position_tracker import PositionTracker
@@ -19,7 +20,7 @@ def test_the_contract_of_a_shipped_node_is_read_without_running_it() -> None:
     contract = contract_of(PositionTracker)
     assert contract.name == "position_tracker"
     assert contract.description == "Track where the robot is and how far it has driven."
-    assert [(s.topic, s.message_type, s.depth, s.method) for s in contract.subscriptions] == [
+    assert [(s.topic, s.message_type, s.qos.depth, s.method) for s in contract.subscriptions] == [
         ("odom", Odometry, KEEP_ALL, "on_odometry")
     ]
     assert [(p.topic, p.message_type) for p in contract.publishers] == [("current_position", Point)]
@@ -94,15 +95,24 @@ def _yielding() -> Iterator[None]:
     yield
 
 
-@pytest.mark.parametrize("callback", [_later, partial(_later, 1), Caller(), Caller().__call__, _yielding])
-def test_callbacks_whose_call_does_nothing_are_refused(callback: Callable[[], object]) -> None:
-    with pytest.raises(ContractError, match=r"test_contract\.py:\d+: .* (is async|yields)"):
-        check_plain(callback)
+async def _yielding_later() -> AsyncIterator[None]:
+    yield
+
+
+@pytest.mark.parametrize("callback", [_later, partial(_later, 1), Caller(), Caller().__call__])
+def test_what_the_loop_has_to_run_is_known_by_its_definition(callback: Callable[[], object]) -> None:
+    assert is_async(callback)
 
 
 @pytest.mark.parametrize("callback", [print, partial(print, 1), [].append, Caller, str, MagicMock(), lambda: None])
-def test_other_callbacks_are_fine(callback: Callable[[], object]) -> None:
-    check_plain(callback)
+def test_other_callbacks_are_plain(callback: Callable[[], object]) -> None:
+    assert not is_async(callback)
+
+
+@pytest.mark.parametrize("callback", [_yielding, partial(_yielding), _yielding_later])
+def test_callbacks_whose_call_does_nothing_are_refused(callback: Callable[[], object]) -> None:
+    with pytest.raises(ContractError, match=r"test_contract\.py:\d+: .* yields, so that calling it does nothing"):
+        is_async(callback)
 
 
 def decorated(method: Callable[..., None]) -> Callable[..., None]:
@@ -132,14 +142,12 @@ def test_what_takes_what_is_known_of_a_message_does_so_behind_a_decorator_too() 
     assert not any(takes_info(callback) for callback in others)
 
 
-@pytest.mark.parametrize("mark", [subscribe("odom"), timer(rate=1.0), service("reset")])
-def test_a_declared_callback_that_is_async_is_refused(mark: Callable[[object], object]) -> None:
+def test_a_hook_that_is_async_is_refused() -> None:
     class Waiting(Node):
-        async def work(self, _: Odometry) -> None:
+        async def on_start(self) -> None:  # type: ignore[override]
             """Do nothing that anybody waits for."""
 
-    mark(Waiting.work)
-    with pytest.raises(ContractError, match=r"test_contract\.py:\d+: Waiting\.work is async; a callback is a plain"):
+    with pytest.raises(ContractError, match=r"test_contract\.py:\d+: Waiting\.on_start is async; that may be"):
         contract_of(Waiting)
 
 

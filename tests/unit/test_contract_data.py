@@ -10,8 +10,9 @@ from msgspec import Meta
 
 import robo
 from robo import READ_ONLY, Client, Node, Publisher, Unit, service, subscribe, timer
-from robo.node.contract_data import ClientData, ContractData, ServiceData, TimerData, TopicData
+from robo.node.contract_data import ClientData, ContractData, ServedData, SubscriptionData, TimerData, TopicData
 from robo.node.contract_text import contract_data, contract_text
+from robo.wire.qos import QoS
 from robo_messages import Odometry, Point, Trigger
 
 
@@ -54,9 +55,9 @@ def test_a_contract_as_data_names_its_types() -> None:
     data = contract_data(Tracker)
     assert data.class_name == f"{__name__}:Tracker"
     assert (data.name, data.description) == ("tracker", "Follows a robot.\n\nIt says where it is.")
-    assert data.publishers == (TopicData("~/position", "geometry/Point", 0),)
-    assert data.subscriptions == (TopicData("odom", "nav/Odometry", 3),)
-    assert data.services == (ServiceData("reset", "std/Trigger"),)
+    assert data.publishers == (TopicData("~/position", "geometry/Point", QoS(depth=0)),)
+    assert data.subscriptions == (SubscriptionData("odom", "nav/Odometry", QoS(depth=3)),)
+    assert data.services == (ServedData("reset", "std/Trigger"),)
     assert data.clients == (ClientData("/clear", "std/Trigger", 2.5),)
     assert data.timers == (TimerData("report", "rate"), TimerData("rest", 0.25))
     assert data.parameter_types == {"rate": "float", "frame": "odom or map", "use_sim_time": "bool"}
@@ -81,9 +82,9 @@ def test_people_read_what_it_subscribes_publishes_serves_calls_and_how_it_is_tun
         contract_text(contract_data(Tracker))
         == """\
 subscribes:
-  odom               nav/Odometry
+  odom               nav/Odometry  depth 3
 publishes:
-  ~/position         geometry/Point
+  ~/position         geometry/Point  keeps all
 services:
   reset              std/Trigger
 calls:

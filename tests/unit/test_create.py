@@ -1,6 +1,7 @@
 """What `robo create` refuses, and the texts that it makes; that tools accept them is in test_create_tools."""
 
 import ast
+import datetime
 import keyword
 import re
 import tomllib
@@ -10,13 +11,16 @@ import pytest
 import yaml
 
 import robo
-from robo.create import names
-from robo.create.asked import LICENSES, Asked, NodePlan, about_faults, contents
+from robo.cli.views.create import run_create
+from robo.create import licenses, names
+from robo.create.asked import Asked, NodePlan, about_faults, contents
 from robo.create.files import conflicts, write
+from robo.create.licenses import LICENSES, license_text
 from robo.create.project import find_project
 from robo.create.render import PackagePlan, node_files, package_files
 from robo.create.template import FOLDER, Filling, filled, sample_files
 from robo.errors import CreateError, UsageError
+from tests.pages import ROOT
 
 
 def made(asked: Asked, name: str = "my_robot", license_: str | None = None) -> dict[str, str]:
@@ -148,8 +152,39 @@ def test_all_mistakes_come_at_once() -> None:
 def test_licenses_and_descriptions() -> None:
     assert about_faults(Asked(license="LicenseRef-Ours", description="A robot, ünd more")) == []
     assert "did you mean MIT?" in about_faults(Asked(license="mit"))[0]
+    assert "did you mean MIT?" in about_faults(Asked(license="mitt"))[0]
     assert LICENSES[0] in about_faults(Asked(license="mine"))[0]
     assert len(about_faults(Asked(description="two\nlines"))) == 1
+
+
+@pytest.mark.parametrize(
+    ("license_", "said"),
+    [
+        ("MIT", "arm/LICENSE names the authors of arm as holders of the copyright; write your name there\n"),
+        ("Apache-2.0", ""),
+        ("MPL-2.0", "The text of MPL-2.0 is yours to add, as arm/LICENSE\n"),
+    ],
+)
+def test_what_is_left_of_a_license_is_told(
+    license_: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run_create("arm", Asked(license=license_), dry_run=False)
+    printed = capsys.readouterr()
+    assert printed.err.partition("Next:")[0] == said
+    assert ("arm/LICENSE" in printed.out.splitlines()) == Path("arm/LICENSE").is_file() == (license_ != "MPL-2.0")
+
+
+def test_a_license_comes_with_its_text_where_it_is_here() -> None:
+    year = datetime.date.today().year
+    mit, bsd, apache = (license_text(name, "arm") or "" for name in ("MIT", "BSD-3-Clause", "Apache-2.0"))
+    assert f"Copyright (c) {year} the authors of arm\n" in mit
+    assert f"Copyright (c) {year}, the authors of arm\n" in bsd
+    assert apache == (ROOT / "LICENSE").read_text(), "it is left as it is"
+    assert not re.search(r"<\w", mit + bsd)
+    assert license_text("GPL-3.0-only", "arm") is None
+    assert license_text("LicenseRef-../../x", "arm") is None
+    assert {file.stem for file in licenses.FOLDER.iterdir()} <= set(LICENSES)
 
 
 def test_each_file_of_the_sample_is_in_a_package_and_nothing_of_the_sample_is_left() -> None:

@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo.wire.keys import EndpointToken, NodeToken, SupervisorToken, parse_number, parse_supervisor_token, parse_token
+from robo.wire.qos import QoS
 from robo.wire.run_id import new_run_id
 
 anything = st.text(st.characters(exclude_characters="/"), min_size=1)
@@ -67,7 +68,12 @@ def test_numbers() -> None:
 
 
 @given(
-    st.builds(EndpointToken, *map(st.just, ("r1", "base", "pub", "std/String")), st.integers(0, 10**6), st.just("a/b"))
+    st.builds(
+        EndpointToken,
+        *map(st.just, ("r1", "base", "pub", "std/String")),
+        st.builds(QoS, depth=st.integers(0, 10**6)),
+        st.just("a/b"),
+    )
 )
 def test_depths(token: EndpointToken) -> None:
     assert parse_token(token.key()) == token

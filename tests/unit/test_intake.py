@@ -12,6 +12,7 @@ from robo.node.clock import Clock
 from robo.node.intake import Intake
 from robo.node.message_info import LEASE, PLAIN, MessageInfo
 from robo.wire.keys import EndpointToken
+from robo.wire.qos import QoS
 
 S = 1_000_000_000
 WALL = 1_700_000_000 * S
@@ -69,7 +70,7 @@ class Session:
         self.listened.clear()
 
     def announce(self, node: str, zid: str, kind: Any = zenoh.SampleKind.PUT) -> None:
-        self.hear(News(EndpointToken("r1", node, "pub", "std/String", 10, "r1/cmd", f"{zid}:1").key(), kind))
+        self.hear(News(EndpointToken("r1", node, "pub", "std/String", QoS.DEFAULT, "r1/cmd", f"{zid}:1").key(), kind))
 
 
 class Clocks(Clock):
@@ -89,7 +90,7 @@ def clocks() -> Clocks:
 class Receiver:
     """An intake with its network."""
 
-    def __init__(self, clocks: Clocks, wanted: str | None = None) -> None:
+    def __init__(self, clocks: Clocks, wanted: str | None = None, lifespan: float | None = None) -> None:
         self.session = Session()
         session: Any = self.session
         self.told: list[tuple[str, int]] = []
@@ -100,6 +101,7 @@ class Receiver:
             None if wanted is None else lambda: wanted,
             lambda sender, count: self.told.append((sender, count)),
             clocks,
+            lifespan,
         )
 
     def take(self, zid: str | None, *, at: float, number: int = 1, sent: float | None = None) -> MessageInfo | None:
@@ -129,6 +131,14 @@ def test_a_node_that_has_left_is_still_known_by_what_comes_late(clocks: Clocks) 
 
 def test_what_says_nothing_of_itself_has_no_age_and_no_name(clocks: Clocks) -> None:
     assert Receiver(clocks).take(None, at=1.0) == MessageInfo(math.inf, "", "")
+
+
+def test_what_is_older_than_its_lifespan_is_left_out_and_counted(clocks: Clocks) -> None:
+    receiver = Receiver(clocks, lifespan=0.5)
+    assert receiver.take("abc", at=1.0, sent=0.75) is not None
+    assert receiver.take("abc", at=2.0, sent=1.0) is None
+    assert receiver.take(None, at=3.0) is not None, "of a plain client nobody knows how old it is"
+    assert receiver.intake.expired == 1
 
 
 @pytest.mark.parametrize("key", ["@robo/nonsense", "@robo/r1/sub/base/std%String/10/r1%cmd", "r1/cmd"])

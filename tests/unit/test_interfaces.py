@@ -110,6 +110,54 @@ def test_a_package_that_cannot_be_imported_does_not_hide_the_others(tmp_path: Pa
     assert len(err.splitlines()) == 3, "the type may be in what is broken"
 
 
+BAD = {
+    "aborts": "import os\nos.abort()",
+    "hangs": "import time\ntime.sleep(600)",
+    "leaves": "import os\nos._exit(0)",
+    "scribbles": "import os\nfor out in range(3, 20):\n    try: os.write(out, b'noise\\n')\n    except OSError: pass",
+}
+"""Modules that would take with them whoever imports them."""
+
+
+def test_a_module_that_crashes_or_hangs_takes_nobody_with_it(tmp_path: Path) -> None:
+    for name, text in BAD.items():
+        (tmp_path / f"{name}.py").write_text(f"{GRIPPER.replace('my_robot', name)}\n{text}\n")
+    (tmp_path / "my_types.py").write_text(GRIPPER)
+    names = ",".join([*BAD, "my_types"])
+    code = "from robo.interfaces import apart\nfound = apart.types(patience=3.0)\nprint(*found.broken, sep='\\n')\n"
+    said = [
+        "aborts, which ROBO_MESSAGES names, cannot be imported: it ends the process with SIGABRT",
+        "hangs, which ROBO_MESSAGES names, cannot be imported: it has not come to its end within 3 s",
+        "leaves, which ROBO_MESSAGES names, cannot be imported: it ends the process with exit code 0",
+        "scribbles, which ROBO_MESSAGES names, cannot be imported: it writes into what this process reports",
+    ]
+    told = in_folder(tmp_path, f"{code}print(found.listed['my_robot/Gripper'].description)", ROBO_MESSAGES=names)
+    assert told.splitlines() == [*(f"module {line}" for line in said), "A gripper's state."]
+    shown = "from robo.interfaces import apart\nprint(apart.described('my_robot/Gripper').ros)"
+    assert "float64 width" in in_folder(tmp_path, shown, ROBO_MESSAGES=names), "its own module comes first"
+    ended = "from robo.interfaces import apart\ntry: apart.described('leaves/Gripper')\nexcept Exception as e: print(e)"
+    assert in_folder(tmp_path, ended, ROBO_MESSAGES="leaves") == f"module {said[2]}"
+
+
+def test_what_a_service_of_a_package_holds_is_shown(tmp_path: Path) -> None:
+    (tmp_path / "arm").mkdir()
+    (tmp_path / "arm" / "__init__.py").write_text("")
+    halves = [
+        f"    @message('arm/Close_{half}')\n    class {half}(Message):\n        at: float = float('nan')\n"
+        for half in ("Request", "Response")
+    ]
+    text = "from robo_messages import Message, message\nclass Close:\n    'Close it.'\n"
+    (tmp_path / "arm" / "messages.py").write_text(text + "".join(halves))
+    result = subprocess.run(
+        [sys.executable, "-m", "robo", "interface", "show", "arm/Close"], cwd=tmp_path, capture_output=True,
+        text=True, check=True,
+    )  # fmt: skip
+    assert [line.split() for line in result.stdout.splitlines()] == [
+        ["arm/Close_Request"], ["at", "float", "=", "nan"], ["---"],
+        ["arm/Close_Response"], ["at", "float", "=", "nan"],
+    ]  # fmt: skip
+
+
 def test_messages_of_a_type_that_cannot_be_imported_here_are_data_all_the_same(tmp_path: Path) -> None:
     (tmp_path / "torn").mkdir()
     (tmp_path / "torn" / "__init__.py").write_text("raise TypeError('torn')")
@@ -192,6 +240,7 @@ NUMBERS = {
     "Int32": "int32", "Int64": "int64", "UInt8": "uint8", "UInt16": "uint16", "UInt32": "uint32", "UInt64": "uint64",
 }  # fmt: skip
 HEADER = "std_msgs/Header header"
+HOOKS = ("CONFIGURE", "CLEANUP", "ACTIVATE", "DEACTIVATE", "SHUTDOWN", "ERROR")
 SHAPES = {
     **{f"std/{name}": [f"{kind} data"] for name, kind in NUMBERS.items()},
     **{
@@ -216,9 +265,59 @@ SHAPES = {
     "geometry/WrenchStamped": [HEADER, "geometry_msgs/Wrench wrench"],
     "geometry/Accel": ["geometry_msgs/Vector3 linear", "geometry_msgs/Vector3 angular"],
     "geometry/AccelStamped": [HEADER, "geometry_msgs/Accel accel"],
+    "action/UUID": ["uint8[16] uuid"],
+    "action/GoalInfo": ["unique_identifier_msgs/UUID goal_id", "builtin_interfaces/Time stamp"],
+    "action/GoalStatus": [
+        "int8 STATUS_UNKNOWN=0", "int8 STATUS_ACCEPTED=1", "int8 STATUS_EXECUTING=2", "int8 STATUS_CANCELING=3",
+        "int8 STATUS_SUCCEEDED=4", "int8 STATUS_CANCELED=5", "int8 STATUS_ABORTED=6",
+        "action_msgs/GoalInfo goal_info", "int8 status",
+    ],
+    "action/GoalStatusArray": ["action_msgs/GoalStatus[] status_list"],
+    "action/CancelGoal_Request": ["action_msgs/GoalInfo goal_info"],
+    "action/CancelGoal_Response": [
+        "int8 ERROR_NONE=0", "int8 ERROR_REJECTED=1", "int8 ERROR_UNKNOWN_GOAL_ID=2", "int8 ERROR_GOAL_TERMINATED=3",
+        "int8 return_code", "action_msgs/GoalInfo[] goals_canceling",
+    ],
+    "example/Fibonacci_Goal": ["int32 order"],
+    "example/Fibonacci_Result": ["int32[] sequence"],
+    "example/Fibonacci_Feedback": ["int32[] sequence"],
     "visualization/UVCoordinate": ["float32 u", "float32 v"],
     "visualization/MeshFile": ["string filename", "uint8[] data"],
     "visualization/MarkerArray": ["visualization_msgs/Marker[] markers"],
+    "lifecycle/State": [
+        "uint8 PRIMARY_STATE_UNKNOWN=0", "uint8 PRIMARY_STATE_UNCONFIGURED=1", "uint8 PRIMARY_STATE_INACTIVE=2",
+        "uint8 PRIMARY_STATE_ACTIVE=3", "uint8 PRIMARY_STATE_FINALIZED=4", "uint8 TRANSITION_STATE_CONFIGURING=10",
+        "uint8 TRANSITION_STATE_CLEANINGUP=11", "uint8 TRANSITION_STATE_SHUTTINGDOWN=12",
+        "uint8 TRANSITION_STATE_ACTIVATING=13", "uint8 TRANSITION_STATE_DEACTIVATING=14",
+        "uint8 TRANSITION_STATE_ERRORPROCESSING=15", "uint8 id", "string label",
+    ],
+    "lifecycle/Transition": [
+        "uint8 TRANSITION_CREATE=0", "uint8 TRANSITION_CONFIGURE=1", "uint8 TRANSITION_CLEANUP=2",
+        "uint8 TRANSITION_ACTIVATE=3", "uint8 TRANSITION_DEACTIVATE=4", "uint8 TRANSITION_UNCONFIGURED_SHUTDOWN=5",
+        "uint8 TRANSITION_INACTIVE_SHUTDOWN=6", "uint8 TRANSITION_ACTIVE_SHUTDOWN=7", "uint8 TRANSITION_DESTROY=8",
+        *(
+            f"uint8 TRANSITION_ON_{hook}_{outcome}={10 * tens + ones}"
+            for tens, hook in enumerate(HOOKS, start=1)
+            for ones, outcome in enumerate(("SUCCESS", "FAILURE", "ERROR"))
+        ),
+        "uint8 TRANSITION_CALLBACK_SUCCESS=97", "uint8 TRANSITION_CALLBACK_FAILURE=98",
+        "uint8 TRANSITION_CALLBACK_ERROR=99", "uint8 id", "string label",
+    ],
+    "lifecycle/TransitionDescription": [
+        "lifecycle_msgs/Transition transition", "lifecycle_msgs/State start_state", "lifecycle_msgs/State goal_state",
+    ],
+    "lifecycle/TransitionEvent": [
+        "uint64 timestamp", "lifecycle_msgs/Transition transition", "lifecycle_msgs/State start_state",
+        "lifecycle_msgs/State goal_state",
+    ],
+    "lifecycle/ChangeState_Request": ["lifecycle_msgs/Transition transition"],
+    "lifecycle/ChangeState_Response": ["bool success"],
+    "lifecycle/GetState_Request": [],
+    "lifecycle/GetState_Response": ["lifecycle_msgs/State current_state"],
+    "lifecycle/GetAvailableStates_Request": [],
+    "lifecycle/GetAvailableStates_Response": ["lifecycle_msgs/State[] available_states"],
+    "lifecycle/GetAvailableTransitions_Request": [],
+    "lifecycle/GetAvailableTransitions_Response": ["lifecycle_msgs/TransitionDescription[] available_transitions"],
     "visualization/Marker": [
         "int32 ARROW=0", "int32 CUBE=1", "int32 SPHERE=2", "int32 CYLINDER=3", "int32 LINE_STRIP=4",
         "int32 LINE_LIST=5", "int32 CUBE_LIST=6", "int32 SPHERE_LIST=7", "int32 POINTS=8",

@@ -229,7 +229,7 @@ def test_keys_of_another_struct_are_plain() -> None:
 
 def test_a_node_says_all_keys_of_the_plan_and_a_group_those_that_are_for_all() -> None:
     assert keys_of(ProcessPlan).keys() <= keys_of(NodeEntry).keys()
-    assert keys_of(Group).keys() & keys_of(ProcessPlan).keys() == {"restart", "log", "args"}
+    assert keys_of(Group).keys() & keys_of(ProcessPlan).keys() == {"restart", "log", "process", "args"}
     assert not keys_of(Group)["args"].plain, "arguments of its includes, not words of a command"
 
 
@@ -277,7 +277,7 @@ def test_the_schema_has_a_definition_for_all_that_it_names() -> None:
 
     look(SCHEMA)
     assert named == set(SCHEMA["$defs"])
-    assert set(SCHEMA["$defs"]) == {*SPECIAL, *PARTS, "restart", "stop", "log", "ready"}
+    assert set(SCHEMA["$defs"]) == {*SPECIAL, *PARTS, "restart", "stop", "log", "ready", "quality"}
 
 
 # -- what the schema accepts, the reader accepts -----------------------------------------------------------

@@ -1,5 +1,6 @@
 """What stays out of a process, and comes in all the same where it is used."""
 
+import platform
 import subprocess
 import sys
 
@@ -11,7 +12,11 @@ lean.import_msgspec()
 import msgspec
 import robo.process.runner
 
-print(getattr(sys.modules["msgspec.inspect"], "__file__", None))
+out = ("msgspec.inspect", "msgspec._json_schema", "msgspec.toml", "msgspec.yaml", "platform")
+print([name for name in out if hasattr(sys.modules[name], "__file__")])
+print(msgspec.json.schema(int), msgspec.toml.decode("a = 1"))
+import platform
+print(platform.system() == sys.modules["platform"].system(), bool(platform.python_version()), platform.system())
 print(msgspec.inspect.type_info(int).gt)
 from msgspec import inspect
 print(inspect is sys.modules["msgspec.inspect"], inspect.__file__.rpartition("/")[2])
@@ -25,7 +30,15 @@ def run(script: str) -> list[str]:
 
 
 def test_what_makes_schemas_is_read_once_it_is_used() -> None:
-    assert run(USED_LATER)[:4] == ["None", "None", "True inspect.py", "True"]
+    system = platform.system()
+    assert run(USED_LATER)[:6] == [
+        "[]",
+        "{'type': 'integer'} {'a': 1}",
+        f"True True {system}",
+        "None",
+        "True inspect.py",
+        "True",
+    ]
 
 
 def test_what_is_there_already_stays() -> None:

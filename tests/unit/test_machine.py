@@ -9,13 +9,27 @@ import time
 import psutil
 import pytest
 
-from robo.machine.child import Spawned
+from robo.machine.child import Child, Spawned
 from robo.machine.priority import give_priority
 from robo.machine.probe import listens, succeeds
 from robo.machine.usage import Usage
 from robo.supervisor.alarm import Alarm
 from robo.supervisor.changes import Changes
 from tests import virtual_time
+from tests.support import PATIENCE
+
+
+def test_a_child_may_be_started_again_and_again_as_a_router_is() -> None:
+    async def lives(count: int) -> list[tuple[str, str]]:
+        lines: list[tuple[str, str]] = []
+        child = Child(Spawned(0, lambda _, __: None), lambda stream, line: lines.append((stream, line)))
+        for number in range(count):
+            await child.start([sys.executable, "-c", f"print({number})"], dict(os.environ))
+            async with asyncio.timeout(PATIENCE):
+                assert await child.wait() == 0
+        return lines
+
+    assert asyncio.run(lives(3)) == [("stdout", "0"), ("stdout", "1"), ("stdout", "2")]
 
 
 def test_what_needs_no_priority_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:

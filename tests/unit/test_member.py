@@ -12,6 +12,7 @@ import pytest
 from robo.launch.plan import ProcessPlan, ReadyPlan, RestartPlan, StopPlan
 from robo.machine.child import Spawned
 from robo.machine.forks import Fork, Template
+from robo.machine.orphans import Left
 from robo.supervisor.changes import Changes
 from robo.supervisor.member import Member
 from robo.supervisor.topic_watch import Flow
@@ -35,6 +36,7 @@ class FakeChild:
         period: float,
     ) -> None:
         self.last_lines: deque[str] = deque(["last words"])
+        self.left: Sequence[Left] = ()
         self.pid: int | None = None
         self.line = on_line
         self.beat = on_beat
@@ -127,6 +129,9 @@ class FakeRun:
         self.hints += 1
         return ", by somebody"
 
+    def left_behind(self, left: Left) -> None:
+        self.lines.append(left.sentence(left.node))
+
     def output(self, member: Member, stream: str, text: str) -> None:
         assert member is self.member
         self.lines.append(f"{stream} {text}")
@@ -156,6 +161,19 @@ def play(scene: Callable[[], Coroutine[Any, Any, None]]) -> None:
 def beat(**changes: object) -> bytes:
     status = NodeStatus(node="/r1/node", published={}, received={}, malformed={}, dropped={}, callback_errors=0)
     return msgspec.msgpack.encode(Beat(msgspec.structs.replace(status, **changes), files=["node.py"]))
+
+
+def test_what_a_child_has_left_behind_is_told_with_its_node() -> None:
+    async def scene() -> None:
+        run = FakeRun(restart=RestartPlan(policy="never"))
+        await run.until_state("ready")
+        run.child.left = [Left(7, "", "sleep 600")]
+        run.child.end(1)
+        await run.until_state("failed")
+        assert run.lines == ["ended process 7, which /r1/node had left behind: sleep 600"]
+        assert Left.read(run.lines[0]) == Left(7, "/r1/node", "sleep 600")
+
+    play(scene)
 
 
 def test_a_process_is_started_once_what_it_needs_is_there() -> None:
@@ -470,5 +488,69 @@ def test_a_life_that_is_cut_short_leaves_no_alarm() -> None:
         await asyncio.sleep(0.03)
         assert run.member.state == "restarting"
         assert run.member.next_start is not None
+
+    play(scene)
+
+
+def said(lifecycle: str) -> bytes:
+    return msgspec.msgpack.encode(Beat(NodeStatus("/r1/node", {}, {}, {}, {}, 0, lifecycle=lifecycle)))
+
+
+def test_a_managed_node_is_ready_while_it_is_active() -> None:
+    async def scene() -> None:
+        run = FakeRun(ready=ReadyPlan(), autostart=False)
+        await run.until(lambda: run.member.running)
+        assert run.child.beat is not None
+        run.child.beat(said("unconfigured"))
+        assert (run.member.state, run.member.reason) == ("standby", "unconfigured")
+        assert run.member.healthy(), "its manifest wants it so"
+        assert not run.member.ready, "who needs it waits"
+        run.child.beat(said("active"))
+        assert run.member.state == "standby", "its token does not show yet"
+        run.member.notice_token(PID + 1)
+        await run.until_state("ready")
+        run.child.beat(said("deactivating"))
+        run.member.notice_token_gone(PID + 1)
+        run.child.beat(said("inactive"))
+        assert (run.member.state, run.member.reason) == ("standby", "inactive")
+        run.child.beat(said("active"))
+        for _ in range(5):
+            await asyncio.sleep(0)
+        assert run.member.state == "standby"
+        run.member.notice_token(PID + 1)
+        await run.until_state("ready")
+
+    play(scene)
+
+
+def test_it_does_not_matter_whether_a_token_or_a_beat_comes_first() -> None:
+    async def scene() -> None:
+        run = FakeRun(ready=ReadyPlan())
+        await run.until(lambda: run.member.running)
+        run.member.notice_token(PID + 1)
+        await run.until_state("ready")
+        assert run.child.beat is not None
+        # Deactivated and activated at once: the tokens have come before the beats.
+        run.member.notice_token_gone(PID + 1)
+        run.member.notice_token(PID + 1)
+        for state in ("deactivating", "inactive", "activating", "active"):
+            run.child.beat(said(state))
+        await run.until_state("ready")
+        assert not run.member.finished
+
+    play(scene)
+
+
+def test_a_managed_node_that_somebody_has_deactivated_is_not_as_its_manifest_wants_it() -> None:
+    async def scene() -> None:
+        run = FakeRun(ready=ReadyPlan())
+        await run.until(lambda: run.member.running)
+        run.member.notice_token(PID + 1)
+        await run.until_state("ready")
+        assert run.child.beat is not None
+        run.child.beat(said("inactive"))
+        assert not run.member.healthy()
+        await run.member.stop()
+        assert run.states == ["ready", "standby", "stopping", "stopped"]
 
     play(scene)

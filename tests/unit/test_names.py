@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from robo.errors import InvalidName
 from robo.wire import names
 from robo.wire.keys import EndpointToken, NodeToken, parse_token
+from robo.wire.qos import QoS
 
 chunk = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,8}", fullmatch=True)
 namespace = st.lists(chunk, max_size=3).map("/".join)
@@ -127,7 +128,7 @@ def test_zenoh_takes_every_key_that_is_let_through(name: str) -> None:
 
 @given(namespace, chunk, st.sampled_from(["pub", "sub"]), namespace.filter(bool), st.integers(0, 10**6))
 def test_tokens_say_again_what_was_put_into_them(ns: str, node: str, kind: str, topic: str, depth: int) -> None:
-    endpoint = EndpointToken(ns, node, "pub" if kind == "pub" else "sub", "geometry/Twist", depth, topic)
+    endpoint = EndpointToken(ns, node, "pub" if kind == "pub" else "sub", "geometry/Twist", QoS(depth=depth), topic)
     assert parse_token(endpoint.key()) == endpoint
     token = NodeToken(ns, node, "package.module:Class", depth, "host-1.local")
     assert parse_token(token.key()) == token

@@ -7,7 +7,7 @@ import pytest
 from robo import Node
 from robo.node.endpoints import Endpoints
 from robo.node.status import Status
-from robo.node.turn import Turn
+from robo.node.turns import Turns
 from robo.wire.reports import Refused
 
 
@@ -33,7 +33,7 @@ def test_counters_of_all_ends_are_summed_up_by_topic_and_service(clock: list[flo
     ends.publishers += [End(topic="r1/out", published=7), End(topic="r1/log", published=0)]
     ends.subscriptions += [subscription("r1/odom", 5, 1, 2), subscription("r1/cmd_vel", 4, refused=refused)]
     ends.services.append(End(key="r1/reset", served=2))
-    status = Status("/r1/base", Turn(), lambda: clock[0]).of(ends, callback_errors=6)
+    status = Status("/r1/base", Turns(), lambda: clock[0]).of(ends, callback_errors=6)
     assert status.node == "/r1/base"
     assert status.published == {"r1/out": 7, "r1/log": 0}
     assert status.received == {"r1/odom": 5, "r1/cmd_vel": 4}
@@ -47,12 +47,12 @@ def test_counters_of_all_ends_are_summed_up_by_topic_and_service(clock: list[flo
 def test_timers_of_one_callback_count_their_missed_ticks_together(clock: list[float]) -> None:
     ends: Any = Endpoints()
     ends.timers += [End(name="tick", missed=2), End(name="beat", missed=0), End(name="tick", missed=3)]
-    assert Status("/base", Turn(), lambda: clock[0]).of(ends, 0).missed == {"tick": 5, "beat": 0}
+    assert Status("/base", Turns(), lambda: clock[0]).of(ends, 0).missed == {"tick": 5, "beat": 0}
 
 
 def test_the_callback_that_runs_counts_as_busy_already(clock: list[float]) -> None:
-    turn = Turn()
-    status = Status("/base", turn, lambda: clock[0])
+    turns = Turns()
+    turn, status = turns.own, Status("/base", turns, lambda: clock[0])
     turn.busy = 1.5
     clock[0] += 10.0
     idle = status.of(Endpoints(), 0)
@@ -64,9 +64,9 @@ def test_the_callback_that_runs_counts_as_busy_already(clock: list[float]) -> No
 
 
 def test_a_callback_that_began_after_the_look_at_the_clock_has_run_for_no_time(clock: list[float]) -> None:
-    turn = Turn()
-    turn.running, turn.since = "tick", clock[0] + 0.001
-    assert Status("/base", turn, lambda: clock[0]).of(Endpoints(), 0).running_for == 0.0
+    turns = Turns()
+    turns.own.running, turns.own.since = "tick", clock[0] + 0.001
+    assert Status("/base", turns, lambda: clock[0]).of(Endpoints(), 0).running_for == 0.0
 
 
 def test_a_node_that_has_not_started_has_seen_nothing() -> None:

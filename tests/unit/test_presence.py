@@ -12,6 +12,7 @@ from robo.wire.claims import Claim, Name
 from robo.wire.discovery import hostname
 from robo.wire.keys import ClaimToken, EndpointToken, NodeToken, SupervisorToken
 from robo.wire.network import Network
+from robo.wire.qos import QoS
 from tests.processes import FakeJournal, FakeProcess, FakeStopping, process_plan
 from tests.virtual_time import run
 
@@ -178,7 +179,7 @@ def test_what_spells_no_token_is_told_once_and_shortened() -> None:
 @pytest.mark.parametrize(
     "key",
     [
-        EndpointToken("r1", "base", "pub", "geometry/Twist", 1, "r1/cmd_vel").key(),
+        EndpointToken("r1", "base", "pub", "geometry/Twist", QoS(depth=1), "r1/cmd_vel").key(),
         SupervisorToken("r1", 17, "pi").key(),
     ],
 )

@@ -97,8 +97,6 @@ def test_a_file_that_cannot_be_written_is_told(tmp_path: Any) -> None:
     [
         (lambda: printing.amount(1, "node"), "1 node"),
         (lambda: printing.amount(0, "node"), "0 nodes"),
-        (lambda: printing.depth_text(0), "keeps all"),
-        (lambda: printing.depth_text(3), "depth 3"),
         (lambda: printing.data_size(0), "0 B"),
         (lambda: printing.data_size(999), "999 B"),
         (lambda: printing.data_size(1_234_567, "B/s"), "1.23 MB/s"),

@@ -14,7 +14,7 @@ import zenoh
 from robo.node.topics import FLOOD, LONGEST_AGE, TopicPublisher, endpoint_token
 from robo.wire.codec import unpack_attachment
 from robo.wire.keys import EndpointToken, parse_token
-from robo.wire.qos import KEEP_ALL
+from robo.wire.qos import KEEP_ALL, QoS
 from robo_messages import Bool, String
 from tests.support import PATIENCE
 
@@ -29,6 +29,7 @@ class Put:
         stamp = unpack_attachment(attachment)
         assert stamp is not None
         self.number, self.time = stamp
+        self.source: tuple[object, int] | None = source_info
         self.is_signed = source_info is not None
         self.said_at: datetime | None = None if timestamp is None else timestamp.get_time()
 
@@ -81,7 +82,7 @@ def session(monkeypatch: pytest.MonkeyPatch) -> Session:
 
 
 def publisher(session: Any, depth: int = 10) -> TopicPublisher[String]:
-    return TopicPublisher(session, endpoint_token("r1", "base", "pub", String, depth, "r1/out"), String)
+    return TopicPublisher(session, endpoint_token("r1", "base", "pub", String, QoS(depth=depth), "r1/out"), String)
 
 
 def test_messages_are_numbered_stamped_and_signed(session: Session) -> None:
@@ -94,6 +95,7 @@ def test_messages_are_numbered_stamped_and_signed(session: Session) -> None:
     assert [put.number for put in session.puts] == [1, 2, 3]
     assert before <= session.puts[0].time <= session.puts[2].time <= time.time_ns()
     assert all(put.is_signed and put.said_at is None for put in session.puts)
+    assert [put.source for put in session.puts] == [(session.id, 1), (session.id, 2), (session.id, 3)]
     assert out.published == 3
 
 
@@ -101,7 +103,12 @@ def test_a_publisher_is_announced_with_the_id_that_its_messages_carry(session: S
     out = publisher(session)
     (token,) = map(parse_token, session.tokens)
     assert isinstance(token, EndpointToken)
-    assert (token.full_name, token.topic, token.type_name, token.depth) == ("/r1/base", "r1/out", "std/String", 10)
+    assert (token.full_name, token.topic, token.type_name, token.qos) == (
+        "/r1/base",
+        "r1/out",
+        "std/String",
+        QoS.DEFAULT,
+    )
     assert token.id == out.id == "abc:7"
     assert session.options["encoding"] == "application/msgpack;std/String"
 

@@ -158,3 +158,27 @@ def test_that_nothing_came_before_it_was_ready_is_not_held_against_it() -> None:
     assert flow.problem(60.5) == "nothing on r1/odom for 59.5 s"
     assert pulse.problem(60.5) is None, "it has been ready for 2.5 s"
     assert pulse.problem(73.5) == "nothing on r1/odom for 15.5 s"
+
+
+def test_a_beat_between_two_others_makes_no_rate_of_its_own() -> None:
+    pulse = Pulse(5.0, (), lambda _: None, 0.0)
+    for now, published in ((1.0, 10), (2.0, 20), (2.001, 24)):
+        pulse.hear(said(published={"odom": published}), now)
+    assert pulse.rates(2.1) == ({"odom": 10.0}, {})
+
+
+def test_a_hook_of_a_managed_node_may_take_as_long_as_a_start() -> None:
+    pulse = Pulse(5.0, (), lambda _: None, 0.0, hooks=60.0)
+    pulse.hear(said(lifecycle="configuring"), 1.0)
+    pulse.hear(said(lifecycle="configuring", running="on_configure", late=True), 50.0)
+    assert pulse.hang(61.0) is None
+    assert pulse.hang(61.1) == "hangs: no sign of life for 60.1 s; on_configure does not return"
+    pulse.hear(said(lifecycle="inactive"), 62.0)
+    assert pulse.hang(67.1) == "hangs: no sign of life for 5.1 s"
+
+
+@pytest.mark.parametrize(("watchdog", "hooks"), [(0.0, 60.0), (5.0, 0.0)])
+def test_a_hook_may_take_for_ever_where_that_is_said(watchdog: float, hooks: float) -> None:
+    pulse = Pulse(watchdog, (), lambda _: None, 0.0, hooks)
+    pulse.hear(said(lifecycle="activating"), 1.0)
+    assert pulse.hang(10_000.0) is None

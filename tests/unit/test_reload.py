@@ -2,7 +2,7 @@
 
 import asyncio
 import os
-from collections.abc import Coroutine
+from collections.abc import Collection, Coroutine
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,8 @@ class Desk:
         self.taken: set[str] = set()
         """Names that others have."""
         self.tried: list[str] = []
+        self.renewed: list[str] = []
+        """Who was about to be started anew."""
         self.manifest: Plan | str = plan_of(*processes, files=files)
         assert isinstance(self.manifest, Plan)
         self.reload = Reload(self.manifest, lambda: self.manifest, self.processes, self.journal, self.tasks, self)
@@ -61,6 +63,9 @@ class Desk:
         self.tried.append(f"remove {name}")
         await asyncio.sleep(1.0)
         del self.processes[name]
+
+    def renew(self, names: Collection[str]) -> None:
+        self.renewed += sorted(names)
 
     def follow(self, *plans: tuple[float, Plan]) -> None:
         """Take over plans, each after so many seconds more, and wait until all is done."""
@@ -179,6 +184,20 @@ def test_a_changed_module_restarts_the_nodes_that_have_it(files: Files) -> None:
     looked(desk)
     assert desk.processes["/r1/a"].asked == [f"restart: changed: {files['module.py']}"]
     assert desk.processes["/r1/b"].asked == []
+
+
+def test_changed_code_restarts_all_that_share_the_process(files: Files) -> None:
+    shared = [process_plan(f"/r1/{name}", process="/r1/team") for name in "ab"]
+    desk = Desk(*shared, C)
+    desk.processes["/r1/a"].files = (files["module.py"], files["world.yaml"])
+    looked(desk)
+    files.change("world.yaml")
+    looked(desk)
+    assert {one.label for one in desk.processes.values() if one.asked} == {"a"}, "what it has read is its own"
+    files.change("module.py")
+    looked(desk)
+    assert {one.label: len(one.asked) for one in desk.processes.values()} == {"a": 2, "b": 1, "c": 0}
+    assert desk.renewed == ["/r1/a", "/r1/a", "/r1/b"]
 
 
 def test_what_was_stopped_stays_so(files: Files) -> None:

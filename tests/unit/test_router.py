@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from types import SimpleNamespace
 
 import msgspec
@@ -10,6 +11,7 @@ import pytest
 from robo.environment import NETWORK_VARIABLE
 from robo.machine.forks import Fork
 from robo.process import router as process_router
+from robo.supervisor import router as supervised
 from robo.supervisor.router import Router
 from robo.wire.network import Network
 from tests.virtual_time import now, run
@@ -18,7 +20,7 @@ NETWORK = Network(name="r1", listen=("unixsock-stream//tmp/x.sock", "tcp/127.0.0
 
 
 class Ends:
-    """A process that ends after so long, with such a code, each time it is started."""
+    """A process that ends after so long, with such a code, each time it is started; or where it is told to."""
 
     def __init__(self, *lives: tuple[float, int]) -> None:
         self._lives = list(lives)
@@ -27,6 +29,7 @@ class Ends:
         self.command: Sequence[str] = []
         self.patience: float | None = None
         self.running = False
+        self._told = asyncio.Event()
 
     async def start(self, command: Sequence[str], environment: Mapping[str, str], *, fork: Fork | None) -> None:
         assert fork is None
@@ -36,12 +39,15 @@ class Ends:
 
     async def wait(self) -> int:
         seconds, code = self._lives.pop(0)
-        await asyncio.sleep(seconds)
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._told.wait(), seconds)
+        self._told.clear()
         self.running = False
         return code
 
     async def stop(self, ended: "asyncio.Task[int]", *, patience: float) -> None:
         self.patience = patience
+        self._told.set()
         await ended
 
 
@@ -53,8 +59,36 @@ class Journal:
         self.warnings.append(text)
 
 
-def router(process: Ends, journal: Journal) -> Router:
-    return Router(process, NETWORK, {"PATH": "/bin"}, None, journal)
+class Answers:
+    """What a router says when it is asked, time after time; the last for ever. Each silence takes a while."""
+
+    def __init__(self, *answers: bool) -> None:
+        self._answers = list(answers)
+        self.asked: list[float] = []
+
+    async def __call__(self, endpoint: str) -> bool:
+        assert endpoint == "unixsock-stream//tmp/x.sock"
+        self.asked.append(now())
+        answers = self._answers.pop(0) if len(self._answers) > 1 else self._answers[0]
+        await asyncio.sleep(0.0 if answers else supervised.ANSWERS_WITHIN)
+        return answers
+
+
+def router(process: Ends, journal: Journal, *answers: bool) -> Router:
+    return Router(process, NETWORK, {"PATH": "/bin"}, None, journal, Answers(*(answers or (True,))))
+
+
+def keep(process: Ends, journal: Journal, *answers: bool, seconds: float = 60.0) -> None:
+    """Start a router, and keep it for so long."""
+
+    async def kept() -> None:
+        one = router(process, journal, *answers)
+        await one.start()
+        async with asyncio.timeout(seconds):
+            await one.keep()
+
+    with pytest.raises(TimeoutError):
+        run(kept())
 
 
 def test_it_finds_its_network_in_its_environment() -> None:
@@ -67,20 +101,27 @@ def test_it_finds_its_network_in_its_environment() -> None:
 
 def test_one_that_dies_is_started_again_and_that_is_told() -> None:
     process, journal = Ends((5.0, 3), (0.0, -11), (1e9, 0)), Journal()
-
-    async def keep() -> None:
-        kept = router(process, journal)
-        await kept.start()
-        async with asyncio.timeout(60.0):
-            await kept.keep()
-
-    with pytest.raises(TimeoutError):
-        run(keep())
+    keep(process, journal)
     assert process.starts == pytest.approx([0.0, 5.1, 5.2]), "one that dies at once does not keep a core busy"
     assert journal.warnings == [
         "the router ended with exit code 3; starting it again",
         "the router ended with killed by SIGSEGV; starting it again",
     ]
+
+
+def test_one_that_answers_nobody_is_started_again_and_that_is_told() -> None:
+    process, journal = Ends((1e9, 0), (1e9, 0)), Journal()
+    keep(process, journal, True, False, False, True)
+    looks = 3 * supervised.LOOK_EVERY + 2 * supervised.ANSWERS_WITHIN
+    assert process.starts == pytest.approx([0.0, looks + 0.1]), "not before it was silent twice in a row"
+    assert journal.warnings == ["the router runs, but answers nobody; starting it again"]
+
+
+def test_one_silence_may_be_the_machine() -> None:
+    process, journal = Ends((1e9, 0)), Journal()
+    keep(process, journal, False, True, False, True)
+    assert process.starts == [0.0]
+    assert journal.warnings == []
 
 
 def test_it_is_given_the_time_to_pass_on_what_is_on_the_way() -> None:
@@ -98,15 +139,19 @@ def test_it_is_given_the_time_to_pass_on_what_is_on_the_way() -> None:
     assert not process.running
 
 
+MUCH = process_router.FULL + 1000
+
+
 @pytest.mark.parametrize(
     ("waits", "ends_at"),
     [
         pytest.param([], 0.5, id="nobody waits for anything"),
         pytest.param([(0.3, 9)], 0.5, id="what waited is taken in time"),
         pytest.param([(0.6, 9), (0.8, 4)], 0.9, id="a slow reader is waited for"),
-        pytest.param([(0.6, 9), (0.65, 0), (0.7, 5)], 0.8, id="a pause is no end"),
+        pytest.param([(0.6, MUCH + 4), (0.65, 0), (0.7, MUCH)], 0.8, id="a pause is no end"),
         pytest.param([(100.0, 9)], 1.0, id="a reader that takes nothing is left"),
-        pytest.param([(i / 2, 1000 - i) for i in range(1, 100)], 10.0, id="nobody is waited for without end"),
+        pytest.param([(i / 2, MUCH - i) for i in range(1, 100)], 10.0, id="nobody is waited for without end"),
+        pytest.param([(i / 50, i % 2 * 1075) for i in range(600)], 0.5, id="others that go on are not waited for"),
     ],
 )
 def test_a_router_serves_its_last_readers(

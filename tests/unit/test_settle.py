@@ -318,3 +318,64 @@ def test_a_plan_without_a_manifest_is_a_mistake_and_no_crash() -> None:
     assert found.plan.robot == "r1"
     (problem,) = found.problems
     assert str(problem).startswith("nowhere.yaml:1:1: manifest nowhere.yaml cannot be read")
+
+
+# -- nodes that share a process ----------------------------------------------------------------------------------------
+
+
+def test_nodes_that_name_one_process_share_it_and_each_robot_has_its_own() -> None:
+    text = """\
+groups:
+  g:
+    for_each: {robot: [r1, r2]}
+    namespace: ${robot}
+    process: team
+    nodes:
+      a: {service: motor, namespace: arm}
+      b: {service: lamp, process: '${robot}_other'}
+      c: {service: lamp, process: ''}
+"""
+    found = fine(text)
+    shared = {name: plan.process for name, plan in found.items()}
+    assert shared == {
+        "/r1/arm/a": "/r1/team", "/r1/b": "/r1/r1_other", "/r1/c": None,
+        "/r2/arm/a": "/r2/team", "/r2/b": "/r2/r2_other", "/r2/c": None,
+    }  # fmt: skip
+    assert found["/r1/arm/a"].command()[-3:] == ("-m", "robo.process.shared", "/r1/team")
+
+
+@pytest.mark.parametrize(
+    ("node", "said"),
+    [
+        ("{run: x}", "a command cannot share the process team; process: '' gives this node one of its own"),
+        *(
+            (
+                f"{{service: motor, {key}: {value}}}",
+                f"{key} is for a whole process: a node cannot have it in the process team; process: '' gives this"
+                " node one of its own",
+            )
+            for key, value in (
+                ("prefix", "gdb"), ("args", "x"), ("cwd", "."), ("priority", "5"), ("cpus", "[0]"), ("env", "{A: b}"),
+            )
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_for_a_whole_process_cannot_be_said_of_one_of_its_nodes(node: str, said: str) -> None:
+    (found,) = mistakes(f"groups: {{g: {{process: team, nodes: {{a: {node}}}}}}}")
+    assert found.split(": ", 1)[1] == said
+    alone = node.removesuffix("}") + ", process: ''}"
+    fine(f"groups: {{g: {{process: team, nodes: {{a: {alone}}}}}}}")
+
+
+def test_a_process_is_on_one_host_and_has_a_name_of_its_own() -> None:
+    text = """\
+groups:
+  g: {hosts: pi, process: team, nodes: {a: {service: motor}}}
+  h: {hosts: pc, process: team, nodes: {b: {service: lamp}}}
+"""
+    said = "m.yaml:3:41: /b, on pc, shares the process /team with /a, which is on pi"
+    assert mistakes(text) == [said]
+    text = "groups: {g: {process: a, nodes: {a: {service: motor}}}}"
+    assert mistakes(text) == ["m.yaml:1:34: process /a has the name of a node; call it something else"]
+    text = "groups: {g: {process: 1x, nodes: {a: {service: motor}}}}"
+    assert mistakes(text) == ["m.yaml:1:23: process: '1x' is no name; use letters, digits and _, no digit first"]

@@ -1,5 +1,6 @@
 from robo.tools.strangers import refused, surplus
 from robo.wire.keys import EndpointToken
+from robo.wire.qos import QoS
 from robo.wire.reports import NodeStatus, Refused
 
 
@@ -8,7 +9,7 @@ def status(node: str, uptime: float, published: int = 0, received: int = 0, refu
     return NodeStatus(node, {"r1/cmd": published}, {"r1/cmd": received}, {}, {}, 0, refused=left_out, uptime=uptime)
 
 
-PUBLISHER = EndpointToken("r1", "monitor", "pub", "geometry/Twist", 10, "r1/cmd")
+PUBLISHER = EndpointToken("r1", "monitor", "pub", "geometry/Twist", QoS.DEFAULT, "r1/cmd")
 
 
 def found(published: int, received: int, publishers: list[EndpointToken]) -> list[str]:
@@ -37,7 +38,7 @@ def test_who_has_not_said_that_he_publishes_shows_in_the_counts() -> None:
 
 
 def test_a_publisher_that_tells_no_counters_is_left_out() -> None:
-    tool = EndpointToken("r1", "topic_pub_12", "pub", "geometry/Twist", 10, "r1/cmd")
+    tool = EndpointToken("r1", "topic_pub_12", "pub", "geometry/Twist", QoS.DEFAULT, "r1/cmd")
     assert found(26, 50, [PUBLISHER, tool]) == []
 
 

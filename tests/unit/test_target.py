@@ -107,6 +107,12 @@ def test_words_mean_labels(words: list[str], labels: set[str]) -> None:
     assert logs.labels_meant(words, PROCESSES) == labels
 
 
+def test_what_a_shared_process_prints_is_told_with_its_nodes() -> None:
+    team = [ProcessName("r1", f"/r1/{node}", "g", "/r1/team") for node in ("a", "b")]
+    assert logs.labels_meant(["team"], [*PROCESSES, *team]) == {"a", "b", "team"}
+    assert logs.labels_meant(["a"], team) == {"a", "team"}
+
+
 def test_a_part_of_a_run_has_its_own_labels() -> None:
     fleet = [ProcessName("fleet", f"/{robot}/base", "") for robot in ("r1", "r2")]
     assert logs.labels_meant([], fleet, "r2") == {"r2/base"}

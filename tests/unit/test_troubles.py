@@ -13,6 +13,7 @@ from robo.node.log import NodeLogger
 from robo.node.message_info import PLAIN
 from robo.node.troubles import MALFORMED_PERIOD, Troubles
 from robo.wire.keys import EndpointToken
+from robo.wire.qos import QoS
 from tests.support import PATIENCE
 
 
@@ -133,7 +134,7 @@ def malformed(base: Base, monkeypatch: pytest.MonkeyPatch) -> Any:
     def publishers_of(session: object, topic: str, **_: object) -> list[EndpointToken]:
         if session is None:
             raise zenoh.ZError("closed")
-        return [EndpointToken("r1", "foe", "pub", "std/String", 10, topic, "abc:7")]
+        return [EndpointToken("r1", "foe", "pub", "std/String", QoS.DEFAULT, topic, "abc:7")]
 
     monkeypatch.setattr("robo.wire.discovery.publishers_of", publishers_of)
     clock = [0.0]

@@ -118,6 +118,19 @@ def test_a_chart_of_nothing_and_of_gaps_is_drawn() -> None:
     assert (chart.low, chart.high) == (0.5, 1.5)
 
 
+def test_who_stands_by_is_told_with_what_can_be_asked_of_it() -> None:
+    process = ProcessStatus(
+        robot="r1", group="vision", node="/r1/camera", state="standby", reason="inactive", pid=1, restarts=0,
+        uptime=8.0, cpu=None, memory=None, published={}, received={}, run="a", host="here",
+    )  # fmt: skip
+    why = Explanation(process=process, exits=[], unmet_needs=[], inputs=[], callback_errors=0, next_start=None)
+    assert explained(why) == [
+        "/r1/camera is standby: inactive",
+        "  running for 8.0s, process 1",
+        "  robo lifecycle list /r1/camera: what can be asked of it now",
+    ]
+
+
 def test_an_input_on_which_nothing_comes_is_told_with_where_to_look() -> None:
     process = ProcessStatus(
         robot="r1", group="control", node="/r1/safety_monitor", state="ready", reason="", pid=1, restarts=0, uptime=8.0,
