@@ -26,7 +26,7 @@ from typing import NamedTuple, TypeVar
 import msgspec
 import psutil
 
-from benchmarks import laser
+from benchmarks import laser, quality
 
 RESULTS = Path(__file__).parent / "RESULTS.md"
 
@@ -102,20 +102,29 @@ class Bench:
 
     def pair(self, stack: ExitStack, server: str, client: str, variant: str, kind: str) -> tuple[Worker, Worker]:
         """Both ends of a measurement, ready."""
-        endpoint = self._endpoint()
+        endpoint = self.endpoint()
         listening = stack.enter_context(Worker("worker", server, variant, kind, endpoint, ""))
         return listening, stack.enter_context(Worker("worker", client, variant, kind, "", endpoint))
 
     def memory(self, variant: str) -> float:
         """Resident memory of a process that has joined and waits, MB."""
-        endpoint = self._endpoint()
+        endpoint = self.endpoint()
         with (
             Worker("worker", "echo", "raw ring", "twist", endpoint, ""),
             Worker("memory", variant, endpoint) as worker,
         ):
             return worker.resident() / 1e6
 
-    def _endpoint(self) -> str:
+    def start(self, stack: ExitStack, module: str, *arguments: str) -> Worker:
+        """A worker, ready."""
+        return stack.enter_context(Worker(module, *arguments))
+
+    def port(self) -> str:
+        """A port that nobody listens at."""
+        return f"tcp/127.0.0.1:{_free_port()}"
+
+    def endpoint(self) -> str:
+        """A unix socket that nobody has."""
         self._number += 1
         return f"unixsock-stream/{self._folder}/{self._number}.sock"
 
@@ -329,6 +338,8 @@ def main() -> None:
         for kind in ("twist", "odometry", "scan"):
             lines += trips_table(bench, rounds, trip_blocks, kind)
         lines += floods_table(bench, rounds, flood_blocks)
+        lines += quality.latched_table(bench, rounds)
+        lines += quality.mixed_table(bench, rounds)
         lines += memory_table(bench, rounds)
         lines += start_table(rounds)
         lines += laser.table(rounds)

@@ -50,7 +50,7 @@ def whole_test() -> float:
     begin = time.perf_counter()
     before = Before()
     session = robo.open_session(robo.Network(mode="peer"))
-    bench = Bench(session)
+    bench = Bench(session, patience=10.0)
     node = RunNode(bench)(Echo)
     node.send("heard", String("hello"))
     assert node.published("said") == [String("hello")]
@@ -63,7 +63,7 @@ def whole_test() -> float:
 def minute(rate: float) -> float:
     """How long it takes to let 60 s pass for a timer, s."""
     session = robo.open_session(robo.Network(mode="peer"))
-    bench = Bench(session)
+    bench = Bench(session, patience=10.0)
     node = RunNode(bench)(Echo, rate=rate)
     begin = time.perf_counter()
     bench.clock.advance(60.0)

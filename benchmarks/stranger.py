@@ -48,8 +48,6 @@ class Stranger:
         self._tokens: list[zenoh.LivelinessToken] = []
         self.thrown: Counter[str] = Counter()
         """What was thrown, by kind."""
-        self.keys: list[str] = []
-        """Of the tokens that it has declared."""
         self.refused = 0
         """What Zenoh itself did not let pass, such as keys that are none."""
         self._kinds: dict[str, tuple[Callable[[], None], int]] = {
@@ -96,7 +94,6 @@ class Stranger:
         names = [r.choice([self._robot, self._chunk()]), kind, self._chunk(), *last]
         key = "/".join(["@robo", *filter(None, names)])
         self._tokens.append(self._session.liveliness().declare_token(key))
-        self.keys.append(key)
 
     def query(self) -> None:
         """Ask services with nonsense, and anybody with wildcards."""

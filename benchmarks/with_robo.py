@@ -2,11 +2,13 @@
 
 import threading
 import time
+from typing import Any
 
 import zenoh
 
 import robo
-from benchmarks.raw import FLOOD, PING, PONG, wait_for_match
+from benchmarks.raw import FLOOD, PING, PONG
+from robo.node.topics import TopicPublisher
 from robo.wire.qos import DEFAULT_DEPTH, KEEP_ALL
 from robo_messages import Message
 
@@ -17,11 +19,15 @@ class Bench(robo.Node):
     """An empty node: endpoints are made while running, for a type that is chosen while running."""
 
 
-def echo(session: zenoh.Session, _variant: str, sample: Message) -> None:
-    """Answer every ping with a pong, for ever."""
+def echo(session: zenoh.Session, variant: str, sample: Message) -> None:
+    """Answer every ping with a pong, for ever; `robo-async` in an async callback."""
     with Bench(name="echo", session=session) as node:
         pong = node.create_publisher(type(sample), PONG)
-        node.create_subscription(type(sample), PING, pong.publish)
+
+        async def answer(message: Message) -> None:
+            pong.publish(message)
+
+        node.create_subscription(type(sample), PING, answer if variant == "robo-async" else pong.publish)
         node.wait()
 
 
@@ -37,7 +43,7 @@ class Pinger:
         node.start()
         self._ping_topic = node.create_publisher(type(sample), PING)
         node.create_subscription(type(sample), PONG, self._on_pong)
-        wait_for_match(self._ping_topic.zenoh_publisher)
+        wait_for_match(self._ping_topic)
 
     def round_trips(self, count: int) -> list[int]:
         """The time of `count` round trips, ns."""
@@ -80,7 +86,7 @@ class Source:
         node = Bench(name="source", session=session)
         node.start()
         self._publisher = node.create_publisher(type(sample), FLOOD, depth=DEPTHS[variant])
-        wait_for_match(self._publisher.zenoh_publisher)
+        wait_for_match(self._publisher)
 
     def flood(self, seconds: float) -> int:
         """Returns how many were sent."""
@@ -91,3 +97,9 @@ class Source:
                 publish(sample)
             sent += 100
         return sent
+
+
+def wait_for_match(publisher: TopicPublisher[Any]) -> None:
+    """Wait until the other end is seen."""
+    while not publisher.has_subscribers:
+        time.sleep(0.001)

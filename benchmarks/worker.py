@@ -6,6 +6,7 @@ one line of JSON, and ends with its input.
 
 import os
 import sys
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -36,6 +37,9 @@ def main() -> None:
     if role == "echo":
         say("ready")
         way.echo(session, variant, sample)
+    elif role == "both":  # two nodes of one process
+        threading.Thread(target=way.echo, args=(session, variant, sample), daemon=True).start()
+        answer(way.Pinger(session, variant, sample).round_trips)
     elif role == "ping":
         answer(way.Pinger(session, variant, sample).round_trips)
     elif role == "sink":
