@@ -32,7 +32,7 @@ LABEL org.opencontainers.image.title="robo" \
 RUN useradd --uid 1000 --create-home robo && install -d -o robo /var/lib/robo
 COPY --from=build /usr/bin/tini /usr/bin/tini
 COPY --from=build /opt/robo /opt/robo
-# Containers share no /dev/shm, and a small one that is full would end Zenoh's threads.
+# Containers share no /dev/shm: large messages between them take sockets anyway.
 # `pip install` in images that are built on this one: Python's own pip, into robo's environment.
 ENV PATH=/opt/robo/bin:$PATH \
     PIP_PYTHON=/opt/robo/bin/python \

@@ -143,7 +143,7 @@ def _health() -> list[str]:
     actions = [action for action in parser._actions if not isinstance(action, argparse._HelpAction)]
     return [
         *paragraphs(described(parser.description or "", "robo health")),
-        block("robo health [NODE] [OPTIONS]", "text"),
+        block("robo health [NODE]... [OPTIONS]", "text"),
         "",
         *table(_HEADER, map(_argparse_row, actions)),
         *_examples([line.strip() for line in health.EXAMPLES.splitlines()[1:]]),

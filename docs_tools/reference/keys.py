@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -49,7 +50,9 @@ def _token(token: Any) -> list[str]:
     docs = {name: text for cls in reversed(token.__mro__) for name, text in attribute_docs(cls).items()}
     fields = [field for field in token.__struct_fields__ if field != "kind"]
     kinds = keys.VERBS if "kind" in token.__struct_fields__ else None
-    words = {name: f"<{name}>" for name in fields}
+    words: dict[str, Any] = {name: f"<{name}>" for name in fields}
+    if "qos" in words:
+        words["qos"] = SimpleNamespace(word="<qos>")
     spelt = (
         [token(**words).key()]
         if kinds is None

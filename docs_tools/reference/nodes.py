@@ -14,7 +14,6 @@ from robo.node.contract import ClientDeclaration, Contract, ServiceDeclaration, 
 from robo.parameters.hints import ParameterInfo, range_text
 from robo.text.docstrings import attribute_docs, first_sentence
 from robo.wire.keys import SYSTEM_TOPICS
-from robo.wire.qos import KEEP_ALL
 from robo_messages import service_type_name, type_name
 
 WITHOUT_UNIT = {"carmen_player.rate", "diff_drive_sim.real_time_factor"}
@@ -62,21 +61,21 @@ def _node(cls: type[robo.Node]) -> list[str]:
 
 def _topics(cls: type[robo.Node], contract: Contract) -> list[str]:
     docs = attribute_docs(cls)
-    header = ("topic", "type", "depth", "what")
+    header = ("topic", "type", "quality of service", "what")
     subscribed = [
-        (code(s.topic), messages.link_to(type_name(s.message_type)), _depth(s.depth), _said(cls, s.method))
+        (code(s.topic), messages.link_to(type_name(s.message_type)), str(s.qos), _said(cls, s.method, s.turn))
         for s in contract.subscriptions
     ]
     published = [
         (
             code(p.topic),
             messages.link_to(type_name(p.message_type)),
-            _depth(p.depth),
+            str(p.qos),
             prose(described(docs.get(p.attribute, ""), f"{cls.__name__}.{p.attribute}")),
         )
         for p in contract.publishers
     ]
-    timers = [(code(t.method), _rate(t.rate), _said(cls, t.method)) for t in contract.timers]
+    timers = [(code(t.method), _rate(t.rate), _said(cls, t.method, t.turn)) for t in contract.timers]
     return [
         *_titled("Subscribes", table(header, subscribed)),
         *_titled("Publishes", table(header, published)),
@@ -86,7 +85,7 @@ def _topics(cls: type[robo.Node], contract: Contract) -> list[str]:
 
 def _services(cls: type[robo.Node], contract: Contract) -> list[str]:
     docs = attribute_docs(cls)
-    served = [(code(s.service), _service_type(s), _said(cls, s.method)) for s in contract.services]
+    served = [(code(s.service), _service_type(s), _said(cls, s.method, s.turn)) for s in contract.services]
     called = [
         (
             code(c.service),
@@ -131,16 +130,13 @@ def _short(value: object) -> object:
     return f"{value:.15g}" if isinstance(value, float) else value
 
 
-def _depth(depth: int) -> str:
-    return "KEEP_ALL" if depth == KEEP_ALL else str(depth)
-
-
 def _rate(rate: float | str) -> str:
     return code(rate) if isinstance(rate, str) else f"{rate:g} Hz"
 
 
-def _said(cls: type[robo.Node], method: str) -> str:
-    return prose(described(first_sentence(getattr(cls, method).__doc__ or ""), f"{cls.__name__}.{method}"))
+def _said(cls: type[robo.Node], method: str, turn: str) -> str:
+    said = prose(described(first_sentence(getattr(cls, method).__doc__ or ""), f"{cls.__name__}.{method}"))
+    return f"{said} Has the turn {code(turn)}." if turn else said
 
 
 def _titled(title: str, body: Iterable[str]) -> list[str]:

@@ -22,7 +22,7 @@ SECTIONS = {
     "Begin here": ("index", "tutorial", "create", "node", "own_base", "testing", "packages"),
     "From ROS 2": ("from_ros2", "from_ros2_launch"),
     "Robots": ("running", "launch", "several_robots", "hosts", "tools", "debugging"),
-    "Nodes": ("messages", "services", "parameters", "pictures", "performance", "clients"),
+    "Nodes": ("messages", "services", "actions", "parameters", "lifecycle", "pictures", "performance", "clients"),
     "Inside": ("architecture",),
 }
 """The pages of docs/ by section. One that is not named here stands in the last section."""
