@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from robo_messages.std import Header
 
 
-class _Picture(Protocol):
-    """What of an `Image` matters here."""
+class _Grid(Protocol):
+    """What pictures and clouds have in common."""
 
     header: Header
 
@@ -38,13 +38,18 @@ class _Picture(Protocol):
     @property
     def width(self) -> int: ...
     @property
+    def data(self) -> memoryview: ...
+
+
+class _Picture(_Grid, Protocol):
+    """What of an `Image` matters here."""
+
+    @property
     def encoding(self) -> str: ...
     @property
     def is_bigendian(self) -> int: ...
     @property
     def step(self) -> int: ...
-    @property
-    def data(self) -> memoryview: ...
 
 
 class _Field(Protocol):
@@ -60,15 +65,9 @@ class _Field(Protocol):
     def count(self) -> int: ...
 
 
-class _Cloud(Protocol):
+class _Cloud(_Grid, Protocol):
     """What of a `PointCloud2` matters here."""
 
-    header: Header
-
-    @property
-    def height(self) -> int: ...
-    @property
-    def width(self) -> int: ...
     @property
     def fields(self) -> Sequence[_Field]: ...
     @property
@@ -77,8 +76,6 @@ class _Cloud(Protocol):
     def point_step(self) -> int: ...
     @property
     def row_step(self) -> int: ...
-    @property
-    def data(self) -> memoryview: ...
 
 
 P = TypeVar("P", bound=_Picture)
