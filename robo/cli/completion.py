@@ -30,14 +30,14 @@ def topics(ctx: typer.Context, incomplete: str) -> list[str]:
 
 def services(ctx: typer.Context, incomplete: str) -> list[str]:
     """Keys of services."""
-    from robo.tools import nodes as tools
+    from robo.tools import offers as tools
 
     return _live(ctx, incomplete, lambda session: [service.key for service in tools.list_services(session, TIMEOUT)])
 
 
 def actions(ctx: typer.Context, incomplete: str) -> list[str]:
     """Keys of actions."""
-    from robo.tools import actions as tools
+    from robo.tools import offers as tools
 
     return _live(ctx, incomplete, lambda session: [action.key for action in tools.list_actions(session, TIMEOUT)])
 

@@ -1,4 +1,4 @@
-"""Which actions there are, and sending goals to one, as any Zenoh client does."""
+"""Sending goals to an action and following them, as any Zenoh client does."""
 
 from __future__ import annotations
 
@@ -11,28 +11,15 @@ import msgspec
 import zenoh
 
 from robo.errors import ActionError, ActionTimeout
-from robo.text.suggestions import suggest
+from robo.tools.offers import Offer, list_actions
 from robo.wire import codec, queries
-from robo.wire.discovery import tokens
 from robo.wire.goals import GoalState, id_of, id_text, new_goal_id, state_of
-from robo.wire.keys import EndpointToken, action_key
+from robo.wire.keys import action_key
 from robo.wire.long_query import Gone, LongQuery
-from robo.wire.names import shown_key
 from robo.wire.queries import Fault
 
 _LOOK = 0.5
 """How often one looks whether an action is still executed while nothing is heard, s."""
-
-
-class ActionInfo(msgspec.Struct, frozen=True):
-    """An action that somebody executes."""
-
-    key: str
-    type: str
-    servers: list[str]
-    """Full names of nodes; more than one is a clash."""
-    clients: list[str] = []
-    """Full names of nodes that may send goals."""
 
 
 class Outcome(msgspec.Struct, frozen=True):
@@ -44,32 +31,6 @@ class Outcome(msgspec.Struct, frozen=True):
     message: str
     """Why it was aborted."""
     result: Any
-
-
-def list_actions(session: zenoh.Session, timeout: float = 1.0) -> list[ActionInfo]:
-    """Every action that somebody executes, sorted by key."""
-    ends = [token for token in tokens(session, timeout) if isinstance(token, EndpointToken)]
-    found: dict[str, ActionInfo] = {}
-    for token in ends:
-        if token.kind == "act":
-            info = found.setdefault(token.topic, ActionInfo(token.topic, token.type_name, [], []))
-            info.servers.append(token.full_name)
-    for token in ends:
-        if token.kind == "acl" and token.topic in found:
-            found[token.topic].clients.append(token.full_name)
-    return [found[key] for key in sorted(found)]
-
-
-def find_action(session: zenoh.Session, key: str, timeout: float) -> ActionInfo:
-    """The action of a key.
-
-    Raises:
-        ActionError: nobody executes it; says what comes close.
-    """
-    found = {one.key: one for one in list_actions(session, timeout)}
-    if key in found:
-        return found[key]
-    raise ActionError(f"nobody executes {shown_key(key)}; {suggest(key, found)}")
 
 
 def ask(
@@ -86,8 +47,7 @@ def ask(
         payload=msgspec.msgpack.encode(request),
         encoding=codec.MSGPACK,
         timeout=timeout,
-        target=zenoh.QueryTarget.ALL_COMPLETE,
-        consolidation=zenoh.ConsolidationMode.NONE,
+        **queries.OF_ONE,
     )
     answer = queries.first_answer(replies)
     if isinstance(answer, Fault):
@@ -117,7 +77,7 @@ def cancel(session: zenoh.Session, action: str, goal_id: str | None, timeout: fl
 class Sending:
     """One goal: sent, followed and waited for."""
 
-    def __init__(self, session: zenoh.Session, action: ActionInfo, timeout: float) -> None:
+    def __init__(self, session: zenoh.Session, action: Offer, timeout: float) -> None:
         """
         Args:
             session: the network.

@@ -1,4 +1,4 @@
-"""Which nodes and services there are, and all that can be asked of a node."""
+"""Which nodes there are, and all that can be asked of a node."""
 
 import time
 from collections.abc import Iterable
@@ -20,17 +20,6 @@ LONG_CALLBACK = 1.0
 """A callback that runs for longer holds up its node, s."""
 LOAD_WINDOW = 0.5
 """Over how long load and rates are measured, s."""
-
-
-class ServiceInfo(msgspec.Struct, frozen=True):
-    """A service that somebody serves."""
-
-    key: str
-    type: str
-    servers: list[str]
-    """Full names of nodes; more than one is a clash."""
-    clients: list[str] = []
-    """Full names of nodes that may call it."""
 
 
 class PublisherInfo(msgspec.Struct, frozen=True):
@@ -165,20 +154,6 @@ def twins(nodes: Iterable[NodeToken]) -> list[Twins]:
     for token in nodes:
         named.setdefault(token.full_name, []).append(token)
     return [Twins(name, same) for name, same in sorted(named.items()) if len(same) > 1]
-
-
-def list_services(session: zenoh.Session, timeout: float = 1.0) -> list[ServiceInfo]:
-    """Every service that somebody serves, sorted by key."""
-    ends = [token for token in tokens(session, timeout) if isinstance(token, EndpointToken)]
-    found: dict[str, ServiceInfo] = {}
-    for token in ends:
-        if token.kind == "srv":
-            info = found.setdefault(token.topic, ServiceInfo(token.topic, token.type_name, [], []))
-            info.servers.append(token.full_name)
-    for token in ends:
-        if token.kind == "cli" and token.topic in found:
-            found[token.topic].clients.append(token.full_name)
-    return [found[key] for key in sorted(found)]
 
 
 def find_node(nodes: Iterable[NodeToken], name: str) -> NodeToken:

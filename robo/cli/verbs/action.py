@@ -23,9 +23,9 @@ ActionName = Annotated[
 @verb(verbs, "list", "robo action list", "robo action list --json")
 def action_list(reach: Reach, json: JsonLines = False) -> None:
     """List actions with their types and servers."""
-    from robo.cli.views.action import print_actions
+    from robo.cli.views.offers import print_offers
 
-    print_actions(reach, json=json)
+    print_offers("action", reach, json=json)
 
 
 @verb(verbs, "type", "robo action type r1/fibonacci")

@@ -23,9 +23,9 @@ ServiceName = Annotated[
 @verb(verbs, "list", "robo service list", "robo service list --json")
 def service_list(reach: Reach, json: JsonLines = False) -> None:
     """List services with their types and servers."""
-    from robo.cli.views.service import print_services
+    from robo.cli.views.offers import print_offers
 
-    print_services(reach, json=json)
+    print_offers("service", reach, json=json)
 
 
 @verb(verbs, "type", "robo service type r1/reset_distance")

@@ -1,6 +1,5 @@
-"""`robo action`: which actions there are, sending goals, canceling and following them."""
+"""`robo action`: what an action takes, sending goals, canceling and following them."""
 
-import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -8,12 +7,12 @@ from typing import Any
 
 import zenoh
 
-from robo.cli.connection import connect_to_robot, nodes_of
-from robo.cli.printing import note, print_json, print_line, print_table
+from robo.cli.connection import connect_to_robot
+from robo.cli.printing import note, print_json, print_line
 from robo.cli.reach import Reach
 from robo.cli.views.service import data_of, shape, type_and_data
 from robo.errors import ActionTimeout, UsageError
-from robo.tools import actions
+from robo.tools import actions, offers
 from robo.wire import codec
 from robo.wire.goals import id_text, state_of
 from robo.wire.keys import action_key
@@ -23,38 +22,18 @@ _OVER = 2.0
 """How long a goal that is canceled has to end, s."""
 
 
-def print_actions(reach: Reach, *, json: bool) -> None:
-    """Print the table of actions.
-
-    Raises:
-        NodeNotFound: the robot that is named is not there.
-    """
-    with connect_to_robot(reach) as session:
-        found = [one for one in actions.list_actions(session, reach.timeout) if reach.covers(one.key)]
-        if not found:
-            nodes_of(session, reach)
-    if json:
-        for one in found:
-            print_json(one)
-    elif not found:
-        print("no actions", file=sys.stderr)
-    else:
-        rows = [("ACTION", "TYPE", "SERVER"), *((a.key, a.type, ", ".join(a.servers)) for a in found)]
-        print_table(rows)
-
-
 def print_type(name: str, reach: Reach) -> None:
     """Print the type of an action."""
     wanted = reach.key(name)
     with connect_to_robot(reach) as session:
-        print_line(actions.find_action(session, wanted, reach.timeout).type)
+        print_line(offers.find_action(session, wanted, reach.timeout).type)
 
 
 def print_info(name: str, reach: Reach, *, json: bool) -> None:
     """Print who executes an action, who sends goals, and its types."""
     wanted = reach.key(name)
     with connect_to_robot(reach) as session:
-        found = actions.find_action(session, wanted, reach.timeout)
+        found = offers.find_action(session, wanted, reach.timeout)
     parts = dict(zip(("goal", "result", "feedback"), parts_of(found.type), strict=True))
     if json:
         print_json({"key": found.key, "type": found.type, "servers": found.servers, "clients": found.clients, **parts})
@@ -92,7 +71,7 @@ def send_goal(
     wanted = reach.key(name)
     type_name, text = type_and_data(words, "a goal", "{order: 5}")
     with connect_to_robot(reach) as session, ExitStack() as over:
-        found = actions.find_action(session, wanted, reach.timeout)
+        found = offers.find_action(session, wanted, reach.timeout)
         if type_name not in (None, found.type):
             raise UsageError(f"{found.key} is a {found.type}, not a {type_name}; its type need not be said")
         goal = data_of(parts_of(found.type)[0], text, "a goal")
@@ -133,7 +112,7 @@ def cancel(name: str, goal: str | None, reach: Reach, *, json: bool) -> int:
     """
     wanted = reach.key(name)
     with connect_to_robot(reach) as session:
-        found = actions.find_action(session, wanted, reach.timeout)
+        found = offers.find_action(session, wanted, reach.timeout)
         canceling = actions.cancel(session, found.key, goal, reach.timeout)
     if json:
         print_json({"canceling": canceling})
@@ -163,7 +142,7 @@ def echo(name: str, reach: Reach, *, json: bool) -> None:
         return lambda sample: take(codec.decode_any(sample.payload.to_bytes()))
 
     with connect_to_robot(reach) as session, ExitStack() as over:
-        found = actions.find_action(session, wanted, reach.timeout)
+        found = offers.find_action(session, wanted, reach.timeout)
         heard = {action_key(found.key, "feedback"): on_feedback, action_key(found.key, "status"): on_status}
         for key, take in heard.items():
             over.callback(session.declare_subscriber(key, reading(take)).undeclare)

@@ -1,62 +1,37 @@
-"""`robo service`: which services there are, and calling them."""
+"""`robo service`: what a service takes, and calling it."""
 
 import re
-import sys
 import time
 from collections.abc import Sequence
 
 import msgspec
-import zenoh
 
 import robo_messages
-from robo.cli.connection import connect_to_robot, nodes_of
-from robo.cli.printing import print_json, print_line, print_table
+from robo.cli.connection import connect_to_robot
+from robo.cli.printing import print_json, print_line
 from robo.cli.reach import Reach
-from robo.errors import ServiceTimeout, UsageError
+from robo.errors import UsageError
 from robo.interfaces import catalogue
 from robo.interfaces.message_input import field_types, message_of
 from robo.node import services
 from robo.parameters.words import parse_value
-from robo.text.suggestions import suggest
-from robo.tools import nodes
-from robo.tools.nodes import ServiceInfo
+from robo.tools import offers
 from robo.wire import codec
-from robo.wire.names import shown_key
 from robo.wire.qos import QoS
-
-
-def print_services(reach: Reach, *, json: bool) -> None:
-    """Print the table of services.
-
-    Raises:
-        NodeNotFound: the robot that is named is not there.
-    """
-    with connect_to_robot(reach) as session:
-        found = [one for one in nodes.list_services(session, reach.timeout) if reach.covers(one.key)]
-        if not found:
-            nodes_of(session, reach)
-    if json:
-        for one in found:
-            print_json(one)
-    elif not found:
-        print("no services", file=sys.stderr)
-    else:
-        rows = [("SERVICE", "TYPE", "SERVER"), *((s.key, s.type, ", ".join(s.servers)) for s in found)]
-        print_table(rows)
 
 
 def print_type(name: str, reach: Reach) -> None:
     """Print the type of a service."""
     wanted = reach.key(name)
     with connect_to_robot(reach) as session:
-        print_line(_find(session, wanted, reach).type)
+        print_line(offers.find_service(session, wanted, reach.timeout).type)
 
 
 def print_info(name: str, reach: Reach, *, json: bool) -> None:
     """Print who serves a service, and what it takes and returns."""
     wanted = reach.key(name)
     with connect_to_robot(reach) as session:
-        found = _find(session, wanted, reach)
+        found = offers.find_service(session, wanted, reach.timeout)
     halves = dict(zip(("request", "response"), robo_messages.halves_of(found.type), strict=True))
     if json:
         print_json({"key": found.key, "type": found.type, "servers": found.servers, **halves})
@@ -85,7 +60,7 @@ def call(name: str, words: Sequence[str], reach: Reach, *, timeout: float, json:
     wanted = reach.key(name)
     type_name, request = type_and_data(words, "a request", "{data: true}")
     with connect_to_robot(reach) as session:
-        found = _find(session, wanted, reach)
+        found = offers.find_service(session, wanted, reach.timeout)
         if type_name not in (None, found.type):
             raise UsageError(f"{found.key} is a {found.type}, not a {type_name}; its type need not be said")
         asked, _ = robo_messages.halves_of(found.type)
@@ -142,10 +117,3 @@ def shape(type_name: str) -> str:
     if type_ is None:
         return type_name
     return f"{type_name} {{{', '.join(f'{name}: {kind}' for name, kind in field_types(type_).items())}}}"
-
-
-def _find(session: zenoh.Session, wanted: str, reach: Reach) -> ServiceInfo:
-    found = {one.key: one for one in nodes.list_services(session, reach.timeout)}
-    if wanted in found:
-        return found[wanted]
-    raise ServiceTimeout(f"nobody serves {shown_key(wanted)}; {suggest(wanted, found)}")
