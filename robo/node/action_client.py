@@ -200,8 +200,7 @@ class ActionCaller(Generic[G, R, F]):
             attachment=codec.pack_attachment(next(self._numbers), time.time_ns()),
             encoding=codec.encoding_of(type(request)),
             timeout=timeout,
-            target=zenoh.QueryTarget.ALL_COMPLETE,
-            consolidation=zenoh.ConsolidationMode.NONE,
+            **queries.OF_ONE,
         )
 
 

@@ -69,8 +69,7 @@ async def first_answer(
         encoding=encoding,
         timeout=timeout,
         priority=zenoh_priority(priority),
-        target=zenoh.QueryTarget.ALL_COMPLETE,
-        consolidation=zenoh.ConsolidationMode.NONE,
+        **queries.OF_ONE,
     )
     return await answer
 

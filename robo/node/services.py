@@ -108,7 +108,8 @@ class Presence:
         self.abandoned = False
         """Whether nobody is to wait any more: the node is told to stop."""
         self._querier = session.declare_querier(
-            key, target=zenoh.QueryTarget.ALL_COMPLETE, consolidation=zenoh.ConsolidationMode.NONE
+            key,
+            **queries.OF_ONE,
         )
         with ExitStack() as made:
             made.callback(self._querier.undeclare)
@@ -288,8 +289,7 @@ def ask(
         encoding=encoding,
         timeout=timeout,
         priority=zenoh_priority(priority),
-        target=zenoh.QueryTarget.ALL_COMPLETE,
-        consolidation=zenoh.ConsolidationMode.NONE,
+        **queries.OF_ONE,
     )
     return _understood(key, queries.first_answer(replies), timeout, granted, begin)
 

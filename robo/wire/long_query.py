@@ -119,7 +119,6 @@ class LongQuery:
             payload=self._payload,
             encoding=self._encoding,
             timeout=LONGEST,
-            target=zenoh.QueryTarget.ALL_COMPLETE,
-            consolidation=zenoh.ConsolidationMode.NONE,
+            **queries.OF_ONE,
         )
         return asked
