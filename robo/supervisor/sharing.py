@@ -21,6 +21,7 @@ from robo.machine.forks import Fork
 from robo.machine.hearing import Hearing
 from robo.machine.orphans import Left
 from robo.process.spec import Ended, Order
+from robo.supervisor import instance
 from robo.text.unreadable import UNREADABLE
 
 _INSIST = 1.0
@@ -29,37 +30,11 @@ _ANSWER = 0.2
 """How long a node that hangs has to say where, s."""
 
 
-class Process(Protocol):
+class Process(instance.Child, Protocol):
     """What is needed of a real process."""
-
-    left: Sequence[Left]
-    """Who of its group was still there when it had ended, though nobody had told the group to."""
-
-    @property
-    def last_lines(self) -> deque[str]:
-        """The end of its stderr."""
-
-    @property
-    def pid(self) -> int | None:
-        """The process id, once started."""
-
-    @property
-    def running(self) -> bool:
-        """Whether it has started and not yet ended."""
-
-    async def start(
-        self, command: Sequence[str], environment: Mapping[str, str], *, cwd: str | None = None, fork: Fork | None
-    ) -> None:
-        """Start it; raises OSError where that is not possible."""
-
-    async def wait(self) -> int:
-        """Wait for its end and return the exit code."""
 
     def say(self, data: bytes, descriptors: Sequence[int] = ()) -> None:
         """Say something to it; raises OSError where it does not hear."""
-
-    def send(self, number: signal.Signals) -> None:
-        """Send a signal to its whole group."""
 
     async def stop(self, ended: "asyncio.Task[int]", *, patience: float) -> None:
         """Ask it to end, then insist."""
@@ -91,7 +66,7 @@ class House:
 
     async def start(self, command: Sequence[str], environment: Mapping[str, str], fork: Fork | None) -> None:
         """Start the process; raises OSError where that is not possible."""
-        await self.process.start(command, environment, fork=fork)
+        await self.process.start(command, environment, cwd=None, fork=fork)
         self.ended = asyncio.create_task(self._watch())
 
     def take(self, lodger: "Lodger", order: Order, descriptors: Sequence[int]) -> int:
