@@ -459,6 +459,12 @@ def test_what_a_handler_yields_is_of_its_type(session: zenoh.Session, caller: Ca
             caller.fibonacci(Fibonacci.Goal(0))
 
 
+# Handlers that are never called: only their signatures are looked at.
+
+
+# Handlers that are never called: only their signatures are looked at.
+
+
 def _no_types(self: Any, goal: Any) -> Steps:
     raise NotImplementedError
 

@@ -39,7 +39,7 @@ def values(
     scope = Scope(manifest.file, {}, Shared())
     found = evaluate(
         manifest,
-        Given(given or {}, Path("/work"), COMMAND_LINE),
+        Given(given or {}, Path("/here"), COMMAND_LINE),
         scope,
         lambda where, text: told.append(f"{where}: {text}"),
         stand_ins=stand_ins,
@@ -61,7 +61,7 @@ def values(
         ("{type: float}", "2", 2.0),
         ("{type: bool}", "true", True),
         ("{type: bool}", "False", False),
-        ("{type: path}", "x/y", "/work/x/y"),
+        ("{type: path}", "x/y", "/here/x/y"),
         ("{type: path}", "../y", "/y"),
         ("{type: path}", "/abs", "/abs"),
         ("{type: path}", "~/z", os.path.expanduser("~/z")),
@@ -190,11 +190,11 @@ def test_a_robots_name_that_is_broken_elsewhere_is_not_told_again() -> None:
 
 def test_paths_that_have_to_be_there() -> None:
     manifest = declared("log: {type: path, default: x.log}, out: {type: path, default: y, exists: false}, n: 1")
-    given = Given({"log": "z.log"}, Path("/work"), COMMAND_LINE, {"log": Position("outer.yaml", 3, 4)})
+    given = Given({"log": "z.log"}, Path("/here"), COMMAND_LINE, {"log": Position("outer.yaml", 3, 4)})
     told: list[str] = []
     found = evaluate(manifest, given, Scope(manifest.file, {}, Shared()), lambda _where, text: told.append(text))
-    assert paths(manifest, given, found) == [PathArgument("log", "/work/z.log", Position("outer.yaml", 3, 4))]
-    by_default = Given({}, Path("/work"), COMMAND_LINE)
+    assert paths(manifest, given, found) == [PathArgument("log", "/here/z.log", Position("outer.yaml", 3, 4))]
+    by_default = Given({}, Path("/here"), COMMAND_LINE)
     found = evaluate(manifest, by_default, Scope(manifest.file, {}, Shared()), lambda _where, text: told.append(text))
     (path,) = paths(manifest, by_default, found)
     assert (path.path, path.position.file) == (f"{Path.cwd()}/dir/x.log", "dir/m.yaml")
