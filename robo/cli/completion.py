@@ -25,7 +25,7 @@ def topics(ctx: typer.Context, incomplete: str) -> list[str]:
     """Keys of topics."""
     from robo.tools import topics as tools
 
-    return _live(ctx, incomplete, lambda session: [topic.key for topic in tools.list_topics(session, TIMEOUT)])
+    return _live(ctx, incomplete, lambda session: [topic.key for topic in tools.list_topics(session, TIMEOUT, ())])
 
 
 def services(ctx: typer.Context, incomplete: str) -> list[str]:

@@ -16,9 +16,9 @@ from robo.wire.network import Network
 _MODULE = "robo.process.router"
 _BREATH = 0.1
 """How long it stays away when it has died, s: one that dies at once must not keep a core busy."""
-LOOK_EVERY = 5.0
+LOOK_EVERY = 2.0
 """How often somebody new knocks, s."""
-ANSWERS_WITHIN = 5.0
+ANSWERS_WITHIN = 3.0
 """How long one that is well takes at most to answer, on a machine under load, s."""
 MISSES = 2
 """How often in a row there is no answer before it counts as hanging."""

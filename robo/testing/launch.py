@@ -88,6 +88,6 @@ class Launch:
 
 def _join(run: Run, timeout: float) -> zenoh.Session:
     try:
-        return open_session(Network(mode="client", connect=(run.endpoint,), timeout=timeout))
+        return open_session(Network(mode="client", connect=(run.endpoint,), timeout=timeout), plain=True)
     except NetworkError as error:
         raise LaunchFailed(f"{run.manifest}: {error}\n{run.printed()}") from None

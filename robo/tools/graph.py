@@ -20,7 +20,9 @@ def running(session: zenoh.Session, timeout: float = 1.0) -> Graph:
             edges.append(Edge(token.full_name, token.kind, token.topic, token.type_name))
     known = {edge.key for edge in edges}
     edges += (
-        Edge(f"zenoh:{zid}", kind, key, "") for kind, key, zid in admin.declared(session, timeout) if key not in known
+        Edge(f"zenoh:{zid}", kind, key, "")
+        for kind, key, zid in admin.declared_by_others(session, ["**"], timeout)
+        if key not in known
     )
     return graph.build(nodes, edges)
 

@@ -157,7 +157,7 @@ class Watch:
         now = time.monotonic()
         interval = max(now - self._begin, 1e-6)
         self._begin = now
-        known = {topic.key: topic for topic in topics.list_topics(self._session, self._timeout)}
+        known = {topic.key: topic for topic in topics.list_topics(self._session, self._timeout, ())}
         self._publishers = {key: len(topic.publishers) for key, topic in known.items()}
         found = []
         for key in sorted({*filter(self._is_wanted, known), *self._flows}):

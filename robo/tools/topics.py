@@ -1,6 +1,6 @@
 """Which topics there are, what they carry, and who is at their ends."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
 import zenoh
@@ -61,20 +61,31 @@ class TopicInfo(msgspec.Struct, frozen=True):
     """Which subscriptions do not get of which publishers what they want, in words."""
 
 
-def list_topics(session: zenoh.Session, timeout: float = 1.0) -> list[Topic]:
-    """Every topic, sorted by key; without rates."""
-    return _topics(session, _ends(session, timeout), timeout)
+EVERY = ("**",)
+"""The keys of all topics."""
 
 
-def _topics(session: zenoh.Session, ends: Iterable[EndpointToken], timeout: float) -> list[Topic]:
-    """The topics of the ends that nodes have, and those that only other clients have."""
+def list_topics(session: zenoh.Session, timeout: float = 1.0, others: Sequence[str] = EVERY) -> list[Topic]:
+    """Every topic of nodes, and those that only other clients have, sorted by key; without rates.
+
+    Args:
+        session: the network.
+        timeout: how long routers may take to answer, s.
+        others: keys of those that only other clients have; they cost more to ask for (`wire.admin`).
+    """
+    return _topics(session, _ends(session, timeout), timeout, others)
+
+
+def _topics(
+    session: zenoh.Session, ends: Iterable[EndpointToken], timeout: float, others: Sequence[str]
+) -> list[Topic]:
     found: dict[str, tuple[set[str], set[str], set[str]]] = {}
     for token in ends:
         types, publishers, subscribers = found.setdefault(token.topic, (set(), set(), set()))
         types.add(token.type_name)
         (publishers if token.kind == "pub" else subscribers).add(token.full_name)
     known = set(found)
-    for kind, key, zid in admin.declared(session, timeout):
+    for kind, key, zid in admin.declared_by_others(session, [key for key in others if key not in known], timeout):
         # Of a key that nodes of robo's use, a client that is not a node cannot be told from one that is.
         if key not in known:
             _, publishers, subscribers = found.setdefault(key, (set(), set(), set()))
@@ -107,7 +118,7 @@ def topic_info(session: zenoh.Session, key: str, timeout: float = 1.0) -> TopicI
         TopicNotFound: nobody has it; says what comes close.
     """
     every = _ends(session, timeout)
-    topic = find_topic(_topics(session, every, timeout), key)
+    topic = find_topic(_topics(session, every, timeout, (key,)), key)
     ends = [token for token in every if token.topic == key]
     rates = published_rates(runs.processes(session, timeout=RATES_TIMEOUT))
     others = [f"publisher {name}" for name in topic.publishers if name.startswith("zenoh:")]
@@ -177,7 +188,8 @@ def check_unpublished(session: zenoh.Session, key: str, timeout: float = 1.0) ->
     Raises:
         TopicTaken: names who publishes it.
     """
-    publishers = next((topic.publishers for topic in list_topics(session, timeout) if topic.key == key), [])
+    there = list_topics(session, timeout, (key,))
+    publishers = next((topic.publishers for topic in there if topic.key == key), [])
     if publishers:
         nodes = [name for name in publishers if not name.startswith("zenoh:")]
         how = f" (robo stop {' '.join(nodes)})" if nodes else ""

@@ -1,12 +1,18 @@
-"""What Zenoh routers know, by their own account: who is connected to them, and what is declared."""
+"""What Zenoh routers know, by their own account: who is connected to them, and what is declared.
 
-from collections.abc import Iterator
+A router of Zenoh 1.10.2 that says what is declared while somebody declares something new may stand still for good (its
+tables are locked twice by one thread: eclipse-zenoh/zenoh pull request 2619). Therefore it is asked only where somebody
+is connected that is not robo's, and of as few keys as will do: an answer without a key does no harm.
+"""
+
+from collections.abc import Iterator, Sequence
 from typing import TypeVar
 
 import msgspec
 import zenoh
 
 from robo.text.unreadable import UNREADABLE
+from robo.wire.ids import is_robos
 from robo.wire.keys import EndpointKind
 
 T = TypeVar("T")
@@ -44,14 +50,24 @@ class RouterInfo(msgspec.Struct, frozen=True):
     sessions: list[RouterSession]
 
 
-def declared(session: zenoh.Session, timeout: float) -> Iterator[tuple[EndpointKind, str, str]]:
-    """Publishers and subscribers of all processes: what it is, its key, the id of the process.
+def declared_by_others(
+    session: zenoh.Session, keys: Sequence[str], timeout: float
+) -> Iterator[tuple[EndpointKind, str, str]]:
+    """Publishers and subscribers of processes that are not robo's: what it is, its key, the id of the process.
 
     Subscribers to patterns are left out: they watch, and make no topic. So is this session itself.
+
+    Args:
+        session: the network.
+        keys: of which topics; `**` for all.
+        timeout: how long a router may take to answer, s.
     """
+    if not keys:
+        return
     own = str(session.zid())
-    for word, kind in _ENDS.items():
-        for reply in session.get(f"@/*/router/{word}/**", timeout=timeout):
+    asked = [(router, word, key) for router in _with_others(session, own, timeout) for word in _ENDS for key in keys]
+    for router, word, wanted in asked:
+        for reply in session.get(f"@/{router}/router/{word}/{wanted}", timeout=timeout):
             if reply.ok is None:
                 continue
             key = "/".join(str(reply.ok.key_expr).split("/")[4:])
@@ -59,8 +75,17 @@ def declared(session: zenoh.Session, timeout: float) -> Iterator[tuple[EndpointK
                 continue
             told = _read(reply.ok, _Declared)
             for zid in {*told.peers, *told.clients}:
-                if zid != own:
-                    yield kind, key, zid
+                if zid != own and not is_robos(zid):
+                    yield _ENDS[word], key, zid
+
+
+def _with_others(session: zenoh.Session, own: str, timeout: float) -> list[str]:
+    """The ids of the routers to which somebody is connected that is not robo's; routers do not count."""
+    return [
+        router.zid
+        for router in routers(session, timeout)
+        if any(one.whatami != "router" and one.zid != own and not is_robos(one.zid) for one in router.sessions)
+    ]
 
 
 def routers(session: zenoh.Session, timeout: float) -> list[RouterInfo]:

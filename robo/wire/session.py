@@ -15,6 +15,7 @@ import zenoh
 
 from robo.errors import NetworkError
 from robo.wire import shared_memory, zenoh_threads
+from robo.wire.ids import new_id
 from robo.wire.network import Network, on_this_machine, without_source, zenoh_config
 
 os.environ.setdefault(zenoh_threads.VARIABLE, zenoh_threads.OF_A_NODE)
@@ -25,16 +26,23 @@ _UNREACHED = re.compile(r"Unable to connect to any of \[.*\]\. Timeout!")
 _logger = logging.getLogger("robo.wire.session")
 
 
-def open_session(network: Network) -> zenoh.Session:
+def open_session(network: Network, *, plain: bool = False) -> zenoh.Session:
     """Open a session; it is closed at exit if nobody closes it before.
+
+    Args:
+        network: how.
+        plain: whether it is one of those that are not robo's: what it publishes is listed though no node announces it.
 
     Raises:
         NetworkError: nobody answers at the endpoints to dial within `network.timeout`.
     """
     if network.mode == "router":
         zenoh_threads.use_those_of_a_router()
+    config = zenoh_config(network)
+    if not plain and "id" not in network.more:
+        config.insert_json5("id", f'"{new_id()}"')
     try:
-        session = zenoh.open(zenoh_config(network))
+        session = zenoh.open(config)
     except zenoh.ZError as error:
         reason = _UNREACHED.sub("nobody answers", without_source(str(error)))
         where = ", ".join(network.connect) or ", ".join(network.listen)

@@ -94,7 +94,7 @@ def print_type(name: str, reach: Reach, *, json: bool) -> None:
     """
     key = reach.one_key(name, "look at")
     with connect_to_robot(reach) as session:
-        topic = topics.find_topic(topics.list_topics(session, reach.timeout), key)
+        topic = topics.find_topic(topics.list_topics(session, reach.timeout, (key,)), key)
     if json:
         print_json({"key": topic.key, "types": topic.types})
         return
@@ -109,7 +109,9 @@ def print_topics_of(type_name: str, reach: Reach, *, json: bool) -> int:
         1 where there are none.
     """
     with connect_to_robot(reach) as session:
-        found = [t for t in topics.list_topics(session, reach.timeout) if type_name in t.types and reach.covers(t.key)]
+        found = [
+            t for t in topics.list_topics(session, reach.timeout, ()) if type_name in t.types and reach.covers(t.key)
+        ]
     for topic in found:
         if json:
             print_json(topic)

@@ -18,7 +18,7 @@ def tell_who_is_waited_for(session: zenoh.Session, keys: Sequence[str], reach: R
     Returns:
         The topics that there are.
     """
-    found = topics.list_topics(session, reach.timeout)
+    found = topics.list_topics(session, reach.timeout, [key for key in keys if "*" not in key])
     published = [topic.key for topic in found if topic.publishers]
     absent = [key for key in keys if "*" not in key and key not in published]
     for key in absent:
