@@ -11,9 +11,10 @@ import msgspec
 
 import robo_messages
 from robo.errors import ContractError
-from robo.node.action_server import Handling
 from robo.node.actions import ActionClient, ActionMark, Policy
+from robo.node.callables import is_async
 from robo.node.declare import Declares
+from robo.node.handler import Handling
 from robo.wire.actions import ActionTypes, action_types
 from robo_messages import Message, UnknownType
 from robo_messages.action import parts_of
@@ -32,6 +33,8 @@ class ActionDeclaration(msgspec.Struct, frozen=True):
     method: str
     yields: bool
     """Whether the method yields feedback."""
+    tells: bool
+    """Whether it takes a function that tells feedback; an async one may."""
     turn: str = ""
 
     def handling(self, node: object, period: Callable[[], float]) -> Handling:
@@ -42,7 +45,7 @@ class ActionDeclaration(msgspec.Struct, frozen=True):
             period: says how long to wait from one step to the next, s.
         """
         accept = getattr(node, self.accept) if self.accept is not None else None
-        return Handling(getattr(node, self.method), self.yields, period, self.policy, accept)
+        return Handling(getattr(node, self.method), self.yields, self.tells, period, self.policy, accept)
 
 
 class ActionClientDeclaration(msgspec.Struct, frozen=True):
@@ -56,7 +59,7 @@ class ActionClientDeclaration(msgspec.Struct, frozen=True):
 
 
 def action_declaration(
-    cls: type[Declares], name: str, mark: ActionMark, goal: type[Message], returns: object
+    cls: type[Declares], name: str, mark: ActionMark, goal: type[Message], told: object, returns: object
 ) -> ActionDeclaration:
     """What `@action` promises.
 
@@ -65,6 +68,7 @@ def action_declaration(
         name: of the method.
         mark: what `@action` has left on it.
         goal: the type that the method takes.
+        told: the annotation of the function that an async method takes beside; None where it takes none.
         returns: the annotation of what it returns.
 
     Raises:
@@ -73,20 +77,27 @@ def action_declaration(
     where = f"{cls.__name__}.{name}"
     found = _types_of(where, goal)
     yields = typing.get_origin(returns) is collections.abc.Generator
+    result, feedback = found.result.__qualname__, found.feedback.__qualname__
+    if told is not None and not (is_async(getattr(cls, name)) and told == Callable[[found.feedback], None]):
+        raise ContractError(
+            f"{where}: an action's method takes self and the goal; an async one may take, to tell how far it is,"
+            f" feedback: Callable[[{feedback}], None]"
+        )
     if yields:
         yielded, _, returned = typing.get_args(returns)
         fitting = returned is found.result and yielded in (found.feedback, found.feedback | None)
     else:
         fitting = returns is found.result
     if not fitting:
-        result, feedback = found.result.__qualname__, found.feedback.__qualname__
         raise ContractError(
             f"{where}: annotate what it returns: Generator[{feedback}, None, {result}], or {result} for a method that"
             " yields nothing"
         )
     if mark.accept is not None and not callable(getattr(cls, mark.accept, None)):
         raise ContractError(f"{where}: accept={mark.accept} is no method of {cls.__name__}")
-    return ActionDeclaration(mark.action, found, mark.rate, mark.policy, mark.accept, name, yields, mark.turn)
+    return ActionDeclaration(
+        mark.action, found, mark.rate, mark.policy, mark.accept, name, yields, told is not None, mark.turn
+    )
 
 
 def action_client_declaration(

@@ -10,17 +10,18 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from functools import partial
 from typing import Any
 
-import msgspec
 import zenoh
 
-from robo.node.actions import GoalCanceled, Policy
+from robo.node.actions import GoalCanceled
 from robo.node.clock import Clock
+from robo.node.ending import NodeStopping
 from robo.node.goals import Goal, Goals, Refused
+from robo.node.handler import Handler, Handling
 from robo.node.topics import Publish
 from robo.node.turn import Turn, name_of, taking
 from robo.wire import codec, queries
@@ -30,23 +31,7 @@ from robo.wire.goals import GoalState
 from robo.wire.keys import EndpointToken, action_key
 from robo.wire.queries import Fault, QueryLoop
 from robo_messages import Message
-from robo_messages.action import UUID, CancelGoal, GoalStatusArray
-
-
-class Handling(msgspec.Struct, frozen=True):
-    """How the goals of an action are handled."""
-
-    handler: Callable[[Any], Any]
-    """Takes the goal and returns the result, or yields feedback before."""
-    yields: bool
-    """Whether it does."""
-    period: Callable[[], float]
-    """How long to wait from one step to the next, s."""
-    policy: Policy
-    accept: Callable[[Any], object] | None
-    """Raises ValueError for a goal that is not to be taken."""
-    why_not: Callable[[], str] = str
-    """Says why no goals are handled just now; empty while they are."""
+from robo_messages.action import CancelGoal, GoalStatusArray
 
 
 class ActionServer:
@@ -80,14 +65,14 @@ class ActionServer:
         self._handling = handling
         self._turn = turn
         self._clock = clock
-        self._feedback = publish_feedback
         self._status = publish_status
         self._on_error = on_error
-        self._name = name_of(handling.handler)
-        self._goals = Goals(handling.policy, cancelable=handling.yields, now=clock.wall.monotonic)
+        cancelable = handling.yields or handling.begin is not None
+        self._goals = Goals(handling.policy, cancelable=cancelable, now=clock.wall.monotonic)
         self._telling = threading.Lock()
         self._woken = threading.Event()
-        self._stopping = self._given_up = False
+        self._handler = Handler(handling, types, self._goals, turn, clock, self._woken, publish_feedback)
+        self._stopping = False
         self._answers: dict[str, Callable[[zenoh.Query, str], bool | None]] = {
             action_key(key, "send_goal"): self._on_send_goal,
             action_key(key, "cancel_goal"): self._on_cancel_goal,
@@ -122,7 +107,7 @@ class ActionServer:
         if self._worker.ident and self._worker is not threading.current_thread():
             self._worker.join(timeout)
             returned = not self._worker.is_alive()
-        self._given_up = True
+        self._handler.give_up()
         self._wake()
         given_up = self._goals.give_up("its node has stopped without waiting for it")
         if given_up is not None:
@@ -208,9 +193,15 @@ class ActionServer:
         with self._telling, suppress(zenoh.ZError):  # what is told later is newer; the network may have gone
             self._status(self._goals.status())
 
+    def look(self) -> None:
+        """See whether goals may still be handled, and interrupt the handler if not."""
+        self._handler.look()
+        self._wake()
+
     def _wake(self) -> None:
         self._woken.set()
         self._clock.wake()
+        self._handler.interrupt()
 
     # -- the thread that runs the handler ----------------------------------------------------------------------------
 
@@ -230,68 +221,20 @@ class ActionServer:
         result: Message | None = None
         failure: str | None = None
         try:
-            found = self._handle(goal)
+            found = self._handler.handle(goal)
             if not isinstance(found, self._types.result):
                 raise TypeError(f"the handler returned {type(found).__name__}, not {self._types.result.__name__}")
             result = found
         except GoalCanceled as given_up:
             if not goal.told:
                 failure = str(given_up) or "its handler has given it up"
+        except NodeStopping:
+            failure = "its node is stopping"
         except BaseException as error:
             failure = f"{type(error).__name__}: {error}"
             self._on_error(error)
         if self._goals.finish(goal, result, failure):
             self._changed([goal])
-
-    def _handle(self, goal: Goal) -> object:
-        """Run the handler to its end."""
-        with taking(self._turn, self._name):
-            self._goals.stop(goal, self._handling.why_not())
-            if goal.is_to_be_told:
-                raise GoalCanceled(self._goals.told(goal))
-            outcome = self._handling.handler(goal.request)
-        if not self._handling.yields:
-            return outcome
-        steps: Generator[Message | None, None, object] = outcome
-        due = self._clock.monotonic()
-        try:
-            while (end := self._step(goal, steps)) is None:
-                due = max(due + self._handling.period(), self._clock.monotonic())
-                self._pause(goal, due)
-            return end.value
-        except BaseException:
-            with taking(self._turn, self._name):  # what it has to put in order
-                steps.close()
-            raise
-
-    def _step(self, goal: Goal, steps: Generator[Message | None, None, object]) -> StopIteration | None:
-        """Let the handler go on to its next `yield`, and tell what it yields there. Returns its end, if it came."""
-        if self._given_up:
-            raise GoalCanceled
-        with taking(self._turn, self._name):
-            self._goals.stop(goal, self._handling.why_not())
-            try:
-                told = goal.is_to_be_told
-                feedback = steps.throw(GoalCanceled(self._goals.told(goal))) if told else next(steps)
-            except StopIteration as end:
-                return end
-        if feedback is None:
-            return None
-        if not isinstance(feedback, self._types.feedback):
-            raise TypeError(f"the handler yielded {type(feedback).__name__}, not {self._types.feedback.__name__}")
-        with suppress(zenoh.ZError):  # the network has gone: who stops the node stops this
-            self._feedback(self._types.feedback_message(UUID(goal.id), feedback))
-        return None
-
-    def _pause(self, goal: Goal, due: float) -> None:
-        """Wait until a time, or until the handler is to stop."""
-        while True:
-            jumps = self._clock.jumps
-            self._woken.clear()
-            if goal.is_to_be_told or self._given_up:
-                return
-            if not self._clock.wait(self._woken, due, jumps) or jumps != self._clock.jumps:
-                return
 
 
 def _read(query: zenoh.Query, type_: Any) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Coroutine, Generator
 from typing import TYPE_CHECKING, Any, Generic, Literal, Protocol, TypeVar, cast, get_args, overload
 
 import msgspec
@@ -91,8 +91,16 @@ class ActionMark(msgspec.Struct):
 
 
 class _Acting(Protocol):
-    """A method that takes a goal and yields feedback before it returns the result, or returns it at once."""
+    """A method that takes a goal and yields feedback before it returns the result, or returns it at once; or async."""
 
+    @overload
+    def __call__(
+        self, method: Callable[[N, G, Callable[[F], None]], Coroutine[Any, Any, R]]
+    ) -> Callable[[N, G, Callable[[F], None]], Coroutine[Any, Any, R]]: ...
+    @overload
+    def __call__(
+        self, method: Callable[[N, G], Coroutine[Any, Any, R]]
+    ) -> Callable[[N, G], Coroutine[Any, Any, R]]: ...
     @overload
     def __call__(
         self, method: Callable[[N, G], Generator[F | None, None, R]]
@@ -117,6 +125,11 @@ def action(
     Each step from one `yield` to the next is a callback; the node's others run in between. Where the goal is
     canceled, `yield` raises `GoalCanceled`. `yield None` tells no feedback. A plain method, which returns the
     result at once, handles a goal in one step, and cannot be canceled meanwhile.
+
+    An async method tells feedback by a function that it is given, and is cancelled where it awaits:
+
+        @action("follow")
+        async def follow(self, goal: Follow.Goal, feedback: Callable[[Follow.Feedback], None]) -> Follow.Result: ...
 
     Args:
         name: of the action: relative, absolute or private.

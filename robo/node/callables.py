@@ -5,9 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from types import FunctionType, MethodType
-from typing import Any
+from typing import Any, Protocol
 
 from robo.errors import ContractError
+
+
+class AsyncRun(Protocol):
+    """One run of an async callback."""
+
+    def cancel(self) -> None:
+        """Cancel it, from any thread."""
+
+    def wait(self) -> Any:
+        """Wait for its end in a thread of the node, whose turn others have meanwhile; returns or raises as it does."""
+
+
+class AsyncCallback(Protocol):
+    """An async callback as a function."""
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run it to its end."""
+
+    def begin(self, *arguments: Any) -> AsyncRun:
+        """Begin to run it."""
 
 
 def takes_info(callback: Callable[..., object]) -> bool:
@@ -47,12 +67,29 @@ def is_async(callback: Callable[..., object], name: str = "") -> bool:
     return bool(flags & _COROUTINE)
 
 
-def check_plain(callback: Callable[..., object], name: str = "", *, may_yield: bool = False) -> None:
-    """Refuse a hook, or a handler of an action, that is async, and one that yields unless it may.
+def check_steps(callback: Callable[..., object], name: str = "") -> bool:
+    """Refuse a handler of an action that is async and yields; a plain one may. Returns whether it is async.
 
     Args:
         callback, name: as for `is_async`.
-        may_yield: whether it may.
+
+    Raises:
+        ContractError: it is such a one.
+    """
+    function, flags = _function_called(callback)
+    if flags & _ASYNC_GENERATOR:
+        raise ContractError(
+            f"{place_of(function)}: {name or function.__name__} is async and yields; let it take a function beside the"
+            " goal, feedback: Callable[[…Feedback], None], and call that"
+        )
+    return bool(flags & _COROUTINE)
+
+
+def check_plain(callback: Callable[..., object], name: str = "") -> None:
+    """Refuse a hook that is async, or that yields.
+
+    Args:
+        callback, name: as for `is_async`.
 
     Raises:
         ContractError: it is such a one.
@@ -60,11 +97,10 @@ def check_plain(callback: Callable[..., object], name: str = "", *, may_yield: b
     function, flags = _function_called(callback)
     if flags & (_COROUTINE | _ASYNC_GENERATOR):
         raise ContractError(
-            f"{place_of(function)}: {name or function.__name__} is async; that may be callbacks of topics, timers and"
-            " services, and main: let it be a plain function (def)"
+            f"{place_of(function)}: {name or function.__name__} is async; that may be callbacks of topics, timers,"
+            " services and actions, and main: let it be a plain function (def)"
         )
-    if not may_yield:
-        is_async(callback, name)
+    is_async(callback, name)
 
 
 def _function_called(callback: Callable[..., object]) -> tuple[Any, int]:

@@ -17,7 +17,7 @@ import msgspec
 import robo_messages
 from robo.errors import ContractError
 from robo.node.actions import ActionClient, ActionMark
-from robo.node.callables import check_plain, is_async, place_of
+from robo.node.callables import check_plain, check_steps, is_async, place_of
 from robo.node.declare import (
     HOOKS,
     LIFECYCLE_HOOKS,
@@ -165,7 +165,7 @@ def contract_of(cls: type[Declares]) -> Contract:
         mark = getattr(member, MARK, None)
         if mark is not None:
             if isinstance(mark, ActionMark):
-                check_plain(member, f"{cls.__name__}.{name}", may_yield=True)
+                check_steps(member, f"{cls.__name__}.{name}")
             else:
                 is_async(member, f"{cls.__name__}.{name}")
         elif name in HOOKS:
@@ -245,7 +245,7 @@ def _subscription(
     infos: Sequence[hints.ParameterInfo],
 ) -> SubscriptionDeclaration:
     takes = "subscription's callback takes self, the message and, if it wants, a MessageInfo"
-    message_type = _annotation(cls, name, method, takes, MessageInfo)
+    message_type = _annotation(cls, name, method, takes, lambda hint: hint is MessageInfo)
     informed = _function(method).__code__.co_argcount == 3
     if mark.sole_source is not None and mark.sole_source not in {i.name for i in infos if i.type == "str"}:
         raise ContractError(
@@ -275,8 +275,11 @@ def _action(
 
     if isinstance(mark.rate, str) and mark.rate not in {info.name for info in infos}:
         raise ContractError(f"{cls.__name__}.{name}: @action(rate={mark.rate!r}) names no parameter of this node")
-    goal_type = _annotation(cls, name, method, "action's method takes self and the goal")
-    return action_declaration(cls, name, mark, goal_type, _hints(f"{cls.__name__}.{name}", method).get("return"))
+    takes = "action's method takes self and the goal"
+    goal_type = _annotation(cls, name, method, takes, lambda hint: hint is not None)
+    hints = _hints(f"{cls.__name__}.{name}", method)
+    told = hints[_taken(method)[2]] if len(_taken(method)) == 3 else None
+    return action_declaration(cls, name, mark, goal_type, told, hints.get("return"))
 
 
 def _action_client(cls: type[Declares], name: str, declared: ActionClient[Any, Any, Any]) -> ActionClientDeclaration:
@@ -309,15 +312,24 @@ def _function(method: Callable[..., Any]) -> Any:
     return function
 
 
-def _annotation(
-    cls: type[Declares], name: str, method: Callable[..., Any], takes: str, more: type | None = None
-) -> type[Message]:
-    """The message type that a callback takes; `more` is the type of a second parameter, if it may have one."""
-    where = f"{cls.__name__}.{name}"
+def _taken(method: Callable[..., Any]) -> tuple[str, ...]:
+    """The names of what a method takes."""
     code = _function(method).__code__
-    names = code.co_varnames[: code.co_argcount]
+    return tuple(code.co_varnames[: code.co_argcount])
+
+
+def _annotation(
+    cls: type[Declares],
+    name: str,
+    method: Callable[..., Any],
+    takes: str,
+    may_be: Callable[[object], bool] = lambda _: False,
+) -> type[Message]:
+    """The message type that a callback takes; `may_be` says what a second parameter may be."""
+    where = f"{cls.__name__}.{name}"
+    names = _taken(method)
     hints = _hints(where, method)
-    if len(names) != 2 and not (more is not None and len(names) == 3 and hints.get(names[2]) is more):
+    if len(names) != 2 and not (len(names) == 3 and may_be(hints.get(names[2]))):
         raise ContractError(f"{where}: a {takes}, nothing else")
     hint = hints.get(names[1])
     if hint is None:

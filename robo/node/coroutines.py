@@ -13,6 +13,7 @@ from robo.node import async_loop
 from robo.node.async_loop import Alarms, Behalf
 from robo.node.clock import Clock
 from robo.node.ending import NodeStopping
+from robo.node.stage import Stage
 from robo.node.turn import Turn, name_of, paused
 
 
@@ -46,7 +47,7 @@ class Coroutines:
         """
         name, alarms = name_of(callback), self._alarms_of
         behalf = Behalf(name, turn, self._clock, on_error, self._on_held, alarms, self._tasks)
-        return Plain(callback, behalf, self._run)
+        return Plain(callback, behalf, self._begin)
 
     def interrupt(self) -> None:
         """Cancel all that runs, and take nothing new: the node is told to stop."""
@@ -62,21 +63,14 @@ class Coroutines:
         async_loop.leave(self._stage, wait=ended)
         return ended
 
-    def _run(self, coroutine: Coroutine[Any, Any, Any], behalf: Behalf) -> Any:
-        """Run a coroutine to its end, in a thread of the node, whose turn others have meanwhile."""
+    def _begin(self, coroutine: Coroutine[Any, Any, Any], behalf: Behalf) -> Job:
+        """Begin to run a coroutine."""
         if self._stopping:
             coroutine.close()
             raise NodeStopping
-        stage = self._stage
-        question = stage.question()
-        job = _Job(coroutine, behalf, lambda: stage.answered(question))
-        begun = monotonic()
-        with paused():
-            self._loop.call_soon_threadsafe(job.start, context=Context())
-            with stage.waiting(question):
-                job.done.acquire()
-        behalf.turn.busy -= monotonic() - begun  # each of its steps has told its own time
-        return job.outcome(self._stopping)
+        job = Job(coroutine, behalf, self._loop, self._stage, lambda: self._stopping)
+        self._loop.call_soon_threadsafe(job.start, context=Context())
+        return job
 
     def _cancel(self) -> None:
         for task in list(self._tasks):
@@ -101,35 +95,79 @@ class Plain:
         self,
         callback: Callable[..., Coroutine[Any, Any, Any]],
         behalf: Behalf,
-        run: Callable[[Coroutine[Any, Any, Any], Behalf], Any],
+        begin: Callable[[Coroutine[Any, Any, Any], Behalf], Job],
     ) -> None:
         self.__name__ = behalf.name
         self._callback = callback
         self._behalf = behalf
-        self._run = run
+        self._begin = begin
 
     def __call__(self, *arguments: Any) -> Any:
         """Run it to its end."""
-        return self._run(self._callback(*arguments), self._behalf)
+        return self.begin(*arguments).wait()
+
+    def begin(self, *arguments: Any) -> Job:
+        """Begin to run it; whoever does so waits for its end."""
+        return self._begin(self._callback(*arguments), self._behalf)
 
 
-class _Job:
+class Job:
     """One run of an async callback."""
 
-    def __init__(self, coroutine: Coroutine[Any, Any, Any], behalf: Behalf, answered: Callable[[], None]) -> None:
-        self.done = threading.Lock()
-        """Released when it has ended."""
-        self.done.acquire()
+    def __init__(
+        self,
+        coroutine: Coroutine[Any, Any, Any],
+        behalf: Behalf,
+        loop: asyncio.AbstractEventLoop,
+        stage: Stage,
+        is_stopping: Callable[[], bool],
+    ) -> None:
         self._coroutine = coroutine
         self._behalf = behalf
-        self._answered = answered
+        self._loop = loop
+        self._stage = stage
+        self._is_stopping = is_stopping
+        self._question = stage.question()
+        self._begun = monotonic()
+        self._done = threading.Lock()
+        """Released when it has ended."""
+        self._done.acquire()
+        self._task: asyncio.Task[None] | None = None
         self._result: Any = None
         self._error: BaseException | None = None
 
     def start(self) -> None:
         """Begin; in the loop."""
-        task = asyncio.get_running_loop().create_task(self._work(), context=self._behalf.context())
-        task.add_done_callback(self._finish, context=Context())
+        self._task = self._loop.create_task(self._work(), context=self._behalf.context())
+        self._task.add_done_callback(self._finish, context=Context())
+
+    def cancel(self) -> None:
+        """Cancel it, from any thread."""
+        self._loop.call_soon_threadsafe(self._cancel, context=Context())
+
+    def wait(self) -> Any:
+        """Wait for its end, in a thread of the node, whose turn others have meanwhile. Returns what it returned.
+
+        Raises:
+            NodeStopping: it was cancelled because the node stops.
+            BaseException: what it raised.
+        """
+        with paused(), self._stage.waiting(self._question):
+            self._done.acquire()
+        self._behalf.turn.busy -= monotonic() - self._begun  # each of its steps has told its own time
+        error, self._error = self._error, None
+        if error is None:
+            return self._result
+        try:
+            if self._is_stopping() and isinstance(error, asyncio.CancelledError):
+                raise NodeStopping from None
+            raise error
+        finally:
+            del error  # its traceback would hold it
+
+    def _cancel(self) -> None:
+        if self._task is not None:
+            self._task.cancel()
 
     async def _work(self) -> None:
         try:
@@ -141,22 +179,5 @@ class _Job:
         if task.cancelled():  # before its first step
             self._coroutine.close()
             self._error = asyncio.CancelledError()
-        self._answered()
-        self.done.release()
-
-    def outcome(self, stopping: bool) -> Any:
-        """What it returned.
-
-        Raises:
-            NodeStopping: it was cancelled because the node stops.
-            BaseException: what it raised.
-        """
-        error, self._error = self._error, None
-        if error is None:
-            return self._result
-        try:
-            if stopping and isinstance(error, asyncio.CancelledError):
-                raise NodeStopping from None
-            raise error
-        finally:
-            del error  # its traceback would hold it
+        self._stage.answered(self._question)
+        self._done.release()

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Protocol
 
+from robo.node.callables import AsyncCallback
 from robo.node.loops import TimerLoop
 from robo.node.services import ServiceClient, ServiceServer
 from robo.node.topics import TopicPublisher, TopicSubscription
@@ -30,7 +31,7 @@ class Interruptible(Stoppable, Protocol):
 
     def plain(
         self, callback: Callable[..., Any], turn: Turn, on_error: Callable[[BaseException], None]
-    ) -> Callable[..., Any]:
+    ) -> AsyncCallback:
         """An async callback as a function that any thread may call."""
 
     def interrupt(self) -> None:

@@ -9,7 +9,7 @@ import msgspec
 import zenoh
 
 from robo.errors import ContractError
-from robo.node.callables import check_plain, is_async, takes_info
+from robo.node.callables import check_plain, check_steps, is_async, takes_info
 from robo.node.clock import Clock, SimClock
 from robo.node.deadline import Deadline
 from robo.node.endpoints import Endpoints, Interruptible
@@ -29,8 +29,9 @@ from robo_messages import Message
 
 if TYPE_CHECKING:
     from robo.node.action_client import ActionCaller
-    from robo.node.action_server import ActionServer, Handling
+    from robo.node.action_server import ActionServer
     from robo.node.gate import Gate
+    from robo.node.handler import Handling
     from robo.wire.actions import ActionTypes
 
 M = TypeVar("M", bound=Message)
@@ -174,12 +175,17 @@ class EndpointFactory:
         """An end that executes an action.
 
         Raises:
-            ContractError: the handler, or what is asked before a goal is taken, is async.
+            ContractError: the handler is async and yields, or what is asked before a goal is taken is async.
         """
         from robo.node.action_server import ActionServer
         from robo_messages.action import GoalStatusArray
 
-        check_plain(handling.handler, may_yield=True)
+        taken, on_error = self._turns.of(turn, name_of(handling.handler)), self._troubles.handler(handling.handler)
+        if check_steps(handling.handler):
+            coroutines = self._ends.coroutines(self._new_coroutines)
+            handling = msgspec.structs.replace(
+                handling, begin=coroutines.plain(handling.handler, taken, on_error).begin
+            )
         if handling.accept is not None:
             check_plain(handling.accept)
         if self._gate is not None:
@@ -188,10 +194,10 @@ class EndpointFactory:
         token = EndpointToken(node.namespace, node.name, "act", types.name, QoS(depth=KEEP_ALL), key)
         feedback = self._publisher(types.feedback_message, f"/{action_key(key, 'feedback')}", QoS.DEFAULT)
         status = self._publisher(GoalStatusArray, f"/{action_key(key, 'status')}", QoS.LATCHED)
-        on_error = self._troubles.handler(handling.handler)
         publish = feedback.publish, status.publish
-        taken = self._turns.of(turn, name_of(handling.handler))
         action = ActionServer(self.session, token, types, handling, taken, self._clock, *publish, on_error)
+        if self._gate is not None:
+            self._gate.when_shut(action.look)
         self._ends.add_action(action)
         return action
 

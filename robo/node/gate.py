@@ -26,12 +26,23 @@ class Gate:
         """Whether it is open for what the node publishes: from `on_activate` to the end of `on_deactivate`."""
         self._state = state
         self._latched: list[_Latched] = []
+        self._on_shut: list[Callable[[], None]] = []
 
     def open(self) -> None:
         """Let callbacks run, first with what latched topics have said that the node does not know."""
         self.for_callbacks = True
         for topic in self._latched:
             topic.catch_up()
+
+    def shut(self) -> None:
+        """Let no callback run, and interrupt the goals that are handled."""
+        self.for_callbacks = False
+        for notice in self._on_shut:
+            notice()
+
+    def when_shut(self, notice: Callable[[], None]) -> None:
+        """Have it told when callbacks are to run no longer."""
+        self._on_shut.append(notice)
 
     def forget(self) -> None:
         """The node knows no more than at its start: what was latched is told to it again."""

@@ -159,7 +159,7 @@ class ManagedLife(Life):
     def _moved(self, transition: Transition) -> None:
         """The node has come to another state."""
         start, goal = transition.start, transition.goal
-        self._gate.for_callbacks = False
+        self._gate.shut()
         if goal is LifecycleState.ACTIVATING:
             self._gate.for_messages = True
         elif goal.is_primary and goal is not LifecycleState.ACTIVE:

@@ -462,9 +462,6 @@ def test_what_a_handler_yields_is_of_its_type(session: zenoh.Session, caller: Ca
 # Handlers that are never called: only their signatures are looked at.
 
 
-# Handlers that are never called: only their signatures are looked at.
-
-
 def _no_types(self: Any, goal: Any) -> Steps:
     raise NotImplementedError
 
@@ -481,10 +478,6 @@ def _other_feedback(self: Any, goal: Fibonacci.Goal) -> Generator[String, None, 
     raise NotImplementedError
 
 
-async def _async(self: Any, goal: Fibonacci.Goal) -> Fibonacci.Result:
-    raise NotImplementedError
-
-
 def _fine(self: Any, goal: Fibonacci.Goal) -> Steps:
     raise NotImplementedError
 
@@ -496,7 +489,6 @@ def _fine(self: Any, goal: Fibonacci.Goal) -> Steps:
         (_no_goal, {}, "std/String is no goal of an action; the name of such a type ends with _Goal"),
         (_no_result, {}, r"annotate what it returns: Generator\[Fibonacci.Feedback, None, Fibonacci.Result\], or"),
         (_other_feedback, {}, r"annotate what it returns"),
-        (_async, {}, "is async"),
         (_fine, {"rate": "speed"}, r"@action\(rate='speed'\) names no parameter of this node"),
         (_fine, {"accept": _no_goal}, r"accept=_no_goal is no method of Wrong"),
     ],
