@@ -100,7 +100,7 @@ class ActionServer:
         """Take no more goals, and abort those there are. Returns whether the handler came back within `timeout` s."""
         end = time.monotonic() + timeout
         self._token.undeclare()
-        self._changed(self._goals.close("its node is stopping"))
+        self.interrupt()
         self._stopping = True
         self._wake()
         returned = True
@@ -113,6 +113,11 @@ class ActionServer:
         if given_up is not None:
             self._changed([given_up])
         return self._loop.stop(max(0.0, end - time.monotonic())) and returned
+
+    def interrupt(self) -> None:
+        """Take no more goals, and have the handler stop."""
+        self._changed(self._goals.close("its node is stopping"))
+        self._wake()
 
     # -- what clients ask --------------------------------------------------------------------------------------------
 

@@ -111,8 +111,10 @@ class Endpoints:
             return self._coroutines
 
     def interrupt(self) -> None:
-        """Cancel the async callbacks that run."""
+        """Cancel the async callbacks that run, those of actions as what ends their goals."""
         if self._coroutines is not None:
+            for action in self.actions:
+                action.interrupt()
             self._coroutines.interrupt()
 
     def begin(self) -> None:

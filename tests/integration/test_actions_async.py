@@ -12,7 +12,7 @@ from robo import ActionClient, ActionError, GoalState, LifecycleNode, Node, acti
 from robo.errors import ContractError
 from robo.testing import Clock, RunNode, StillWaiting
 from robo_messages import Fibonacci, String, Trigger
-from tests.support import PATIENCE
+from tests.support import PATIENCE, eventually
 
 Tell = Callable[[Fibonacci.Feedback], None]
 LONG = 1_000_000
@@ -62,6 +62,7 @@ def test_a_goal_has_feedback_and_a_result(session: zenoh.Session, caller: Caller
     told: list[list[int]] = []
     with Counter(namespace="r1", session=session), caller:
         result = caller.fibonacci(Fibonacci.Goal(4), lambda so_far: told.append(so_far.sequence), timeout=PATIENCE)
+        eventually(lambda: len(told) == 4, "all feedback has come")
     assert result.sequence == [0, 1, 1, 2, 3, 5]
     assert told == [[0, 1, 1], [0, 1, 1, 2], [0, 1, 1, 2, 3], [0, 1, 1, 2, 3, 5]]
 
@@ -82,11 +83,18 @@ def test_it_is_cancelled_where_it_awaits_and_others_run_meanwhile(session: zenoh
         assert caller.fibonacci(Fibonacci.Goal(1), timeout=PATIENCE).sequence == [0, 1, 1]
 
 
+def settle(caller: Caller) -> None:
+    """Wait until the server knows all that was asked before; it answers in order."""
+    with pytest.raises(ActionError, match="takes one at a time"):
+        caller.fibonacci.send_goal(Fibonacci.Goal(0))
+
+
 def test_a_node_that_stops_cancels_it(session: zenoh.Session, caller: Caller) -> None:
     with caller:
         with Counter(namespace="r1", session=session) as counter:
             sent = caller.fibonacci.send_goal(Fibonacci.Goal(LONG))
             assert counter.begun.wait(PATIENCE)
+            settle(caller)
         with pytest.raises(ActionError, match="its node is stopping") as error:
             sent.result(PATIENCE)
         assert error.value.status == GoalState.ABORTED
