@@ -23,7 +23,7 @@ class Types(NamedTuple):
     """All types."""
 
     listed: dict[str, Listed]
-    """By name, halves of services by theirs."""
+    """By name, parts of services and actions by theirs."""
     broken: list[str]
     """A sentence for each module that cannot be imported."""
 
@@ -77,7 +77,7 @@ def types(patience: float = PATIENCE) -> Types:
 
 
 def described(name: str, patience: float = PATIENCE) -> Described:
-    """A message type or a service.
+    """A message type, a service or an action.
 
     Args:
         name: as `group/Type`.
@@ -90,7 +90,7 @@ def described(name: str, patience: float = PATIENCE) -> Described:
     here = _described(name)
     if here is not None:
         return here
-    places = catalogue.places(name, f"{name}_Request")
+    places = catalogue.places(*catalogue.first_parts(name))
     phrases = {**places.own, **places.others}
     there = set(robo_messages.type_names())
     faults: dict[str, str] = {}
@@ -103,16 +103,15 @@ def described(name: str, patience: float = PATIENCE) -> Described:
             there.update(one.found.types)
     there.update(catalogue.said_in(os.getcwd()))
     own = [fault for module, fault in faults.items() if module in places.own]
-    raise catalogue.missing(
-        name, (one.removesuffix("_Request") for one in sorted(there)), own, [*places.failed.values(), *faults.values()]
-    )
+    wholes = (catalogue.whole_of(one)[0] for one in sorted(there))
+    raise catalogue.missing(name, wholes, own, [*places.failed.values(), *faults.values()])
 
 
 def _described(name: str) -> Described | None:
     """A type that is known in this process."""
-    if not catalogue.is_there(name) and not catalogue.is_there(f"{name}_Request"):
+    if not any(map(catalogue.is_there, catalogue.first_parts(name))):
         return None
-    return Described([_sheet(robo_messages.find_type(half)) for half in catalogue.halves(name)], ros_text(name))
+    return Described([_sheet(robo_messages.find_type(part)) for part in catalogue.parts(name)], ros_text(name))
 
 
 def _sheet(type_: type[Message]) -> Sheet:

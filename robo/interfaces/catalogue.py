@@ -62,11 +62,20 @@ class Interface(msgspec.Struct, frozen=True):
     module: str
 
 
+Kind = Literal["message", "service", "action"]
+
+PARTS: dict[Kind, tuple[str, ...]] = {
+    "service": ("Request", "Response"),
+    "action": ("Goal", "Result", "Feedback"),
+}
+"""The messages of which the other kinds are made, as their names end."""
+
+
 class Listed(msgspec.Struct, frozen=True):
     """A type as a list shows it."""
 
     name: str
-    kind: Literal["message", "service"]
+    kind: Kind
     description: str
     """Its first sentence; empty for a type of the current folder that was not imported for it."""
     source: str
@@ -85,13 +94,13 @@ class Places(NamedTuple):
 
 
 def known() -> list[str]:
-    """The names of all types, messages first halves of services included, without importing files for it."""
+    """The names of all types, the parts of services and actions included, without importing files for it."""
     _import_declared()
     return sorted({*robo_messages.type_names(), *said_in(os.getcwd())})
 
 
 def listed() -> list[Listed]:
-    """All types, sorted by name; the two halves of a service as one."""
+    """All types, sorted by name; the parts of a service or an action as one."""
     return together(map(listing, known()))
 
 
@@ -104,14 +113,27 @@ def together(types: Iterable[Listed]) -> list[Listed]:
 
 
 def listing(name: str) -> Listed:
-    """One type as a list shows it, half of a service as the service; nothing is imported for it."""
-    service = name.removesuffix("_Request").removesuffix("_Response")
-    kind: Literal["message", "service"] = "service" if service != name else "message"
+    """One type as a list shows it, part of a service as the service; nothing is imported for it."""
+    whole, kind = whole_of(name)
     if name not in robo_messages.type_names():
-        return Listed(service, kind, "", str(said_in(os.getcwd())[name]))
+        return Listed(whole, kind, "", str(said_in(os.getcwd())[name]))
     type_ = robo_messages.find_type(name)
-    owner = _owner(type_) if kind == "service" else type_
-    return Listed(service, kind, first_sentence(owner.__doc__ or ""), type_.__module__)
+    owner = _owner(type_) if kind != "message" else type_
+    return Listed(whole, kind, first_sentence(owner.__doc__ or ""), type_.__module__)
+
+
+def whole_of(name: str) -> tuple[str, Kind]:
+    """The service or the action of which a message is a part, or the message itself; and which of them it is."""
+    for kind, parts in PARTS.items():
+        for part in parts:
+            if name.endswith(f"_{part}"):
+                return name.removesuffix(f"_{part}"), kind
+    return name, "message"
+
+
+def first_parts(name: str) -> list[str]:
+    """The messages by one of which it shows that there is a type of a name."""
+    return [name, *(f"{name}_{parts[0]}" for parts in PARTS.values())]
 
 
 def find(name: str) -> type[Message]:
@@ -177,14 +199,14 @@ def _suggest(name: str, there: Iterable[str]) -> str:
     return f"did you mean {meant}?" if meant is not None else "robo interface list shows what there is"
 
 
-def halves(name: str) -> list[str]:
-    """The message types that a name stands for: itself, or the request and the response of a service."""
-    both = [f"{name}_Request", f"{name}_Response"]
+def parts(name: str) -> list[str]:
+    """The message types that a name stands for: itself, or those of a service or an action."""
     for there in (robo_messages.type_names, known):  # the second one may import
         if name in (names := there()):
             return [name]
-        if both[0] in names:
-            return both
+        for suffixes in PARTS.values():
+            if f"{name}_{suffixes[0]}" in names:
+                return [f"{name}_{suffix}" for suffix in suffixes]
     return [name]
 
 
@@ -244,7 +266,7 @@ def _default(field: Any) -> object:
 
 
 def _owner(type_: type[Message]) -> type[Any]:
-    """The class that a service's two halves stand in; a half itself where they stand alone."""
+    """The class that the parts of a service or an action stand in; a part itself where they stand alone."""
     outer = getattr(sys.modules[type_.__module__], type_.__qualname__.rpartition(".")[0], None)
     return outer if isinstance(outer, type) else type_
 

@@ -1,4 +1,4 @@
-"""Message types as ROS writes them: the text of a `.msg` or `.srv` file."""
+"""Message types as ROS writes them: the text of a `.msg`, `.srv` or `.action` file."""
 
 from typing import Any, get_args, get_type_hints
 
@@ -37,12 +37,12 @@ def ros_name(name: str) -> str:
 
 
 def ros_text(name: str) -> str:
-    """The definition of a message or a service.
+    """The definition of a message, a service or an action.
 
     Raises:
         robo_messages.UnknownType: there is no such type.
     """
-    parts = [_message(catalogue.find(half)) for half in catalogue.halves(name)]
+    parts = [_message(catalogue.find(part)) for part in catalogue.parts(name)]
     return "\n---\n".join(["\n".join([f"# {ros_name(name)}", *parts[0]]), *("\n".join(part) for part in parts[1:])])
 
 

@@ -202,6 +202,9 @@ def test_a_list_shows_whole_sentences() -> None:
     abouts = {one.name: one.description for one in catalogue.listed()}
     assert [about for about in abouts.values() if about and not about.endswith(".")] == []
     assert abouts["sensor/Imu"] == "Orientation, angular velocity and acceleration."
+    kinds = {one.name: one.kind for one in catalogue.listed()}
+    assert (kinds["sensor/Imu"], kinds["std/Trigger"], kinds["example/Fibonacci"]) == ("message", "service", "action")
+    assert not [name for name in kinds if name.endswith(("_Request", "_Response", "_Goal", "_Result", "_Feedback"))]
 
 
 def test_a_type_is_described_with_units_and_constants() -> None:
@@ -210,8 +213,11 @@ def test_a_type_is_described_with_units_and_constants() -> None:
     assert fields["angle_min"].description == "Angle of the first ray, rad."
     assert (fields["ranges"].type, fields["ranges"].default) == ("list of float", [])
     assert catalogue.describe(catalogue.find("system/Log")).constants["FATAL"] == 50
-    assert catalogue.halves("std/Trigger") == ["std/Trigger_Request", "std/Trigger_Response"]
-    assert catalogue.halves("std/Empty") == ["std/Empty"]
+    assert catalogue.parts("std/Trigger") == ["std/Trigger_Request", "std/Trigger_Response"]
+    assert catalogue.parts("example/Fibonacci") == [
+        "example/Fibonacci_Goal", "example/Fibonacci_Result", "example/Fibonacci_Feedback"
+    ]  # fmt: skip
+    assert catalogue.parts("std/Empty") == ["std/Empty"]
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""`robo interface`: message and service types."""
+"""`robo interface`: types of messages, services and actions."""
 
 from typing import Annotated
 
@@ -13,7 +13,7 @@ verbs = group()
 
 @verb(verbs, "list", "robo interface list", "robo interface list --json | jq -r .name")
 def interface_list(json: JsonLines = False) -> None:
-    """List message and service types: those that ship, those of installed packages and of this folder.
+    """List types of messages, services and actions: those that ship, those of installed packages and of this folder.
 
     Packages of your own are found by the entry point group robo.messages, by ROBO_MESSAGES=module,…, and in Python
     files below the current folder.
@@ -28,6 +28,7 @@ def interface_list(json: JsonLines = False) -> None:
     "show",
     "robo interface show nav/Odometry",
     "robo interface show std/Trigger",
+    "robo interface show example/Fibonacci",
     "robo interface show sensor/LaserScan --ros",
     "robo interface show my_robot/Gripper --json-schema > gripper.schema.json",
 )

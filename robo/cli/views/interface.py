@@ -1,4 +1,4 @@
-"""`robo interface`: printing message and service types."""
+"""`robo interface`: printing types of messages, services and actions."""
 
 from robo.cli.json_text import document
 from robo.cli.printing import note, paint, print_json, print_line, print_table, print_text
@@ -44,7 +44,8 @@ def print_type(name: str, form: str | None) -> None:
         print_text(found.ros)
     elif form == "json_schema":
         schemas = [sheet.schema for sheet in sheets]
-        whole = schemas[0] if len(schemas) == 1 else dict(zip(("request", "response"), schemas, strict=True))
+        names = [sheet.interface.name.rpartition("_")[2].lower() for sheet in sheets]
+        whole = schemas[0] if len(schemas) == 1 else dict(zip(names, schemas, strict=True))
         print_text(document(whole))
     elif form == "json":
         for sheet in sheets:
