@@ -68,6 +68,8 @@ class Inbox:
         self.closed = False
         self.readers: list[Actor] = []
         """Who waits there."""
+        self.begun = False
+        """Whether anybody ever has: a thread that has just been started comes there yet."""
         self._stepper = stepper
 
     def take(self) -> Any:
@@ -162,7 +164,7 @@ class _Order:
 
     def _is_handed_over(self) -> bool:
         """Whether somebody is about to take an item; what comes for a thread that waits elsewhere stays where it is."""
-        return self._posted > 0 or any(inbox.readers for inbox in self._filled)
+        return self._posted > 0 or any(inbox.readers or not inbox.begun for inbox in self._filled)
 
     def _next_due(self) -> Actor | None:
         due = [actor for actor in self._waiting if actor.until is not None and actor.until <= self._target]
@@ -298,6 +300,7 @@ class Stepper(_Order):
         with self._lock:
             me = self._actor(threading.current_thread(), strict=True)
             inbox.readers.append(me)
+            inbox.begun = True
             self._park(me)
             while not inbox.items and not inbox.closed:
                 me.awake.wait()
