@@ -22,7 +22,7 @@ from robo.process.spec import NodeSpec
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 
-_OURS = (os.path.dirname(os.path.dirname(__file__)), threading.__file__)
+_OURS = (os.path.join(os.path.dirname(os.path.dirname(__file__)), ""), threading.__file__)
 """Where code is that every node runs."""
 
 GRACE = 1.0
@@ -93,7 +93,7 @@ class Lodging:
         self._spec = spec
         self._session = session
         self._channels = channels
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # a signal may come while the main thread holds it
         self._node: Node | None = None
         self._out: TextIO | None = None
         self._told: int | None = None
@@ -133,6 +133,9 @@ class Lodging:
         """End the node, for a thread of it has died."""
         if self._node is not None:
             runner.thread_died(self._node, died)
+        else:  # which it is only about to become
+            threading.__excepthook__(died)
+            self.end(1)
 
     def _run(self) -> None:
         with ExitStack() as held:
@@ -153,9 +156,9 @@ class Lodging:
                     session = self._session.join(self._spec)
                     runner.live(node, session, self._spec, lambda: self._started(node, heart))
                 self.exit_code = node.exit_code or self._told or 0
-                self._wait_for_threads(node)
             except BaseException as error:
                 self.exit_code = runner.report(error, out)
+            self._wait_for_threads(out or sys.stderr)
 
     def _started(self, node: Node, heart: socket.socket | None) -> None:
         channels = self._channels
@@ -165,7 +168,7 @@ class Lodging:
             files = own_files() if channels.watched else []
             Heart(node, heart, channels.period, files, threads.Used(self).total).begin()
 
-    def _wait_for_threads(self, node: Node) -> None:
+    def _wait_for_threads(self, out: TextIO) -> None:
         """A thread that goes on holds what it has opened: then nothing but the end of the process ends it."""
         deadline = time.monotonic() + GRACE
         left = [thread for thread in threads.of(self) if thread is not threading.current_thread()]
@@ -173,7 +176,11 @@ class Lodging:
             thread.join(max(0.0, deadline - time.monotonic()))
         self.stays = [thread.name for thread in left if thread.is_alive()]
         if self.stays:
-            node.logger.fatal("%s of it goes on, so that the process ends with it", ", ".join(self.stays))
+            text = f"{', '.join(self.stays)} of it goes on, so that the process ends with it"
+            if self._node is not None:
+                self._node.logger.fatal(text)
+            else:
+                print(f"FATAL {text}", file=out, flush=True)
 
 
 class Lodgings:
@@ -191,6 +198,8 @@ class Lodgings:
         """Whether all of them are to end, and the process with them."""
         self._ended = ended
         self._changed = changed
+        self._code = 0
+        """With what exit code at least all of them end."""
         self._lock = threading.RLock()  # a signal may come while the main thread holds it
         self._there: dict[int, Lodging] = {}
 
@@ -204,6 +213,8 @@ class Lodgings:
         lodging = Lodging(spec, self.session, channels)
         with self._lock:
             self._there[number] = lodging
+        if self.closing:  # who sends it does not know that yet, and may send it elsewhere then
+            lodging.end(self._code if channels is None else 1)
         lodging.begin(lambda: self._over(number, lodging))
 
     def end(self, number: int) -> None:
@@ -222,7 +233,7 @@ class Lodgings:
 
     def end_all(self, code: int = 0) -> None:
         """Tell all nodes to end, as failed ones where the code is 1."""
-        self.closing = True
+        self.closing, self._code = True, max(code, self._code)
         with self._lock:
             there = list(self._there.values())
         for lodging in there:
@@ -240,6 +251,7 @@ class Lodgings:
     def _over(self, number: int, lodging: Lodging) -> None:
         with self._lock:
             del self._there[number]
+        self.closing |= bool(lodging.stays)
         with suppress(OSError):  # a supervisor that is gone
             self._ended(number, lodging.exit_code or (1 if lodging.stays else 0))
         if lodging.stays:

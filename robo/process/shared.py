@@ -1,16 +1,18 @@
 """`python -m robo.process.shared NAME`: a process that several nodes share.
 
 Its supervisor tells it over the socket of its heartbeats which nodes are to begin and to end there, and hears of their
-ends. It ends with the first signal, or with its supervisor.
+ends. It ends with the first signal, or when its supervisor is gone, once its nodes have.
 """
 
 import faulthandler
+import math
 import os
 import select
 import signal
 import socket
 import sys
 import threading
+import time
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -23,6 +25,8 @@ LARGEST = 1_000_000
 """The largest order, bytes."""
 _LOOK = 1.0
 """How often it is looked whether the supervisor is still there, s."""
+_LAST = 2.0
+"""How long nodes have to end when it is not, s."""
 
 
 def main() -> None:
@@ -52,7 +56,7 @@ def main() -> None:
     os.set_blocking(waker, False)
 
     def ended(number: int, code: int) -> None:
-        control.send(encode(Ended(number, code)))
+        control.send(encode(Ended(number, code, lodgings.closing)))
 
     def wake() -> None:
         with suppress(BlockingIOError):  # then it is awake
@@ -62,15 +66,29 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: lodgings.end_all())
     threading.excepthook = lodgings.thread_died
-    parent = os.getppid()
-    while not (lodgings.closing and lodgings.empty) and os.getppid() == parent:
+    parent, until = os.getppid(), math.inf
+    while not (lodgings.closing and lodgings.empty) and time.monotonic() < until:
         ready, _, _ = select.select([control.fileno(), woken], [], [], _LOOK)
+        if parent != (parent := os.getppid()) and _is_gone(control):
+            until = time.monotonic() + _LAST
+            lodgings.end_all(1)
         if woken in ready:
             os.read(woken, 4096)
         if control.fileno() in ready:
             _obey(control, lodgings, watched=watched)
     lodgings.session.close()
     end_process(0)  # threads of nodes and of Zenoh may be anywhere
+
+
+def _is_gone(control: socket.socket) -> bool:
+    """Whether the supervisor is: a parent that has changed may have been the template of which this was forked."""
+    try:
+        control.send(b"", socket.MSG_DONTWAIT)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return False
 
 
 def _obey(control: socket.socket, lodgings: "Lodgings", *, watched: bool) -> None:

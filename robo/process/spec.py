@@ -67,3 +67,5 @@ class Ended(msgspec.Struct, frozen=True):
     """Of its stay there."""
     code: int
     """Its exit code."""
+    closing: bool = False
+    """Whether the process ends with its other nodes: no more may come."""

@@ -4,6 +4,7 @@
 """
 
 import argparse
+import queue
 import signal
 import sys
 import threading
@@ -77,9 +78,9 @@ def run(nodes: Sequence[NodeSpec]) -> int:
     sys.setswitchinterval(runner.SWITCH_INTERVAL)
     threads.follow()
     codes: list[int] = []
-    changed = threading.Event()
+    changed: queue.SimpleQueue[None] = queue.SimpleQueue()  # may be told in the handler of a signal
     full_names = [_full_name(load_node_class(spec.service), spec) for spec in nodes]
-    lodgings = Lodgings(" ".join(full_names), lambda _number, code: codes.append(code), changed.set)
+    lodgings = Lodgings(" ".join(full_names), lambda _number, code: codes.append(code), lambda: changed.put(None))
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: lodgings.end_all())
     threading.excepthook = lodgings.thread_died
@@ -93,8 +94,7 @@ def run(nodes: Sequence[NodeSpec]) -> int:
         for stay, spec in enumerate(nodes):
             lodgings.begin(stay, spec, None)
         while not lodgings.empty:
-            changed.wait()
-            changed.clear()
+            changed.get()
     finally:
         if claim is not None:
             claim.close()

@@ -28,6 +28,10 @@ _INSIST = 1.0
 """How long a process without nodes has to end before it is told so again, s."""
 _ANSWER = 0.2
 """How long a node that hangs has to say where, s."""
+_LISTENS = 5.0
+"""Within what time a process reads what it is told, s."""
+_AGAIN = 0.05
+"""How often it is told again meanwhile, s."""
 
 
 class Process(instance.Child, Protocol):
@@ -79,11 +83,7 @@ class House:
             OSError: the process does not hear.
         """
         number = next(self._numbers)
-        try:
-            self.process.say(msgspec.msgpack.encode(msgspec.structs.replace(order, number=number)), descriptors)
-        except OSError:
-            self._leave_if_empty()
-            raise
+        self.process.say(msgspec.msgpack.encode(msgspec.structs.replace(order, number=number)), descriptors)
         self._lodgers[number] = lodger
         return number
 
@@ -127,19 +127,21 @@ class House:
             ended = msgspec.msgpack.decode(data, type=Ended)
         except UNREADABLE:  # what runs there may write what it likes
             return
+        self.open &= not ended.closing
         lodger = self._lodgers.pop(ended.number, None)
         if lodger is not None:
             # It ends well, but nobody had asked it to: a signal did that was meant for another node.
             unasked = -self._insisted if self._insisted is not None and not lodger.asked else 0
             lodger.end(ended.code or unasked, ())
-        self._leave_if_empty()
+        self.leave_if_empty()
 
     def retire(self) -> None:
         """Let no more nodes come; it ends with the last one."""
         self.open = False
-        self._leave_if_empty()
+        self.leave_if_empty()
 
-    def _leave_if_empty(self) -> None:
+    def leave_if_empty(self) -> None:
+        """Have the process end where no node is in it."""
         if not self._lodgers and self._leaving is None and self.ended is not None:
             self.open = False
             self._leaving = asyncio.create_task(self.process.stop(self.ended, patience=_INSIST))
@@ -239,6 +241,8 @@ class Lodger:
         self._house: House | None = None
         self._number = 0
         self._hangs = False
+        self._silent: list[str] = []
+        """What it had said last when it was asked where it hangs."""
         self._ended: asyncio.Future[int] = asyncio.get_running_loop().create_future()
 
     @property
@@ -265,17 +269,30 @@ class Lodger:
         assert cwd is None
         shared = {**environment, OWNER_VARIABLE: self._process}
         del shared[SPEC_VARIABLE]
-        level = environment.get(LOG_LEVEL_VARIABLE)
+        level = shared.pop(LOG_LEVEL_VARIABLE, None)  # each node's own; the first one does not say it for the others
         order = Order(number=0, spec=environment[SPEC_VARIABLE], level=level, period=self._beat_period)
         house = await self._houses.enter(self._process, command, shared, fork)
-        with ExitStack() as theirs:
-            try:
-                self._number = house.take(self, order, self._hearing.open(theirs))
-            except OSError:
-                self._hearing.close()
-                raise
+        try:
+            self._number = await self._enter(house, order)
+        except OSError:
+            self._hearing.close()
+            house.leave_if_empty()
+            raise
         self._house = house
         await self._hearing.begin()
+
+    async def _enter(self, house: House, order: Order) -> int:
+        with ExitStack() as theirs:
+            descriptors = self._hearing.open(theirs)
+            loop = asyncio.get_running_loop()
+            until = loop.time() + _LISTENS
+            while True:
+                try:
+                    return house.take(self, order, descriptors)
+                except BlockingIOError:  # it has just started, and has not read yet what many others have sent
+                    if loop.time() >= until or not house.open:
+                        raise
+                await asyncio.sleep(_AGAIN)
 
     async def wait(self) -> int:
         """Wait until it has ended, or its process has."""
@@ -295,13 +312,18 @@ class Lodger:
             self.asked = self.asked or not hangs
             why = f"WARN  the process {self._process} is ended, as {self._label} {what}"
             if hangs:  # of all threads of the process those of the node are told first, in its own output
+                self._silent = list(self._hearing.last_lines)
                 self._house.ask_where(self._number)
-                asyncio.get_running_loop().call_later(_ANSWER, self._house.insist, number, self, why)
+                asyncio.get_running_loop().call_later(_ANSWER, self._insist, self._house, number, why)
             else:
                 self._house.insist(number, self, why)
         else:
             self.asked = True
             self._house.ask(self._number)
+
+    def _insist(self, house: House, number: signal.Signals, why: str) -> None:
+        if self.running:
+            house.insist(number, self, why)
 
     def hear_of(self, text: str) -> None:
         """Something is told of its process."""
@@ -310,7 +332,7 @@ class Lodger:
 
     def end(self, code: int, last_lines: Sequence[str] | deque[str]) -> None:
         """It has ended, with what its process has said last where that has ended too."""
-        if not self._hangs:  # it has said itself where it is
+        if not self._hangs or self._silent == list(self._hearing.last_lines):  # else it has said itself where it is
             self._hearing.last_lines.extend(last_lines)
         if not self._ended.done():
             self._ended.set_result(code)

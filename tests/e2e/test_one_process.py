@@ -169,6 +169,36 @@ def test_a_process_that_is_killed_comes_back_with_all_its_nodes(launch: Launch, 
     robot.wait_for_count("m8/said", 3)
 
 
+def test_nodes_that_share_a_process_outlive_the_template_of_it(launch: Launch, folder: Path) -> None:
+    robot = launch("m.yaml", folder=folder)
+    pid = robot.process("talker").pid
+    assert pid is not None
+    template = psutil.Process(pid).parent()
+    assert template is not None
+    assert "robo.process.template" in template.cmdline()
+    template.kill()
+    eventually(lambda: psutil.Process(pid).ppid() != template.pid, "the supervisor has adopted it")
+    robot.clear()
+    robot.wait_for_count("joints", 100)  # two seconds of them: it looks once a second
+    assert [(robot.process(name).pid, robot.process(name).restarts) for name in ("talker", "a")] == [(pid, 0)] * 2
+
+
+def test_a_node_whose_start_fails_leaves_no_thread_behind(launch: Launch, folder: Path) -> None:
+    late = """
+
+class Late(Node):
+    def on_start(self) -> None:
+        threading.Thread(target=time.sleep, args=(600,), name="reader", daemon=True).start()
+        raise OSError("no such device")
+"""
+    (folder / "team.py").write_text(TEAM + late)
+    (folder / "m.yaml").write_text(MANIFEST + '      late: {service: "team:Late", restart: never}\n')
+    robot = launch("m.yaml", folder=folder, may_die=["late", "talker", "a", "b"])
+    prints(robot, "late", "FATAL reader of it goes on, so that the process ends with it")
+    robot.wait_for_line("talker is ready again")
+    assert robot.process("late").state == "failed"
+
+
 def test_a_node_that_hangs_is_the_one_that_is_named(launch: Launch, folder: Path) -> None:
     (folder / "m.yaml").write_text(MANIFEST.replace("color: blue}", "color: blue}, watchdog: 1.5"))
     robot = launch("m.yaml", folder=folder, may_die=["talker", "a", "b"])

@@ -82,11 +82,11 @@ class Played:
         self.end(0)
         await ended
 
-    def tell(self, number: int, code: int) -> None:
+    def tell(self, number: int, code: int, *, closing: bool = False) -> None:
         """Say that a node has ended."""
         os.close(self.outputs[number])
         self._stage.descriptors.remove(self.outputs[number])
-        self._hear(msgspec.msgpack.encode(Ended(number, code)))
+        self._hear(msgspec.msgpack.encode(Ended(number, code, closing)))
 
     def hear(self, data: bytes) -> None:
         self._hear(data)
@@ -161,7 +161,7 @@ def test_the_first_node_starts_the_process_and_each_is_told_to_begin() -> None:
         assert one.running
         own = stage.process.environment
         assert (own["HERE"], own[OWNER_VARIABLE]) == ("yes", "/r1/team")
-        assert SPEC_VARIABLE not in own
+        assert not own.keys() & {SPEC_VARIABLE, LOG_LEVEL_VARIABLE}
         orders = [(order.spec, order.level, order.period) for order in stage.process.orders]
         assert orders == [("spec of one", None, 0.5), ("spec of two", "debug", 0.5)]
         while len(stage.beats) < 2:
@@ -268,6 +268,18 @@ def test_a_node_that_comes_while_its_process_ends_gets_a_new_one() -> None:
         two = await stage.started("two")
         assert len(stage.made) == 2
         assert two.pid == stage.process.pid != one.pid
+
+    play(scene)
+
+
+def test_a_process_that_says_that_it_ends_takes_no_more_nodes() -> None:
+    async def scene(stage: Stage) -> None:
+        one, _ = await stage.started("one"), await stage.started("two")
+        stage.process.tell(1, 1, closing=True)
+        assert await one.wait() == 1
+        again = await stage.started("one")
+        assert len(stage.made) == 2
+        assert again.pid == stage.process.pid
 
     play(scene)
 
