@@ -5,18 +5,22 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import msgspec
 import zenoh
 
 from robo.errors import ActionError, ActionTimeout
+from robo.tools import replies
 from robo.tools.offers import Offer, list_actions
 from robo.wire import codec, queries
 from robo.wire.goals import GoalState, id_of, id_text, new_goal_id, state_of
 from robo.wire.keys import action_key
 from robo.wire.long_query import Gone, LongQuery
 from robo.wire.queries import Fault
+from robo_messages.action import UUID, CancelGoal
+
+T = TypeVar("T")
 
 _LOOK = 0.5
 """How often one looks whether an action is still executed while nothing is heard, s."""
@@ -33,28 +37,67 @@ class Outcome(msgspec.Struct, frozen=True):
     result: Any
 
 
+class Told(msgspec.Struct, frozen=True):
+    """Feedback on a goal, whatever its type."""
+
+    goal_id: UUID
+    feedback: Any
+
+
+class _Taken(msgspec.Struct, frozen=True):
+    """Whether a server has taken a goal."""
+
+    accepted: bool
+    message: str = ""
+
+
+class _Ended(msgspec.Struct, frozen=True):
+    """What a goal came to."""
+
+    status: int
+    result: Any = None
+    message: str = ""
+
+
 def ask(
-    session: zenoh.Session, action: str, part: Literal["send_goal", "cancel_goal"], request: object, timeout: float
-) -> Any:
-    """Ask an action's server; request and answer are plain data.
+    session: zenoh.Session,
+    action: str,
+    part: Literal["send_goal", "cancel_goal"],
+    request: object,
+    kind: type[T],
+    timeout: float,
+) -> T:
+    """Ask an action's server; the request is plain data, and the answer of some kind.
 
     Raises:
         ActionError: it cannot do that.
         ActionTimeout: it does not answer.
     """
-    replies = session.get(
+    answers = session.get(
         action_key(action, part),
         payload=msgspec.msgpack.encode(request),
         encoding=codec.MSGPACK,
         timeout=timeout,
         **queries.OF_ONE,
     )
-    answer = queries.first_answer(replies)
+    answer = queries.first_answer(answers)
     if isinstance(answer, Fault):
         raise ActionError(f"action {action}: {answer.error}: {answer.message}")
     if answer is None:
         raise ActionTimeout(f"action {action}: its server did not answer within {timeout:g} s")
-    return msgspec.msgpack.decode(answer.payload.to_bytes())
+    return _read(answer, kind, action)
+
+
+def _read(sample: zenoh.Sample, kind: type[T], action: str) -> T:
+    """What an action's server answers.
+
+    Raises:
+        ActionError: it is no such answer.
+    """
+    try:
+        return msgspec.convert(codec.decode_any(sample.payload.to_bytes()), kind)
+    except (codec.Malformed, msgspec.ValidationError) as error:
+        raise ActionError(f"action {action}: its server answers what cannot be read: {error}") from None
 
 
 def cancel(session: zenoh.Session, action: str, goal_id: str | None, timeout: float) -> list[str]:
@@ -67,11 +110,13 @@ def cancel(session: zenoh.Session, action: str, goal_id: str | None, timeout: fl
     wanted = bytes(16) if goal_id is None else id_of(goal_id)
     if wanted is None:
         raise ActionError(f"{goal_id} is no id of a goal; it looks like {id_text(bytes(range(16)))}")
-    answer = ask(session, action, "cancel_goal", {"goal_info": {"goal_id": {"uuid": wanted}}}, timeout)
-    why = {1: "cannot be canceled", 2: "is not known", 3: "has ended already"}.get(answer["return_code"])
+    answer = ask(
+        session, action, "cancel_goal", {"goal_info": {"goal_id": {"uuid": wanted}}}, CancelGoal.Response, timeout
+    )
+    why = {1: "cannot be canceled", 2: "is not known", 3: "has ended already"}.get(answer.return_code)
     if why is not None:
         raise ActionError(f"action {action}: goal {goal_id or 'under way'} {why}")
-    return [id_text(info["goal_id"]["uuid"]) for info in answer["goals_canceling"]]
+    return [id_text(info.goal_id.uuid) for info in answer.goals_canceling]
 
 
 class Sending:
@@ -93,9 +138,9 @@ class Sending:
         """Hand over the feedback on this goal, as plain data, on one of Zenoh's threads."""
 
         def take(sample: zenoh.Sample) -> None:
-            message = codec.decode_any(sample.payload.to_bytes())
-            if isinstance(message, dict) and message.get("goal_id") == {"uuid": self.id}:
-                told(message.get("feedback"))
+            message = replies.read(sample, Told)
+            if message is not None and message.goal_id.uuid == self.id:
+                told(message.feedback)
 
         return self._session.declare_subscriber(action_key(self._action.key, "feedback"), take)
 
@@ -107,9 +152,9 @@ class Sending:
             ActionTimeout: it does not answer.
         """
         request = {"goal_id": {"uuid": self.id}, "goal": goal}
-        answer = ask(self._session, self._action.key, "send_goal", request, self._timeout)
-        if not answer["accepted"]:
-            raise ActionError(f"action {self._action.key} refuses the goal: {answer.get('message', '')}")
+        answer = ask(self._session, self._action.key, "send_goal", request, _Taken, self._timeout)
+        if not answer.accepted:
+            raise ActionError(f"action {self._action.key} refuses the goal: {answer.message}")
 
     def wait(self, timeout: float | None) -> Outcome:
         """Wait until it has ended.
@@ -133,7 +178,7 @@ class Sending:
             if isinstance(answer, Fault):
                 raise ActionError(f"{name}: {answer.error}: {answer.message}")
             if answer is not None:
-                return self._outcome(msgspec.msgpack.decode(answer.payload.to_bytes()), name)
+                return self._outcome(_read(answer, _Ended, self._action.key), name)
             if end is not None and time.monotonic() >= end:
                 raise ActionTimeout(f"{name}: no result within {timeout:g} s")
             if not woken.wait(_LOOK) and not self._is_executed():
@@ -142,8 +187,8 @@ class Sending:
     def _is_executed(self) -> bool:
         return any(one.key == self._action.key for one in list_actions(self._session, self._timeout))
 
-    def _outcome(self, response: Any, name: str) -> Outcome:
-        status = state_of(response["status"])
+    def _outcome(self, ended: _Ended, name: str) -> Outcome:
+        status = state_of(ended.status)
         if status == GoalState.UNKNOWN:
             raise ActionError(f"{name}: its server has started again and does not know it")
-        return Outcome(id_text(self.id), status.name, response.get("message", ""), response["result"])
+        return Outcome(id_text(self.id), status.name, ended.message, ended.result)

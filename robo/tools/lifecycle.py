@@ -9,7 +9,7 @@ import zenoh
 from robo.errors import LifecycleError, NodeNotFound, NodeUnreachable, ServiceTimeout
 from robo.node import services
 from robo.text.suggestions import suggest
-from robo.tools.nodes import MANAGED
+from robo.tools.nodes import STATE, is_managed
 from robo.wire import codec
 from robo.wire.codec import Decoder, Malformed
 from robo.wire.discovery import tokens
@@ -45,8 +45,7 @@ class Change(msgspec.Struct, frozen=True):
 def managed_nodes(session: zenoh.Session, timeout: float) -> list[str]:
     """The full names of managed nodes, active or not, sorted."""
     ends = (token for token in tokens(session, timeout) if isinstance(token, EndpointToken))
-    served = (one for one in ends if one.kind == "srv" and one.type_name == MANAGED)
-    return sorted({one.full_name for one in served if one.topic == _key(one.full_name, STATE)})
+    return sorted({one.full_name for one in ends if is_managed(one)})
 
 
 def find(names: list[str], name: str) -> str:
@@ -117,8 +116,7 @@ def change(session: zenoh.Session, node: str, wanted: str, timeout: float, patie
     return Change(node, success, now)
 
 
-STATE, CHANGE, TRANSITIONS, GRAPH = (
-    "get_state",
+CHANGE, TRANSITIONS, GRAPH = (
     "change_state",
     "get_available_transitions",
     "get_transition_graph",

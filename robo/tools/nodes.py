@@ -113,8 +113,14 @@ class NodeInfo(msgspec.Struct, frozen=True):
     """Why it does not answer."""
 
 
-MANAGED = "lifecycle/GetState"
-"""The type of the service by which a managed node is known, active or not."""
+STATE = "get_state"
+"""The service by which a managed node is known, active or not."""
+
+
+def is_managed(token: EndpointToken) -> bool:
+    """Whether a managed node has said by this token that it is one."""
+    is_its = token.topic == f"{token.full_name.strip('/')}/{STATE}"
+    return is_its and token.kind == "srv" and token.type_name == "lifecycle/GetState"
 
 
 def list_nodes(session: zenoh.Session, timeout: float = 1.0, *, inactive: bool = False) -> list[NodeToken]:
@@ -132,7 +138,7 @@ def list_nodes(session: zenoh.Session, timeout: float = 1.0, *, inactive: bool =
         found += [
             NodeToken(token.namespace, token.node, "", 0, "")
             for token in there
-            if isinstance(token, EndpointToken) and token.type_name == MANAGED and token.full_name not in ready
+            if isinstance(token, EndpointToken) and is_managed(token) and token.full_name not in ready
         ]
     return sorted(found, key=lambda token: token.full_name)
 

@@ -1,9 +1,8 @@
 """`robo action`: what an action takes, sending goals, canceling and following them."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import Any
 
 import zenoh
 
@@ -11,12 +10,11 @@ from robo.cli.connection import connect_to_robot
 from robo.cli.printing import note, print_json, print_line
 from robo.cli.reach import Reach
 from robo.cli.views.service import data_of, shape, type_and_data
-from robo.errors import ActionTimeout, UsageError
-from robo.tools import actions, offers
-from robo.wire import codec
+from robo.errors import ActionError, ActionTimeout, UsageError
+from robo.tools import actions, offers, replies
 from robo.wire.goals import id_text, state_of
 from robo.wire.keys import action_key
-from robo_messages.action import parts_of
+from robo_messages.action import GoalStatusArray, parts_of
 
 _OVER = 2.0
 """How long a goal that is canceled has to end, s."""
@@ -89,9 +87,13 @@ def send_goal(
         try:
             outcome = sending.wait(timeout)
         except (KeyboardInterrupt, ActionTimeout) as error:
-            actions.cancel(session, found.key, goal_id, reach.timeout)
-            if isinstance(error, ActionTimeout):
-                note(f"{error}: canceled")
+            try:
+                actions.cancel(session, found.key, goal_id, reach.timeout)
+            except ActionError as refused:  # it may just have ended
+                note(str(refused))
+            else:
+                if isinstance(error, ActionTimeout):
+                    note(f"{error}: canceled")
             outcome = sending.wait(_OVER)
     if json:
         print_json(outcome)
@@ -128,24 +130,24 @@ def echo(name: str, reach: Reach, *, json: bool) -> None:
     wanted = reach.key(name)
     told: dict[str, int] = {}
 
-    def on_feedback(message: Any) -> None:
-        _print_of(json, id_text(message["goal_id"]["uuid"]), "feedback", message["feedback"])
+    def on_feedback(sample: zenoh.Sample) -> None:
+        message = replies.read(sample, actions.Told)
+        if message is not None:
+            _print_of(json, id_text(message.goal_id.uuid), "feedback", message.feedback)
 
-    def on_status(message: Any) -> None:
-        for one in message["status_list"]:
-            goal_id, status = id_text(one["goal_info"]["goal_id"]["uuid"]), one["status"]
-            if told.get(goal_id) != status:
-                told[goal_id] = status
-                _print_of(json, goal_id, "status", state_of(status).name)
-
-    def reading(take: Callable[[Any], None]) -> Callable[[zenoh.Sample], None]:
-        return lambda sample: take(codec.decode_any(sample.payload.to_bytes()))
+    def on_status(sample: zenoh.Sample) -> None:
+        message = replies.read(sample, GoalStatusArray)
+        for one in message.status_list if message is not None else ():
+            goal_id = id_text(one.goal_info.goal_id.uuid)
+            if told.get(goal_id) != one.status:
+                told[goal_id] = one.status
+                _print_of(json, goal_id, "status", state_of(one.status).name)
 
     with connect_to_robot(reach) as session, ExitStack() as over:
         found = offers.find_action(session, wanted, reach.timeout)
         heard = {action_key(found.key, "feedback"): on_feedback, action_key(found.key, "status"): on_status}
         for key, take in heard.items():
-            over.callback(session.declare_subscriber(key, reading(take)).undeclare)
+            over.callback(session.declare_subscriber(key, take).undeclare)
         note(f"listening to {found.key}; Ctrl-C ends it")
         while True:
             time.sleep(1.0)
