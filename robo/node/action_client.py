@@ -344,6 +344,7 @@ class SentGoal(Generic[R, F]):
     def _settle(self, status: GoalState, problem: str) -> None:
         self._status, self._problem = status, problem
         self._caller.forget(self)
+        self.wake()  # others may wait for it, too
 
     def _error(self) -> ActionError:
         """Why there is no result."""

@@ -199,8 +199,8 @@ class ActionServer:
             self._status(self._goals.status())
 
     def look(self) -> None:
-        """See whether goals may still be handled, and interrupt the handler if not."""
-        self._handler.look()
+        """See whether goals may still be handled, and interrupt the one under way if not."""
+        self._goals.interrupt(self._handling.why_not())
         self._wake()
 
     def _wake(self) -> None:

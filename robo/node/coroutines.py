@@ -74,7 +74,8 @@ class Coroutines:
 
     def _cancel(self) -> None:
         for task in list(self._tasks):
-            task.cancel()
+            if not task.cancelling():  # else it is putting things in order
+                task.cancel()
         self._look()
 
     def _look(self) -> None:
@@ -166,7 +167,7 @@ class Job:
             del error  # its traceback would hold it
 
     def _cancel(self) -> None:
-        if self._task is not None:
+        if self._task is not None and not self._task.cancelling():
             self._task.cancel()
 
     async def _work(self) -> None:

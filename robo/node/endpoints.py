@@ -111,7 +111,10 @@ class Endpoints:
             return self._coroutines
 
     def interrupt(self) -> None:
-        """Cancel the async callbacks that run, those of actions as what ends their goals."""
+        """Let nobody wait for others any more, and cancel the async callbacks: those of actions as ends of goals."""
+        clients: list[Caller] = [*self.clients, *self.action_clients]
+        for client in clients:
+            client.abandon()
         if self._coroutines is not None:
             for action in self.actions:
                 action.interrupt()
@@ -145,9 +148,6 @@ class Endpoints:
         if self._coroutines is not None:
             loops.append(self._coroutines)
         self.interrupt()
-        clients: list[Caller] = [*self.clients, *self.action_clients]
-        for client in clients:
-            client.abandon()
         # One after the other against one deadline: each is told to stop, be there time left to wait for it or not.
         returned = [loop.stop(max(0.0, deadline - now())) for loop in loops]
         return all(returned)

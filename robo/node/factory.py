@@ -104,12 +104,8 @@ class EndpointFactory:
             if intake is not None and not informed:
                 called = _without_info(called)
             if self._gate is not None:
-                if turn and qos.latched:
-                    raise ContractError(
-                        f"{name_of(callback)}: a latched topic of a managed node takes the node's turn, in which it is"
-                        " told again when the node becomes active; leave out turn"
-                    )
-                kept = (qos.depth or None) if qos.latched else 0
+                _check_kept(callback, qos, turn)
+                kept = qos.depth if qos.latched else 0
                 called = self._gate.subscriber(called, kept, self._troubles.handler(callback))
             subscription = self._subscription(message_type, topic, called, qos, taken, intake)
             made.pop_all()
@@ -295,3 +291,21 @@ def _without_info(callback: Callable[..., object]) -> Callable[..., object]:
         return callback(message)
 
     return take
+
+
+def _check_kept(callback: Callable[..., object], qos: QoS, turn: str) -> None:
+    """Refuse what a managed node cannot keep of a topic for when it is active again.
+
+    Raises:
+        ContractError: the topic is latched, and its callback has a turn of its own or there would be no end of it.
+    """
+    if turn and qos.latched:
+        raise ContractError(
+            f"{name_of(callback)}: a latched topic of a managed node takes the node's turn, in which it is"
+            " told again when the node becomes active; leave out turn"
+        )
+    if qos.latched and qos.depth == KEEP_ALL:
+        raise ContractError(
+            f"{name_of(callback)}: a managed node keeps what a latched topic says for when it is active"
+            " again; depth=KEEP_ALL would keep it all for ever: say how many"
+        )

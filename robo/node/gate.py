@@ -59,13 +59,13 @@ class Gate:
         return guarded
 
     def subscriber(
-        self, callback: Callable[..., Any], kept: int | None, on_error: Callable[[BaseException], None]
+        self, callback: Callable[..., Any], kept: int, on_error: Callable[[BaseException], None]
     ) -> Callable[..., Any]:
         """The callback of a subscription, which is not called while the gate is shut.
 
         Args:
             callback: of the node.
-            kept: how many of the last messages are there for it when the gate opens; None for all, 0 for none.
+            kept: how many of the last messages are there for it when the gate opens.
             on_error: is told what it raises then.
         """
         if kept == 0:
@@ -105,7 +105,7 @@ class _Latched:
     """A subscription of a latched topic, whose messages come once and for all."""
 
     def __init__(
-        self, gate: Gate, callback: Callable[..., Any], kept: int | None, on_error: Callable[[BaseException], None]
+        self, gate: Gate, callback: Callable[..., Any], kept: int, on_error: Callable[[BaseException], None]
     ) -> None:
         self.known = 0
         """How many of the last messages the node has been told."""
@@ -113,12 +113,13 @@ class _Latched:
         self._callback = callback
         self._on_error = on_error
         self._last: deque[tuple[object, ...]] = deque(maxlen=kept)
+        self._catching_up = False
 
     def take(self, *arguments: object) -> object:
         """Give the callback a message, now or when the gate opens."""
         falls_out = len(self._last) == self._last.maxlen
         self._last.append(arguments)
-        if not self._gate.for_callbacks:
+        if not self._gate.for_callbacks or self._catching_up:
             self.known = max(0, self.known - falls_out)
             return None
         self.known = len(self._last)
@@ -126,12 +127,16 @@ class _Latched:
 
     def catch_up(self) -> None:
         """Give the callback what it has not had."""
-        for arguments in list(self._last)[self.known :]:
+        if self._catching_up:  # the one who does goes on, also where the gate was shut meanwhile
+            return
+        self._catching_up = True
+        while self.known < len(self._last) and self._gate.for_callbacks:
+            self.known += 1
             try:
-                self._callback(*arguments)
+                self._callback(*self._last[self.known - 1])
             except BaseException as error:
                 self._on_error(error)
-        self.known = len(self._last)
+        self._catching_up = False
 
 
 def _named(guarded: Callable[..., Any], callback: Callable[..., Any]) -> Callable[..., Any]:

@@ -206,6 +206,12 @@ class Goals:
             with self._lock:
                 self._interrupt(goal, reason)
 
+    def interrupt(self, reason: str) -> None:
+        """Have the handler of the goal under way stop, for a reason; empty for none."""
+        if reason:
+            with self._lock:
+                self._interrupt(self._running, reason)
+
     def told(self, goal: Goal) -> str:
         """Note that its handler knows that it is to stop. Returns why."""
         with self._lock:

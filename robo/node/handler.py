@@ -81,12 +81,6 @@ class Handler:
         """Let a handler that has not come back in time take no further step."""
         self._given_up = True
 
-    def look(self) -> None:
-        """See whether goals may still be handled; one that may not is to stop."""
-        running = self._running
-        if running is not None:
-            self._goals.stop(running[0], self._handling.why_not())
-
     def interrupt(self) -> None:
         """Cancel an async handler that is to stop."""
         running = self._running

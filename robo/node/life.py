@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import zenoh
 
+from robo.errors import ActionError, ServiceTimeout
 from robo.node import log
 from robo.node.clock import Clock, SimClock
 from robo.node.contract import Contract
@@ -236,7 +237,9 @@ class Life:
         self._token = self.session.liveliness().declare_token(token.key())
 
     def _check_ready(self) -> None:
-        if self._readiness is not None and self._node.ready():
+        if self._readiness is None or not self._node.ready():
+            return
+        if self._readiness is not None and not self._shutdown.is_set():  # it may have been told to end meanwhile
             self._declare_ready()
             self.ends.drop(self._readiness)
             self._readiness = None
@@ -246,9 +249,11 @@ class Life:
         try:
             self._own.plain(node.main, self._turn)()
         except BaseException as error:
-            self._troubles.handler(node.main)(error)
-            if not isinstance(error, (SystemExit, NodeStopping)):
-                node.exit_code = 1
+            # What it has waited for is given up with the node.
+            if not (self._shutdown.is_set() and isinstance(error, (ActionError, ServiceTimeout))):
+                self._troubles.handler(node.main)(error)
+                if not isinstance(error, (SystemExit, NodeStopping)):
+                    node.exit_code = 1
         self._shutdown.set()
 
     def _stop_callbacks(self) -> None:
@@ -262,6 +267,7 @@ class Life:
             self._main_thread.join(self._stop_timeout)
             deadline = max(deadline, time.monotonic() + GRACE)
         all_returned = self.ends.stop(deadline)
+        self._be_ready_no_more()  # which it may just have become
         if not all_returned:
             node.logger.error("a callback did not return within %g s; leaving without it", self._stop_timeout)
         if self._on_stop_due:

@@ -91,9 +91,9 @@ class ManagedLife(Life):
         return super()._join(made)
 
     def _begin_work(self) -> None:
-        self._serve()
-        if self.autostart:
-            for label in WAY_UP:
+        with taking(self._turn, "autostart"):  # who asks for a transition waits until it has come up
+            self._serve()
+            for label in WAY_UP if self.autostart else ():
                 if not self._managed.stopping:  # it may be told to end meanwhile
                     self._bring(label)
 
@@ -167,7 +167,6 @@ class ManagedLife(Life):
         if goal is LifecycleState.UNCONFIGURED:
             self._gate.forget()
         if goal is LifecycleState.ACTIVE:
-            self._gate.open()
             self._become_ready()
             if self._main_due:
                 self._main_due = False
@@ -176,6 +175,10 @@ class ManagedLife(Life):
             self._be_ready_no_more()
         self._tell(transition)
         self._beat()
+        if (
+            goal is LifecycleState.ACTIVE
+        ):  # last: a callback may give away the turn, and the node be taken back meanwhile
+            self._gate.open()
 
     def _tell(self, transition: Transition) -> None:
         assert self._events is not None

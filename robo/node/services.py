@@ -114,7 +114,9 @@ class Presence:
         with ExitStack() as made:
             made.callback(self._querier.undeclare)
             self._listener = self._querier.declare_matching_listener(self._notice)
-            self._notice(self._querier.matching_status)
+            status: Any = self._querier.matching_status
+            if status.matching:  # if not, what the listener has heard meanwhile is newer
+                self._go_on()
             made.pop_all()
 
     def wait(self, timeout: float) -> bool:

@@ -1,6 +1,7 @@
 """A node's live ends of topics: what `create_publisher` and `create_subscription` return."""
 
 import itertools
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -111,6 +112,8 @@ class TopicPublisher(Endpoint, Generic[M]):
             (clock or Clock()).time_ns,
             _carrier(session, message_type, token.qos),
         )
+        if token.qos.latched:
+            self.publish = _in_order(self.publish)
 
     @property
     def id(self) -> str:
@@ -244,6 +247,20 @@ def _fast_publish(
         put, silent = _nowhere, True
 
     return publish, silence
+
+
+def _in_order(publish: Publish[M]) -> Publish[M]:
+    """`publish`, one message after the other.
+
+    Of two that threads sent at once, a later reader of a latched topic would get the other one as the last.
+    """
+    lock = threading.Lock()
+
+    def ordered(message: M, age: float = 0.0) -> None:
+        with lock:
+            publish(message, age)
+
+    return ordered
 
 
 def _said(age: float, now: int, clock_id: zenoh.TimestampId) -> zenoh.Timestamp:

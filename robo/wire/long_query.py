@@ -31,11 +31,13 @@ class Gone(Exception):
 class _Try:
     """One time of asking."""
 
-    def __init__(self, changed: Callable[[], None]) -> None:
+    def __init__(self, changed: Callable[[], None], now: Callable[[], float]) -> None:
         self.answer: zenoh.Sample | Fault | None = None
         self.lapsed = False
-        self.over = False
+        self.ended_at: float | None = None
         self._changed = changed
+        self._now = now
+        self._asked_at = now()
 
     def take(self, reply: zenoh.Reply) -> None:
         if self.answer is None:
@@ -43,8 +45,14 @@ class _Try:
             self.lapsed = self.answer is None
 
     def end(self) -> None:
-        self.over = True
+        if self.ended_at is None:
+            self.ended_at = self._now()
         self._changed()
+
+    @property
+    def stood(self) -> bool:
+        """Whether somebody was there to answer, for a while."""
+        return self.ended_at is not None and self.ended_at - self._asked_at >= PERIOD
 
 
 class LongQuery:
@@ -85,14 +93,14 @@ class LongQuery:
             Gone: nobody answers any more.
         """
         current = self._try
-        if not current.over or current.answer is not None:
+        if current.ended_at is None or current.answer is not None:
             return current.answer
         now = self._now()
         if current.lapsed:
             self._lost_since = None
-        elif self._lost_since is None:
+        elif self._lost_since is None or current.stood:
             self._lost_since, self._again_at = now, now
-        elif now - self._lost_since >= GRACE:
+        elif current.ended_at - self._lost_since >= GRACE:
             raise Gone
         if now >= self._again_at:
             self._again_at = now + PERIOD
@@ -109,10 +117,11 @@ class LongQuery:
     @property
     def look_again_at(self) -> float:
         """By when to look again, if nothing changes before; infinity where that is not needed."""
-        return self._again_at if self._try.over and self._try.answer is None else float("inf")
+        waits = self._try.ended_at is not None and self._try.answer is None
+        return self._again_at if waits else float("inf")
 
     def _ask(self) -> _Try:
-        asked = _Try(self._changed)
+        asked = _Try(self._changed, self._now)
         self._session.get(
             self._key,
             zenoh.handlers.Callback(asked.take, asked.end, indirect=False),

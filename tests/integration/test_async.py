@@ -113,6 +113,28 @@ def test_what_waits_is_cancelled_at_once_when_the_node_closes(session: zenoh.Ses
     assert node.status.callback_errors == 0
 
 
+def test_what_is_cancelled_may_put_things_in_order(session: zenoh.Session) -> None:
+    class Tidy(Node):
+        def on_start(self) -> None:
+            self.log: list[str] = []
+
+        async def main(self) -> None:
+            self.task = asyncio.create_task(self.work("task"))
+            await self.work("main")
+
+        async def work(self, who: str) -> None:
+            try:
+                self.log.append(f"{who} begins")
+                await asyncio.sleep(3600)
+            finally:
+                await asyncio.sleep(0.05)
+                self.log.append(f"{who} is tidy")
+
+    with Tidy(session=session) as node:
+        eventually(lambda: len(node.log) == 2, "both wait")
+    assert sorted(node.log[2:]) == ["main is tidy", "task is tidy"]
+
+
 def test_who_holds_the_loop_is_named(session: zenoh.Session, caplog: pytest.LogCaptureFixture) -> None:
     with Waiter(session=session) as node:
         node.create_publisher(String, "block").publish(String())

@@ -1,6 +1,8 @@
 """Managed nodes: what works in which state, what errors lead to, and ROS's services and topic on the wire."""
 
+import asyncio
 import threading
+import time
 from collections.abc import Callable
 from typing import Annotated
 
@@ -11,6 +13,7 @@ from msgspec import Meta
 
 import robo
 from robo import (
+    KEEP_ALL,
     ContractError,
     LifecycleError,
     LifecycleNode,
@@ -24,6 +27,8 @@ from robo import (
     timer,
 )
 from robo.testing import Clock, NotThere, RunNode
+from robo.wire.discovery import tokens
+from robo.wire.keys import NodeToken
 from robo_messages import (
     ChangeState,
     GetAvailableStates,
@@ -189,6 +194,75 @@ def test_what_is_latched_is_there_when_the_node_is_active(run_node: RunNode) -> 
     for step in ("deactivate", "cleanup", "configure", "activate"):
         camera.change_state(step)
     assert [one.data for one in camera.published("seen")] == ["hall", "yard", "yard"], "it has forgotten"
+
+
+def test_a_node_that_is_taken_back_while_it_catches_up_hears_nothing_more(
+    session: zenoh.Session, other: zenoh.Session
+) -> None:
+    class Slow(LifecycleNode):
+        def on_start(self) -> None:
+            self.log: list[str] = []
+            self.begun = threading.Event()
+
+        @subscribe("map", latched=True, depth=2)
+        async def on_map(self, text: String) -> None:
+            self.log.append(f"begin {text.data}")
+            self.begun.set()
+            await asyncio.sleep(0.1)
+            self.log.append(f"end {text.data}")
+
+    class Source(Node):
+        map = Publisher(String, "map", latched=True, depth=2)
+
+    node = Slow(namespace="r1", session=session)
+    with Source(namespace="r1", session=other) as mapper:
+        for text in ("1", "2"):
+            mapper.map.publish(String(text))
+        node.start(autostart=False)
+        try:
+            node.change_state("configure")
+            eventually(lambda: node.status.received == {"r1/map": 2}, "both have come")
+            active = threading.Thread(target=node.change_state, args=("activate",))
+            active.start()
+            assert node.begun.wait(PATIENCE)
+            assert node.change_state("deactivate")
+            active.join(PATIENCE)
+            assert (node.lifecycle_state.label, node.log) == ("inactive", ["begin 1", "end 1"])
+            assert [one for one in tokens(other, PATIENCE) if isinstance(one, NodeToken) and one.node == "slow"] == []
+            assert node.change_state("activate")
+            assert node.log == ["begin 1", "end 1", "begin 2", "end 2"]
+        finally:
+            node.close()
+
+
+def test_who_asks_for_a_transition_waits_until_the_node_has_come_up(
+    session: zenoh.Session, other: zenoh.Session
+) -> None:
+    asked_for: list[object] = []
+
+    class Camera(LifecycleNode):
+        def on_configure(self) -> None:
+            asking.start()
+            time.sleep(0.1)  # for it to arrive
+
+    def ask() -> None:
+        asked_for.append(asked(other, "r1/camera/change_state", transition={"label": "activate"}))
+
+    asking = threading.Thread(target=ask)
+    with Camera(namespace="r1", session=session) as camera:
+        asking.join(PATIENCE)
+        assert camera.lifecycle_state is LifecycleState.ACTIVE
+        assert asked_for == [{"success": False}]
+
+
+def test_a_latched_topic_of_a_managed_node_has_a_bound(robo_session: zenoh.Session) -> None:
+    class Reader(LifecycleNode):
+        @subscribe("map", latched=True, depth=KEEP_ALL)
+        def on_map(self, _map: String) -> None:
+            raise NotImplementedError
+
+    with pytest.raises(ContractError, match="would keep it all for ever: say how many"):
+        Reader(session=robo_session).start()
 
 
 def test_what_a_latched_callback_raises_is_told(run_node: RunNode) -> None:

@@ -1,0 +1,59 @@
+"""A question whose answer takes long, and links that are lost meanwhile; network and time are played."""
+
+from typing import Any
+
+import pytest
+
+from robo.wire.long_query import GRACE, PERIOD, Gone, LongQuery
+
+
+class Network:
+    """Notes who asks."""
+
+    def __init__(self) -> None:
+        self.asked = 0
+        self.now = 0.0
+
+    def get(self, _key: str, _handler: object, **_options: object) -> None:
+        self.asked += 1
+
+    def query(self) -> LongQuery:
+        session: Any = self
+        return LongQuery(session, "key", b"", "", lambda: None, lambda: self.now)
+
+
+def test_each_link_that_is_lost_has_its_grace() -> None:
+    network = Network()
+    query = network.query()
+    for asked, network.now in ((2, 10.0), (3, 100.0)):  # in between the question stands
+        query.lose()
+        assert query.look() is None
+        assert network.asked == asked
+        assert query.look_again_at == float("inf")
+
+
+def test_where_nobody_answers_for_a_while_whoever_was_asked_is_gone() -> None:
+    network = Network()
+    query = network.query()
+    network.now = 10.0
+    while network.now < 10.0 + GRACE:
+        query.lose()
+        assert query.look() is None
+        network.now += PERIOD / 2
+    query.lose()
+    with pytest.raises(Gone):
+        query.look()
+
+
+def test_who_looks_seldom_asks_again_before_he_gives_up() -> None:
+    network = Network()
+    query = network.query()
+    network.now = 10.0
+    query.lose()
+    assert query.look() is None
+    query.lose()
+    network.now = 20.0
+    assert query.look() is None
+    query.lose()
+    with pytest.raises(Gone):
+        query.look()
