@@ -1,6 +1,6 @@
 """`python -m benchmarks.paced`: round trips at the pace of a control loop, beside raw zenoh-python.
 
-Each variant sends a Twist there and back between two processes on one unix socket, 500 times a second, for a minute.
+Each variant sends a Twist there and back between two processes on one unix socket, 500 times a second.
 They take turns of five seconds in an order that changes, so that a slow time of the machine hits all alike. Between two
 messages both ends sleep: what is measured is mostly how long they take to wake up.
 """
