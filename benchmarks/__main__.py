@@ -193,9 +193,9 @@ def floods_table(bench: Bench, rounds: int, blocks: int) -> list[str]:
 
         def block(variant: str) -> None:
             sink, source = pairs[variant]
-            before = _settled(sink)
+            before = settled(sink)
             source.ask(FLOOD_MS)
-            rates[variant].append((_settled(sink) - before) / FLOOD_MS * 1e3)
+            rates[variant].append((settled(sink) - before) / FLOOD_MS * 1e3)
 
         in_blocks(rounds, blocks, variants, block, "one way")
     found = {
@@ -219,11 +219,11 @@ def floods_table(bench: Bench, rounds: int, blocks: int) -> list[str]:
     return [*lines, ""]
 
 
-def _settled(sink: Worker) -> int:
-    """How many messages a sink has received, once no more are on the way."""
+def settled(sink: Worker, pause: float = 0.01) -> int:
+    """How many messages a sink has received, once none has come for a `pause`, s."""
     count = -1
     while count != (count := msgspec.json.decode(sink.ask(0), type=int)):
-        time.sleep(0.01)
+        time.sleep(pause)
     return count
 
 

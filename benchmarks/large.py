@@ -17,13 +17,15 @@ from pathlib import Path
 
 import msgspec
 
-from benchmarks.__main__ import Spread, Worker, in_blocks, machine
+from benchmarks.__main__ import Spread, Worker, in_blocks, machine, settled
 
 RESULTS = Path(__file__).parent / "LARGE.md"
 IMAGES = ("raw implicit", "raw explicit", "raw explicit, in place", "robo without", "robo", "robo array")
 EXPLICIT = ("raw explicit", "raw explicit, in place")
 SCANS = ("raw bytes", "robo array", "robo list")
 BLOCK_MS = 150
+PAUSE = 0.03
+"""After which no image comes any more that is on the way, s."""
 
 
 class Ends:
@@ -50,10 +52,10 @@ def images_table(folder: str, rounds: int, blocks: int, size: int, mode: str) ->
 
         def block(variant: str) -> None:
             sink, source = pairs[variant]
-            before, begun = _settled(sink), time.monotonic()
+            before, begun = settled(sink, PAUSE), time.monotonic()
             source.ask(BLOCK_MS)
             passed = time.monotonic() - begun
-            rates[variant].append((_settled(sink) - before) * size / passed / 1e6)
+            rates[variant].append((settled(sink, PAUSE) - before) * size / passed / 1e6)
 
         for variant in IMAGES:
             block(variant)
@@ -105,14 +107,6 @@ def scans_table(folder: str, rounds: int, blocks: int) -> list[str]:
     for variant, spread in medians.items():
         lines.append(f"| {variant} | {spread.text('.0f')} | {spread.median / medians['raw bytes'].median:.2f} |")
     return [*lines, ""]
-
-
-def _settled(sink: Worker) -> int:
-    """How many messages a sink has received, once no more are on the way."""
-    count = -1
-    while count != (count := msgspec.json.decode(sink.ask(0), type=int)):
-        time.sleep(0.03)
-    return count
 
 
 def main() -> None:

@@ -200,12 +200,6 @@ class Goals:
             goal.state = after(goal.state, GoalEvent.EXECUTE)
             return goal
 
-    def stop(self, goal: Goal, reason: str) -> None:
-        """Have the handler of a goal stop, for a reason; empty for none."""
-        if reason:
-            with self._lock:
-                self._interrupt(goal, reason)
-
     def interrupt(self, reason: str) -> None:
         """Have the handler of the goal under way stop, for a reason; empty for none."""
         if reason:

@@ -95,7 +95,7 @@ class Handler:
             GoalCanceled: it was to stop, and did.
         """
         with taking(self._turn, self._name):
-            self._goals.stop(goal, self._handling.why_not())
+            self._goals.interrupt(self._handling.why_not())
             if goal.is_to_be_told:
                 raise GoalCanceled(self._goals.told(goal))
             if self._handling.begin is not None:
@@ -120,7 +120,7 @@ class Handler:
         if self._given_up:
             raise GoalCanceled
         with taking(self._turn, self._name):
-            self._goals.stop(goal, self._handling.why_not())
+            self._goals.interrupt(self._handling.why_not())
             try:
                 told = goal.is_to_be_told
                 feedback = steps.throw(GoalCanceled(self._goals.told(goal))) if told else next(steps)

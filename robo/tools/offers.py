@@ -1,11 +1,12 @@
 """What running nodes offer to be called by others: services and actions."""
 
+from collections.abc import Mapping
 from typing import Literal
 
 import msgspec
 import zenoh
 
-from robo.errors import ActionError, ServiceTimeout
+from robo.errors import ActionError, RoboError, ServiceTimeout
 from robo.text.suggestions import suggest
 from robo.wire.discovery import tokens
 from robo.wire.keys import EndpointToken
@@ -39,10 +40,8 @@ def find_service(session: zenoh.Session, key: str, timeout: float) -> Offer:
     Raises:
         ServiceTimeout: nobody serves it; says what comes close.
     """
-    found = {one.key: one for one in list_services(session, timeout)}
-    if key in found:
-        return found[key]
-    raise ServiceTimeout(f"nobody serves {shown_key(key)}; {suggest(key, found)}")
+    there = {one.key: one for one in list_services(session, timeout)}
+    return _of(there, key, "serves", ServiceTimeout)
 
 
 def find_action(session: zenoh.Session, key: str, timeout: float) -> Offer:
@@ -51,10 +50,14 @@ def find_action(session: zenoh.Session, key: str, timeout: float) -> Offer:
     Raises:
         ActionError: nobody executes it; says what comes close.
     """
-    found = {one.key: one for one in list_actions(session, timeout)}
-    if key in found:
-        return found[key]
-    raise ActionError(f"nobody executes {shown_key(key)}; {suggest(key, found)}")
+    there = {one.key: one for one in list_actions(session, timeout)}
+    return _of(there, key, "executes", ActionError)
+
+
+def _of(there: Mapping[str, Offer], key: str, does: str, missing: type[RoboError]) -> Offer:
+    if key in there:
+        return there[key]
+    raise missing(f"nobody {does} {shown_key(key)}; {suggest(key, there)}")
 
 
 def _offers(

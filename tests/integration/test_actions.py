@@ -33,6 +33,7 @@ from robo.wire.goals import id_text, new_goal_id
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from robo_messages import Fibonacci, LaserScan, SetBool, String, Trigger
+from tests.actions import Caller, settle
 from tests.support import PATIENCE, eventually
 
 Steps = Generator[Fibonacci.Feedback | None, None, Fibonacci.Result]
@@ -101,10 +102,6 @@ class Counter(Node):
     def double(self, request: SetBool.Request) -> SetBool.Response:
         assert self.inside == 0, "two callbacks at once"
         return SetBool.Response(success=not request.data)
-
-
-class Caller(Node):
-    fibonacci = ActionClient(Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback, "fibonacci", timeout=PATIENCE)
 
 
 LONG = 1_000_000
@@ -262,12 +259,6 @@ def test_a_method_that_yields_nothing_is_an_action_too(session: zenoh.Session, c
             goal.cancel()
         node.free.set()
         assert goal.result(PATIENCE).sequence == [3]
-
-
-def settle(caller: Caller) -> None:
-    """Wait until the server knows all that was asked before; it answers in order."""
-    with pytest.raises(ActionError, match="takes one at a time"):
-        caller.fibonacci.send_goal(Fibonacci.Goal(0))
 
 
 def test_a_node_that_stops_aborts_its_goals(session: zenoh.Session, caller: Caller) -> None:

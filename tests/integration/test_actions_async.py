@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 import zenoh
 
-from robo import ActionClient, ActionError, GoalState, LifecycleNode, Node, action, service
+from robo import ActionError, GoalState, LifecycleNode, Node, action, service
 from robo.errors import ContractError
 from robo.testing import Clock, RunNode, StillWaiting
 from robo_messages import Fibonacci, String, Trigger
+from tests.actions import Caller, settle
 from tests.support import PATIENCE, eventually
 
 Tell = Callable[[Fibonacci.Feedback], None]
@@ -49,10 +50,6 @@ class Counter(Node):
         return Trigger.Response(success=True)
 
 
-class Caller(Node):
-    fibonacci = ActionClient(Fibonacci.Goal, Fibonacci.Result, Fibonacci.Feedback, "fibonacci", timeout=PATIENCE)
-
-
 @pytest.fixture
 def caller(other: zenoh.Session) -> Caller:
     return Caller(namespace="r1", session=other)
@@ -81,12 +78,6 @@ def test_it_is_cancelled_where_it_awaits_and_others_run_meanwhile(session: zenoh
         assert len(counter.ends) == 1
         assert not sent.cancel()
         assert caller.fibonacci(Fibonacci.Goal(1), timeout=PATIENCE).sequence == [0, 1, 1]
-
-
-def settle(caller: Caller) -> None:
-    """Wait until the server knows all that was asked before; it answers in order."""
-    with pytest.raises(ActionError, match="takes one at a time"):
-        caller.fibonacci.send_goal(Fibonacci.Goal(0))
 
 
 def test_a_node_that_stops_cancels_it(session: zenoh.Session, caller: Caller) -> None:
