@@ -116,7 +116,11 @@ class Node(Creating):
         return self.clock.now()
 
     def shutdown(self, exit_code: int = 0) -> None:
-        """End the node; returns at once. A process that runs it exits with `exit_code`."""
+        """End the node; returns at once. A process that runs it exits with `exit_code`.
+
+        Not for the handler of a signal, which may interrupt `wait` at a moment at which both want one lock: let a
+        thread call it there. `robo.run` does.
+        """
         self.exit_code = exit_code
         self._shutdown.set()
         self.clock.wake()

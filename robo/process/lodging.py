@@ -93,7 +93,7 @@ class Lodging:
         self._spec = spec
         self._session = session
         self._channels = channels
-        self._lock = threading.RLock()  # a signal may come while the main thread holds it
+        self._lock = threading.Lock()
         self._node: Node | None = None
         self._out: TextIO | None = None
         self._told: int | None = None
@@ -200,7 +200,7 @@ class Lodgings:
         self._changed = changed
         self._code = 0
         """With what exit code at least all of them end."""
-        self._lock = threading.RLock()  # a signal may come while the main thread holds it
+        self._lock = threading.Lock()
         self._there: dict[int, Lodging] = {}
 
     @property

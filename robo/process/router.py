@@ -4,7 +4,6 @@
 """
 
 import os
-import signal
 import sys
 import threading
 import time
@@ -14,6 +13,7 @@ import msgspec
 
 from robo.environment import NETWORK_VARIABLE
 from robo.errors import RoboError
+from robo.process import signals
 from robo.wire import tcp
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
@@ -51,8 +51,7 @@ def route(network: Network, is_over: Callable[[], bool], linger: float = LINGER)
         NetworkError: an endpoint is not valid.
     """
     ended = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ended.set())
+    signals.on_end(ended.set)
     # Zenoh 1.10 keeps the shared memory of everybody who has ever sent a large message mapped and locked, also
     # when he is gone: some 20 MB for each tool and stranger, in the router and in the nodes behind it.
     session = open_session(msgspec.structs.replace(network, shared_memory=False))

@@ -2,7 +2,6 @@
 
 import atexit
 import os
-import signal
 import sys
 import threading
 import traceback
@@ -19,7 +18,7 @@ from robo.node.contract import check_constructor
 from robo.node.ending import end_without, exit_code_of, obey
 from robo.node.memory import Memory
 from robo.node.node import Node
-from robo.process import heartbeat
+from robo.process import heartbeat, signals
 from robo.process.endings import end_process, end_with_threads
 from robo.process.spec import NodeSpec
 from robo.text.terminal import visible
@@ -29,8 +28,6 @@ from robo.wire.run_id import new_run_id
 from robo.wire.session import close_session, open_session
 
 if TYPE_CHECKING:
-    from types import FrameType
-
     from robo.wire.claims import Claim
 
 SWITCH_INTERVAL = 0.001
@@ -89,11 +86,7 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
     sys.setswitchinterval(SWITCH_INTERVAL)
     node = build(node_class, spec)
 
-    def stop(_number: int, _frame: "FrameType | None") -> None:
-        node.shutdown(node.exit_code)
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, stop)
+    signals.on_end(lambda: node.shutdown(node.exit_code))
     if threading.excepthook is threading.__excepthook__:  # who has set another one cares himself
         threading.excepthook = lambda died: thread_died(node, died)
     network = Network.from_environment(spec.mode or "router", spec.connect, spec.listen)

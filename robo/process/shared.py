@@ -38,7 +38,7 @@ def main() -> None:
 
     from robo.environment import HEARTBEAT_VARIABLE, WATCH_VARIABLE
     from robo.node import log
-    from robo.process import threads
+    from robo.process import signals, threads
     from robo.process.endings import end_process
     from robo.process.lodging import Lodgings
     from robo.process.runner import SWITCH_INTERVAL
@@ -63,8 +63,7 @@ def main() -> None:
             os.write(waker, b".")
 
     lodgings = Lodgings(sys.argv[1], ended, wake)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: lodgings.end_all())
+    signals.on_end(lodgings.end_all)
     threading.excepthook = lodgings.thread_died
     parent, until = os.getppid(), math.inf
     while not (lodgings.closing and lodgings.empty) and time.monotonic() < until:

@@ -21,7 +21,7 @@ from robo.node.node import Node
 from robo.parameters.model import build
 from robo.parameters.words import sides_of
 from robo.process import options as node_options
-from robo.process import runner, threads
+from robo.process import runner, signals, threads
 from robo.process.endings import end_process
 from robo.process.lodging import Lodgings
 from robo.process.spec import NodeSpec
@@ -78,11 +78,10 @@ def run(nodes: Sequence[NodeSpec]) -> int:
     sys.setswitchinterval(runner.SWITCH_INTERVAL)
     threads.follow()
     codes: list[int] = []
-    changed: queue.SimpleQueue[None] = queue.SimpleQueue()  # may be told in the handler of a signal
+    changed: queue.SimpleQueue[None] = queue.SimpleQueue()
     full_names = [_full_name(load_node_class(spec.service), spec) for spec in nodes]
     lodgings = Lodgings(" ".join(full_names), lambda _number, code: codes.append(code), lambda: changed.put(None))
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: lodgings.end_all())
+    signals.on_end(lodgings.end_all)
     threading.excepthook = lodgings.thread_died
     first = nodes[0]
     network = Network.from_environment(first.mode or "router", first.connect, first.listen)

@@ -128,6 +128,36 @@ def test_under_a_supervisor_it_is_told_once_too(endpoint: str, tmp_path: Path) -
         assert "bad failed: exit code 1" in launch.output
 
 
+UNLUCKY = """\
+import os, signal, sys, threading
+from robo.process import node, router
+from robo.wire.network import Network
+
+wait = threading.Condition.wait
+
+def unlucky(condition, timeout=None):
+    if threading.current_thread() is threading.main_thread() and sys._getframe(2).f_code.co_name in ("wait", "route"):
+        os.kill(os.getpid(), signal.{name})
+    return wait(condition, timeout)
+
+threading.Condition.wait = unlucky
+{run}
+"""
+
+
+RUN_NODE = "node.main()"
+ROUTE = "router.route(Network(mode='router', listen=(sys.argv[-1],)), lambda: False)"
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+@pytest.mark.parametrize("run", [RUN_NODE, ROUTE], ids=["node", "router"])
+def test_a_signal_in_the_moment_in_which_it_begins_to_wait_for_its_end(endpoint: str, run: str, name: str) -> None:
+    words = ["robo_services.safety_monitor", "--listen", endpoint]
+    with program("-c", UNLUCKY.format(run=run, name=name), *words, cwd=Path()) as running:
+        output, _ = running.communicate(timeout=PATIENCE)
+        assert running.returncode == 0, output
+
+
 BUSY = """\
 import threading
 import robo
