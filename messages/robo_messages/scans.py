@@ -61,10 +61,11 @@ class LaserScanArray(Message):
             self.packed_intensities = uniform_floats(self.packed_intensities)
 
     @property
-    def ranges(self) -> NDArray[np.float64]:
+    def ranges(self) -> NDArray[np.float32] | NDArray[np.float64]:
         """m, one per ray; REP-117: -inf too close, +inf no return, NaN no measurement.
 
-        A new array each time. What is assigned travels as float32 where it is an array of float32, else as float64.
+        A new array each time. What is assigned travels, and is read again, as float32 where it is an array of float32,
+        else as float64.
         """
         return floats_of(self.packed_ranges)
 
@@ -73,7 +74,7 @@ class LaserScanArray(Message):
         self.packed_ranges = packed_floats(values)
 
     @property
-    def intensities(self) -> NDArray[np.float64]:
+    def intensities(self) -> NDArray[np.float32] | NDArray[np.float64]:
         """One per ray in the device's own unit, or empty; as `ranges`."""
         return floats_of(self.packed_intensities)
 
