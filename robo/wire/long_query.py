@@ -2,7 +2,8 @@
 
 The answer comes on one of Zenoh's threads, which does no more than note it. Where the question ends without one, it is
 asked again, as soon as somebody looks: the router in between may have started again. Where nobody answers for GRACE,
-whoever was asked is gone.
+whoever was asked is gone. An answer counts whichever time of asking it is to: the news that a server leaves may come
+before what it has answered last.
 """
 
 from __future__ import annotations
@@ -31,18 +32,21 @@ class Gone(Exception):
 class _Try:
     """One time of asking."""
 
-    def __init__(self, changed: Callable[[], None], now: Callable[[], float]) -> None:
-        self.answer: zenoh.Sample | Fault | None = None
+    def __init__(
+        self, answer: Callable[[zenoh.Sample | Fault], None], changed: Callable[[], None], now: Callable[[], float]
+    ) -> None:
         self.lapsed = False
         self.ended_at: float | None = None
+        self._answer = answer
         self._changed = changed
         self._now = now
         self._asked_at = now()
 
     def take(self, reply: zenoh.Reply) -> None:
-        if self.answer is None:
-            self.answer = reply.ok if reply.ok is not None else queries.read_fault(reply)
-            self.lapsed = self.answer is None
+        answer = reply.ok if reply.ok is not None else queries.read_fault(reply)
+        self.lapsed = answer is None
+        if answer is not None:
+            self._answer(answer)
 
     def end(self) -> None:
         if self.ended_at is None:
@@ -82,6 +86,7 @@ class LongQuery:
         self._encoding = encoding
         self._changed = changed
         self._now = now
+        self._answer: zenoh.Sample | Fault | None = None
         self._lost_since: float | None = None
         self._again_at = 0.0
         self._try = self._ask()
@@ -93,8 +98,8 @@ class LongQuery:
             Gone: nobody answers any more.
         """
         current = self._try
-        if current.ended_at is None or current.answer is not None:
-            return current.answer
+        if current.ended_at is None or self._answer is not None:
+            return self._answer
         now = self._now()
         if current.lapsed:
             self._lost_since = None
@@ -117,11 +122,16 @@ class LongQuery:
     @property
     def look_again_at(self) -> float:
         """By when to look again, if nothing changes before; infinity where that is not needed."""
-        waits = self._try.ended_at is not None and self._try.answer is None
+        waits = self._try.ended_at is not None and self._answer is None
         return self._again_at if waits else float("inf")
 
+    def _take(self, answer: zenoh.Sample | Fault) -> None:
+        if self._answer is None:
+            self._answer = answer
+            self._changed()
+
     def _ask(self) -> _Try:
-        asked = _Try(self._changed, self._now)
+        asked = _Try(self._take, self._changed, self._now)
         self._session.get(
             self._key,
             zenoh.handlers.Callback(asked.take, asked.end, indirect=False),

@@ -1,5 +1,6 @@
 """A question whose answer takes long, and links that are lost meanwhile; network and time are played."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,15 +12,20 @@ class Network:
     """Notes who asks."""
 
     def __init__(self) -> None:
-        self.asked = 0
+        self.asked = self.woken = 0
+        self.handlers: list[Any] = []
         self.now = 0.0
 
-    def get(self, _key: str, _handler: object, **_options: object) -> None:
+    def get(self, _key: str, handler: object, **_options: object) -> None:
         self.asked += 1
+        self.handlers.append(handler)
+
+    def wake(self) -> None:
+        self.woken += 1
 
     def query(self) -> LongQuery:
         session: Any = self
-        return LongQuery(session, "key", b"", "", lambda: None, lambda: self.now)
+        return LongQuery(session, "key", b"", "", self.wake, lambda: self.now)
 
 
 def test_each_link_that_is_lost_has_its_grace() -> None:
@@ -57,3 +63,15 @@ def test_who_looks_seldom_asks_again_before_he_gives_up() -> None:
     query.lose()
     with pytest.raises(Gone):
         query.look()
+
+
+def test_an_answer_that_the_news_of_the_servers_leave_has_overtaken_counts() -> None:
+    network = Network()
+    query = network.query()
+    query.lose()
+    assert query.look() is None
+    woken, answer = network.woken, object()
+    network.handlers[0].callback(SimpleNamespace(ok=answer, err=None))
+    assert network.woken > woken, "whoever waits looks again"
+    assert query.look() is answer
+    assert query.look_again_at == float("inf")
