@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from robo.node.managed import LifecycleNode
     from robo.node.message_info import MessageInfo
     from robo.node.node import Node
+    from robo.node.part import Part
     from robo.parameters.hints import NON_FINITE, READ_ONLY, Step, Unit
     from robo.parameters.model import Parameters
     from robo.process.runner import run
@@ -76,6 +77,7 @@ __all__ = [
     "ParameterError",
     "ParameterFileError",
     "Parameters",
+    "Part",
     "Publisher",
     "QoS",
     "RoboError",
@@ -100,6 +102,7 @@ _HOMES = {
     "node.managed": ("LifecycleNode",),
     "node.message_info": ("MessageInfo",),
     "node.node": ("Node",),
+    "node.part": ("Part",),
     "parameters.hints": ("NON_FINITE", "READ_ONLY", "Step", "Unit"),
     "parameters.model": ("Parameters",),
     "process.runner": ("run",),

@@ -10,7 +10,7 @@ import re
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from types import FunctionType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
@@ -30,6 +30,7 @@ from robo.node.declare import (
     TimerMark,
 )
 from robo.node.message_info import MessageInfo
+from robo.node.part import Part
 from robo.parameters import hints
 from robo.parameters import model as parameters
 from robo.wire.qos import Priority, QoS
@@ -46,6 +47,7 @@ class SubscriptionDeclaration(msgspec.Struct, frozen=True):
     message_type: type[Message]
     qos: QoS
     method: str
+    """Its name; of a part of the node `part.method`. So for other methods and attributes below."""
     informed: bool = False
     """Whether the method takes a `MessageInfo` beside the message."""
     sole_source: str | None = None
@@ -92,6 +94,9 @@ class TimerDeclaration(msgspec.Struct, frozen=True):
     """The rate, Hz, or the name of the parameter that says it."""
     method: str
     turn: str = ""
+
+
+D = TypeVar("D", bound=msgspec.Struct)
 
 
 class Contract(msgspec.Struct, frozen=True):
@@ -184,6 +189,13 @@ def contract_of(cls: type[Declares]) -> Contract:
             actions.append(_action(cls, name, member, mark, infos))
         elif isinstance(member, ActionClient):
             action_clients.append(_action_client(cls, name, member))
+        elif isinstance(member, Part):
+            part = _part(cls, name, member)
+            publishers += [_within(name, one, "attribute") for one in part.publishers]
+            clients += [_within(name, one, "attribute") for one in part.clients]
+            subscriptions += [_within(name, one, "method") for one in part.subscriptions]
+            services += [_within(name, one, "method") for one in part.services]
+            timers += [_within(name, one, "method") for one in part.timers]
     return Contract(
         snake_case(cls.__name__),
         _clean(cls.__dict__.get("__doc__") or ""),
@@ -286,6 +298,25 @@ def _action_client(cls: type[Declares], name: str, declared: ActionClient[Any, A
     from robo.node.action_contract import action_client_declaration
 
     return action_client_declaration(cls, name, declared)
+
+
+def _part(cls: type[Declares], name: str, part: Part) -> Contract:
+    kind = type(part)
+    contract = contract_of(kind)
+    alien = [hook for hook in (*HOOKS, *LIFECYCLE_HOOKS, "main") if hasattr(kind, hook)]
+    alien += ["Parameters"] if kind.Parameters is not Declares.Parameters else []
+    alien += ["actions"] if contract.actions or contract.action_clients else []
+    if alien:
+        raise ContractError(
+            f"{cls.__name__}.{name}: {kind.__name__} is a part of a node and may not have {', '.join(alien)}, which"
+            " belong to the node; a part declares topics, services and timers"
+        )
+    return contract
+
+
+def _within(part: str, declaration: D, field: str) -> D:
+    """What a part declares, as its node has it: found at `part.method`."""
+    return msgspec.structs.replace(declaration, **{field: f"{part}.{getattr(declaration, field)}"})
 
 
 def _members(cls: type[Declares]) -> dict[str, Any]:

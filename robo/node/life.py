@@ -19,6 +19,7 @@ from robo.node.hooks import Hooks, overrides
 from robo.node.identity import Identity
 from robo.node.loops import TimerLoop
 from robo.node.parameter_server import Answers, ParameterServer
+from robo.node.part import found_in, put_into
 from robo.node.status import StatusServer
 from robo.node.topics import TopicPublisher
 from robo.node.troubles import Troubles
@@ -174,9 +175,10 @@ class Life:
         changes = self._identity.absolute(PARAMETER_EVENTS_TOPIC)
         events = self._own.publisher(ParameterEvent, changes, QoS(depth=KEEP_ALL))
         for p in node.contract.publishers:
-            vars(node)[p.attribute] = make.publisher(p.message_type, p.topic, p.qos)
+            put_into(node, p.attribute, make.publisher(p.message_type, p.topic, p.qos))
         for c in node.contract.clients:
-            vars(node)[c.attribute] = make.client(c.request_type, c.response_type, c.service, c.timeout, c.priority)
+            client = make.client(c.request_type, c.response_type, c.service, c.timeout, c.priority)
+            put_into(node, c.attribute, client)
         for a in node.contract.action_clients:
             vars(node)[a.attribute] = make.action_client(a.types, a.action, a.timeout)
         status = StatusServer(self.session, self._identity, lambda: node.status)
@@ -186,16 +188,16 @@ class Life:
     def _declare_callbacks(self) -> None:
         node, make = self._node, self.factory
         for served in node.contract.services:
-            handler = getattr(node, served.method)
+            handler = found_in(node, served.method)
             make.service(served.request_type, served.response_type, served.service, handler, served.turn)
         for executed in node.contract.actions:
             period = self._tuning.period(executed.rate)
             make.action(executed.types, executed.action, executed.handling(node, period), executed.turn)
         for wanted in node.contract.subscriptions:
-            method, sole_source = getattr(node, wanted.method), self._tuning.text(wanted.sole_source)
+            method, sole_source = found_in(node, wanted.method), self._tuning.text(wanted.sole_source)
             make.subscription(wanted.message_type, wanted.topic, method, wanted.qos, sole_source, wanted.turn)
         for ticking in node.contract.timers:
-            method = getattr(node, ticking.method)
+            method = found_in(node, ticking.method)
             make.timer(self._tuning.period(ticking.rate), method, node.clock, ticking.turn)
 
     def _run_callbacks(self, events: TopicPublisher[ParameterEvent]) -> None:
