@@ -36,13 +36,18 @@ def test_what_is_killed_comes_back_by_its_policy(engine: PlayedEngine, tmp_path:
         keeper.wait_for("the refused one was killed and stays down: the engine at")
         keeper.wait_for("the on-failure one was killed and is started again")
         keeper.wait_for("the always one was killed and is started again")
+        asked: list[str] = []
+
+        def started() -> set[str]:
+            asked.extend(engine.asked.get() for _ in range(engine.asked.qsize()))
+            return {path.split("/")[2] for path in asked if path.endswith("/start")}
+
+        eventually(lambda: "going" in started(), "of the start of one that is just removed nothing is said")
         keeper.process.send_signal(signal.SIGTERM)
         assert keeper.wait() == 0
-    asked = [engine.asked.get() for _ in range(engine.asked.qsize())]
+    assert started() == {"going", "refused", "on-failure", "always"}
     assert asked[0].startswith("/events")
     assert "mine" in asked[0]
-    started = {path.split("/")[2] for path in asked if path.endswith("/start")}
-    assert started == {"going", "refused", "on-failure", "always"}
     assert len(keeper.output.splitlines()) == 6
 
 

@@ -20,8 +20,8 @@ from robo.tools import logs, runs
 from robo.wire.reports import LogRecord, LogsRequest
 from robo.wire.run_id import supervisor_lives
 
-_ASK_TIMEOUT = 0.5
-"""How long a supervisor on this machine may take to say whether it writes its files, s."""
+_ASK_TIMEOUT = 5.0
+"""How long a supervisor of this machine that lives may take to say whether it writes its files, s."""
 
 
 def print_runs(*, robot: str | None, json: bool) -> None:
@@ -102,16 +102,23 @@ def _where_files_lack(chosen: logs.LoggedRun) -> tuple[str, zenoh.Session | None
     try:
         session = join_robot(Reach(tuple(chosen.info.endpoints), chosen.info.robot, _ASK_TIMEOUT))
     except RoboError:
-        return "", None  # its files are what there is
+        _tell_of_silence(chosen)
+        return "", None
     try:
         found = runs.processes(session, chosen.info.robot, _ASK_TIMEOUT)
     except RoboError:
+        _tell_of_silence(chosen)
         found = []
     problem = next((one.log_problem for one in found if one.run == chosen.info.run and one.log_problem), "")
     if problem:
         return problem, session
     session.close()
     return "", None
+
+
+def _tell_of_silence(chosen: logs.LoggedRun) -> None:
+    if supervisor_lives(chosen.info.run, unknown=False):  # it may just have ended
+        note(f"{chosen.info.robot}: its supervisor does not answer; this is what its files have")
 
 
 def _and_after(
