@@ -1,8 +1,10 @@
 """The same work with zenoh-python and msgspec alone, in each of the ways one might write it."""
 
+import itertools
 import struct
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -31,15 +33,33 @@ def open_plain(listen: str, connect: str) -> zenoh.Session:
     return zenoh.open(config)
 
 
+def _sender(session: zenoh.Session, key: str, *, stamped: bool) -> tuple[zenoh.Publisher, Callable[[bytes], None]]:
+    """A publisher, and what sends by it; `stamped` with what robo sends along at such a pace.
+
+    That is the type's name, a sequence number and a time, and whose the message is.
+    """
+    publisher = session.declare_publisher(key, encoding="application/msgpack;geometry/Twist" if stamped else None)
+    put: Callable[..., None] = publisher.put
+    if not stamped:
+        return publisher, put
+    pack, now, numbers, own = struct.Struct("<qq").pack, time.time_ns, itertools.count(1), publisher.id
+
+    def put_stamped(payload: bytes) -> None:
+        number = next(numbers)
+        put(payload, attachment=pack(number, now()), source_info=zenoh.SourceInfo(own, number))
+
+    return publisher, put_stamped
+
+
 def echo(session: zenoh.Session, variant: str, sample: Message) -> None:
     """Answer every ping with a pong, for ever."""
     encode, decode = msgspec.msgpack.Encoder().encode, msgspec.msgpack.Decoder(type(sample)).decode
-    publisher = session.declare_publisher(PONG)
-    put = publisher.put
-    if variant == "callback":
+    way, _, stamped = variant.partition("-")
+    _publisher, put = _sender(session, PONG, stamped=bool(stamped))  # undeclared when nobody holds it
+    if way == "callback":
         session.declare_subscriber(PING, lambda s: put(encode(decode(s.payload.to_bytes()))))
         threading.Event().wait()
-    subscriber = session.declare_subscriber(PING, HANDLERS[variant]())  # undeclared when nobody holds it
+    subscriber = session.declare_subscriber(PING, HANDLERS[way]())  # as the publisher
     receive = subscriber.handler.recv
     while True:
         put(encode(decode(receive().payload.to_bytes())))
@@ -51,22 +71,23 @@ class Pinger:
     def __init__(self, session: zenoh.Session, variant: str, sample: Message) -> None:
         self._encode, self._decode = msgspec.msgpack.Encoder().encode, msgspec.msgpack.Decoder(type(sample)).decode
         self._sample = sample
-        self._publisher = session.declare_publisher(PING)
+        way, _, stamped = variant.partition("-")
+        self._publisher, self._put = _sender(session, PING, stamped=bool(stamped))
         self._times: list[int] = []
         self._wanted = self._sent = 0
         self._done = threading.Event()
-        if variant == "callback":
+        if way == "callback":
             session.declare_subscriber(PONG, self._on_pong)
             self.round_trips = self._by_callback
         else:
-            self._subscriber = session.declare_subscriber(PONG, HANDLERS[variant]())
+            self._subscriber = session.declare_subscriber(PONG, HANDLERS[way]())
             self.round_trips = self._by_loop
         wait_for_match(self._publisher)
 
     def _by_loop(self, count: int) -> list[int]:
         """The time of `count` round trips, ns."""
         encode, decode, receive = self._encode, self._decode, self._subscriber.handler.recv
-        put, now, sample = self._publisher.put, time.perf_counter_ns, self._sample
+        put, now, sample = self._put, time.perf_counter_ns, self._sample
         times: list[int] = []
         for _ in range(count):
             sent = now()
@@ -84,7 +105,7 @@ class Pinger:
 
     def _ping(self) -> None:
         self._sent = time.perf_counter_ns()
-        self._publisher.put(self._encode(self._sample))
+        self._put(self._encode(self._sample))
 
     def _on_pong(self, pong: zenoh.Sample) -> None:
         self._decode(pong.payload.to_bytes())
