@@ -15,9 +15,10 @@ from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.position_tracker import PositionTracker
 from robo_services.safety_monitor import SafetyMonitor
 from robo_services.velocity_controller import VelocityController
+from robo_services.velocity_smoother import VelocitySmoother
 from tests.support import eventually
 
-SHIPPED = [CarmenPlayer, DiffDriveSim, PositionTracker, SafetyMonitor, VelocityController]
+SHIPPED = [CarmenPlayer, DiffDriveSim, PositionTracker, SafetyMonitor, VelocityController, VelocitySmoother]
 
 
 def ends(info: ParameterInfo) -> Iterator[float]:

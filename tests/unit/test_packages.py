@@ -292,4 +292,5 @@ def test_robo_announces_the_nodes_that_ship() -> None:
         "position_tracker",
         "safety_monitor",
         "velocity_controller",
+        "velocity_smoother",
     ]
