@@ -124,6 +124,7 @@ if TYPE_CHECKING:
         UInt32,
         UInt64,
     )
+    from robo_messages.tf2 import TFMessage
     from robo_messages.visualization import (
         Marker,
         MarkerArray,
@@ -146,6 +147,7 @@ _LATER = {
     "robo_messages.std_numbers": (
         "Byte Char ColorRGBA Float32 Float64 Int8 Int16 Int32 Int64 UInt8 UInt16 UInt32 UInt64"
     ),
+    "robo_messages.tf2": "TFMessage",
     "robo_messages.visualization": "Marker MarkerArray MeshFile UVCoordinate",
 }
 """Modules that are imported when one of their types is asked for: most nodes save the time and the memory."""
@@ -236,6 +238,7 @@ __all__ = [
     "SetBool",
     "State",
     "String",
+    "TFMessage",
     "Time",
     "Transform",
     "TransformStamped",

@@ -17,6 +17,7 @@ _PACKAGES = {
     "sensor": "sensor_msgs",
     "diagnostic": "diagnostic_msgs",
     "lifecycle": "lifecycle_msgs",
+    "tf2": "tf2_msgs",
     "visualization": "visualization_msgs",
     "system": "rcl_interfaces",
 }

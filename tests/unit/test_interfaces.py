@@ -287,6 +287,7 @@ SHAPES = {
     "example/Fibonacci_Goal": ["int32 order"],
     "example/Fibonacci_Result": ["int32[] sequence"],
     "example/Fibonacci_Feedback": ["int32[] sequence"],
+    "tf2/TFMessage": ["geometry_msgs/TransformStamped[] transforms"],
     "visualization/UVCoordinate": ["float32 u", "float32 v"],
     "visualization/MeshFile": ["string filename", "uint8[] data"],
     "visualization/MarkerArray": ["visualization_msgs/Marker[] markers"],
