@@ -14,6 +14,15 @@
     │   └── ServiceTimeout    a service did not answer in time, or nobody serves it
     ├── ActionError           an action refuses a goal, or a goal has not succeeded
     │   └── ActionTimeout     a goal, or what was asked of its server, took longer than granted
+    ├── TransformError        a transform that cannot be looked up, or that no buffer takes
+    │   ├── InvalidTransform  numbers that are no rigid transform, or names that are none of frames
+    │   ├── FrameLoop         a frame that would be its own ancestor
+    │   ├── UnknownFrame      a frame that nobody has said anything of
+    │   ├── FramesNotConnected  frames of which each is there, and nothing leads from one to the other
+    │   ├── NoTransformData   frames of which no data have come, or none since their history was cleared
+    │   └── ExtrapolationError  a time at which a link of the chain is not known
+    │       ├── TooOld        it is before the link's history begins
+    │       └── InTheFuture   it is after the link's newest data
     ├── MessageError          data that are no message of the type that was asked for
     ├── TopicNotFound         nobody publishes or subscribes a topic of this name
     ├── TopicTaken            somebody publishes already what a tool was asked to publish
@@ -108,6 +117,53 @@ class ActionError(RoboError):
 
 class ActionTimeout(ActionError, TimeoutError):
     """A goal has no result in time, or its server does not answer."""
+
+
+class TransformError(RoboError):
+    """A transform cannot be looked up, or no buffer takes it."""
+
+
+class InvalidTransform(TransformError, ValueError):
+    """Numbers are no rigid transform, or a name is none of a frame."""
+
+
+class FrameLoop(TransformError, ValueError):
+    """A frame would be its own ancestor."""
+
+
+class UnknownFrame(TransformError, LookupError):
+    """Nobody has said anything of a frame of this name."""
+
+
+class FramesNotConnected(TransformError, LookupError):
+    """Both frames are there, in two trees that nothing connects."""
+
+
+class NoTransformData(TransformError, LookupError):
+    """Frames have no data: none has come at all, or none of a link since its history was cleared."""
+
+
+class ExtrapolationError(TransformError):
+    """The transform was asked for at a time at which a link of its chain is not known."""
+
+    def __init__(self, text: str, parent: str = "", child: str = "", wanted: int = 0, limit: int = 0) -> None:
+        super().__init__(text)
+        self.parent = parent
+        """The parent frame of the link."""
+        self.child = child
+        """Its child frame."""
+        self.wanted = wanted
+        """The time that was asked for, ns."""
+        self.limit = limit
+        """The end of what the link knows that is nearest to it, ns."""
+
+
+class TooOld(ExtrapolationError):
+    """The time is before the history of a link begins."""
+
+
+class InTheFuture(ExtrapolationError):
+    """The time is after the newest data of a link: they may still come."""
 
 
 class MessageError(RoboError, ValueError):

@@ -61,6 +61,21 @@ def test_a_node_without_large_messages_imports_nothing_of_them() -> None:
     assert not {*loaded} & {"robo.node.large", "robo.wire.shared_buffers", "robo_messages.arrays"}
 
 
+def test_a_node_without_transforms_imports_nothing_of_them() -> None:
+    script = "import robo_services.safety_monitor, robo.process.node, robo.process.runner, sys; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
+    assert not [name for name in loaded if name.startswith("robo.tf") or name == "robo_messages.tf2"]
+
+
+def test_transforms_need_neither_network_nor_node() -> None:
+    script = "import sys; from robo.tf import Buffer, Transform3, transform_point, scan_points; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
+    assert "robo.tf.apply" in loaded
+    assert not {name.partition(".")[0] for name in loaded} & {*HEAVY, "zenoh", "difflib"}
+    rooms = {name.split(".")[1] for name in loaded if name.startswith("robo.")}
+    assert rooms == {"errors", "text", "tf"}
+
+
 def test_help_needs_no_zenoh() -> None:
     loaded = modules_after("import robo.cli.app")
     assert not loaded & {"zenoh", "rich", "yaml", "psutil", "numpy", "asyncio"}
