@@ -22,9 +22,12 @@ SECTIONS = {
     "Begin here": ("index", "tutorial", "create", "node", "own_base", "testing", "packages"),
     "From ROS 2": ("from_ros2", "from_ros2_launch"),
     "Robots": ("running", "launch", "driving", "several_robots", "hosts", "tools", "debugging"),
-    "Nodes": ("messages", "services", "actions", "parameters", "lifecycle", "pictures", "performance", "clients"),
+    "Nodes": (
+        "messages", "services", "actions", "parameters", "lifecycle",
+        "transforms", "pictures", "performance", "clients",
+    ),
     "Inside": ("architecture",),
-}
+}  # fmt: skip
 """The pages of docs/ by section. One that is not named here stands in the last section."""
 
 _LINK = re.compile(r"(!?\[[^\]]*\]\()([^)\s#]+)")
