@@ -100,8 +100,8 @@ def scans_table(folder: str, rounds: int, blocks: int) -> list[str]:
     lines = [
         "### Round trip of a scan of 2,000 rays",
         "",
-        "From a numpy array to one, or from a list to one. `raw bytes` are the 8,000 bytes of the ranges alone. Each round",
-        "has processes of its own: which two are quick with each other is a matter of luck.",
+        "From a numpy array to one, or from a list to one. `raw bytes` are the 8,000 bytes of the ranges alone. Each",
+        "round has processes of its own: which two are quick with each other is a matter of luck.",
         "",
         "| variant | p50 µs | / raw bytes |",
         "|---|---|---|",

@@ -60,7 +60,6 @@ def _node(cls: type[robo.Node]) -> list[str]:
 
 
 def _topics(cls: type[robo.Node], contract: Contract) -> list[str]:
-    docs = attribute_docs(cls)
     header = ("topic", "type", "quality of service", "what")
     subscribed = [
         (code(s.topic), messages.link_to(type_name(s.message_type)), str(s.qos), _said(cls, s.method, s.turn))
@@ -71,7 +70,7 @@ def _topics(cls: type[robo.Node], contract: Contract) -> list[str]:
             code(p.topic),
             messages.link_to(type_name(p.message_type)),
             str(p.qos),
-            prose(described(docs.get(p.attribute, ""), f"{cls.__name__}.{p.attribute}")),
+            prose(_documented(cls, p.attribute)),
         )
         for p in contract.publishers
     ]
@@ -84,18 +83,29 @@ def _topics(cls: type[robo.Node], contract: Contract) -> list[str]:
 
 
 def _services(cls: type[robo.Node], contract: Contract) -> list[str]:
-    docs = attribute_docs(cls)
     served = [(code(s.service), _service_type(s), _said(cls, s.method, s.turn)) for s in contract.services]
     called = [
         (
             code(c.service),
             _service_type(c),
-            prose(described(docs.get(c.attribute, ""), f"{cls.__name__}.{c.attribute}")),
+            prose(_documented(cls, c.attribute)),
         )
         for c in contract.clients
     ]
     header = ("service", "type", "what")
     return [*_titled("Services", table(header, served)), *_titled("Calls", table(header, called))]
+
+
+def _documented(cls: type[robo.Node], path: str) -> str:
+    """What is said of an attribute of a node class, or of one of its parts."""
+    owner, name = _owner(cls, path)
+    return described(attribute_docs(owner).get(name, ""), f"{cls.__name__}.{path}")
+
+
+def _owner(cls: type[robo.Node], path: str) -> tuple[type[object], str]:
+    """The class that declares what is found at a path, `part.name` for a part of a node, and its name there."""
+    part, _, name = path.rpartition(".")
+    return (type(getattr(cls, part)), name) if part else (cls, name)
 
 
 def _service_type(declared: ServiceDeclaration | ClientDeclaration) -> str:
@@ -135,7 +145,8 @@ def _rate(rate: float | str) -> str:
 
 
 def _said(cls: type[robo.Node], method: str, turn: str) -> str:
-    said = prose(described(first_sentence(getattr(cls, method).__doc__ or ""), f"{cls.__name__}.{method}"))
+    owner, name = _owner(cls, method)
+    said = prose(described(first_sentence(getattr(owner, name).__doc__ or ""), f"{cls.__name__}.{method}"))
     return f"{said} Has the turn {code(turn)}." if turn else said
 
 

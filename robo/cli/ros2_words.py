@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 
-_FRAMES = "robo has no command for frames yet; in Python robo.tf.Buffer keeps a tree of them, see docs/transforms.md"
-
 VERBS: dict[str, str] = {
     "bag": "robo topic echo '**' --json > log.jsonl records, robo topic pub - < log.jsonl publishes it again, as fast"
     " as it is read; there is no player yet that keeps the time",
@@ -23,8 +21,7 @@ VERBS: dict[str, str] = {
     "srv": "robo interface list shows all types, robo interface show TYPE one",
     "teleop": "robo has no teleoperation yet; robo stop velocity_controller, then robo topic pub r1/cmd_vel_raw"
     " geometry/Twist '{linear: {x: 0.2}}' -r 10",
-    "tf": _FRAMES,
-    "tf2": _FRAMES,
+    "tf2": "robo tf tree, robo tf echo TARGET SOURCE and robo tf monitor",
     "wtf": "robo doctor checks this machine, robo why NODE tells why a node is as it is",
 }
 """Commands of `ros2`, and programs beside it, that robo calls otherwise or has not."""

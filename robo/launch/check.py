@@ -186,13 +186,18 @@ def _may_be_fed(problem: Problem, silent: Sequence[str]) -> Problem:
     return problem._replace(text=f"{problem.text} (unless {nodes} does: say it with publishes: {{topic: type}})")
 
 
+_BROADCAST = "tf2/TFMessage"
+"""Nodes say where frames stand for whoever wants to know; that nobody does is worth no note."""
+
+
 def _unread(
     key: str, ends: Sequence[TopicEnd], promised: Mapping[str, TopicPlan], resolution: Resolution
 ) -> Iterable[Problem]:
     if any(end.kind == "sub" for end in ends) or key in promised:
         return
     for end in ends:
-        yield Problem(resolution.positions[end.node], f"nobody reads {key}, which {end}")
+        if end.type != _BROADCAST:
+            yield Problem(resolution.positions[end.node], f"nobody reads {key}, which {end}")
 
 
 def _that_may_publish(resolution: Resolution) -> list[str]:

@@ -1,4 +1,6 @@
-"""Transforms between coordinate frames: a buffer of what came, and lookups at any time (ROS: tf2). No network.
+"""Transforms between coordinate frames: a buffer of what came, and lookups at any time (ROS: tf2).
+
+The buffer needs no network; nodes have it, and broadcasters, as parts.
 
 from robo.tf import Buffer, Transform3, transform_point
 
@@ -24,8 +26,10 @@ if TYPE_CHECKING:
         UnknownFrame,
     )
     from robo.tf.apply import scan_array, scan_points, transform_point, transform_pose, transform_vector
+    from robo.tf.broadcasters import StaticTransformBroadcaster, TransformBroadcaster
     from robo.tf.buffer import Buffer
     from robo.tf.frames import FrameInfo
+    from robo.tf.listener import TransformListener
     from robo.tf.notes import TransformWarning
     from robo.tf.transform import IDENTITY, Transform3, interpolate
 
@@ -39,9 +43,12 @@ __all__ = [
     "InTheFuture",
     "InvalidTransform",
     "NoTransformData",
+    "StaticTransformBroadcaster",
     "TooOld",
     "Transform3",
+    "TransformBroadcaster",
     "TransformError",
+    "TransformListener",
     "TransformWarning",
     "UnknownFrame",
     "interpolate",
@@ -54,8 +61,10 @@ __all__ = [
 
 _HOMES = {
     "tf.apply": ("scan_array", "scan_points", "transform_point", "transform_pose", "transform_vector"),
+    "tf.broadcasters": ("StaticTransformBroadcaster", "TransformBroadcaster"),
     "tf.buffer": ("Buffer",),
     "tf.frames": ("FrameInfo",),
+    "tf.listener": ("TransformListener",),
     "tf.notes": ("TransformWarning",),
     "tf.transform": ("IDENTITY", "Transform3", "interpolate"),
 }

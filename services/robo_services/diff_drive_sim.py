@@ -10,6 +10,7 @@ from msgspec import Meta
 import robo
 from robo import READ_ONLY, MessageInfo, Node, Publisher, QoS, Unit, service, subscribe, timer
 from robo.node.clock import SimClock
+from robo.tf import StaticTransformBroadcaster, Transform3, TransformBroadcaster
 from robo_messages import (
     Clock,
     Header,
@@ -19,6 +20,7 @@ from robo_messages import (
     Pose,
     PoseWithCovariance,
     Time,
+    TransformStamped,
     Trigger,
     Twist,
     TwistWithCovariance,
@@ -133,6 +135,8 @@ class DiffDriveSim(Node):
     """Where the base is and how fast it moves, after every step of the simulation."""
     scans = Publisher(LaserScan, "scan")
     """What the laser measures; nothing where `laser` is false."""
+    frames = TransformBroadcaster()
+    fixed_frames = StaticTransformBroadcaster()
 
     def on_start(self) -> None:
         """Build the world and put the base into it."""
@@ -170,6 +174,8 @@ class DiffDriveSim(Node):
             self.clock = wall
             self.create_timer(1.0 / p.odom_rate, self.advance)
         self._begin = self.clock.monotonic()
+        if p.laser:  # it stands in the middle of the base
+            self.fixed_frames.send(TransformStamped(Header(self.now(), p.base_frame), p.laser_frame))
 
     @subscribe("cmd_vel", qos=QoS.COMMAND, sole_source="command_source")
     def on_command(self, twist: Twist, info: MessageInfo) -> None:
@@ -208,7 +214,10 @@ class DiffDriveSim(Node):
         self._steps = due
         if self._base.bumped:
             self.logger.warning("the base pushes against something", throttle=5.0)
-        self.odometry.publish(self._odometry())
+        odometry = self._odometry()
+        self.odometry.publish(odometry)
+        moved = Transform3.from_message(odometry.pose.pose)
+        self.frames.send(moved.to_stamped(odometry.header, odometry.child_frame_id))
 
     @timer(rate="scan_rate")
     def scan(self) -> None:

@@ -17,6 +17,7 @@ verbs.group("param", "Parameters of running nodes")
 verbs.group("service", "Services")
 verbs.group("action", "Actions: goals with feedback and a result")
 verbs.group("lifecycle", "States of managed nodes")
+verbs.group("tf", "Coordinate frames: where they stand, and who says so")
 verbs.group("interface", "Types of messages, services and actions")
 verbs.group("pkg", "Packages of nodes, messages and manifests")
 
