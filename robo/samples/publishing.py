@@ -4,6 +4,7 @@ import os
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -14,7 +15,8 @@ from robo.samples.records import Record, payload_of, sample_of
 from robo.text.unreadable import UNREADABLE
 from robo.wire import codec, sources
 from robo.wire.keys import EndpointToken, source_id
-from robo.wire.qos import QoS
+from robo.wire.latched import LatchedPublisher
+from robo.wire.qos import QoS, zenoh_priority
 
 _REMEMBERED = 10_000
 """Own messages that are remembered, to know them when they come back."""
@@ -34,19 +36,28 @@ class Line(msgspec.Struct, frozen=True):
 class Sender:
     """Publishes on one topic."""
 
-    def __init__(self, session: zenoh.Session, key: str, type_name: str) -> None:
-        """Announces itself as nodes do, so that tools show it."""
+    def __init__(self, session: zenoh.Session, key: str, type_name: str, qos: QoS = QoS.DEFAULT) -> None:
+        """Announces itself as nodes do, so that tools show it; `qos` says what it latches, and what goes first."""
         encoding = f"{codec.MSGPACK};{type_name}" if type_name else codec.MSGPACK
         # What a person or a file says is to arrive: nothing is dropped on the way out.
-        self._publisher = session.declare_publisher(
-            key, encoding=encoding, congestion_control=zenoh.CongestionControl.BLOCK
-        )
+        control, priority = zenoh.CongestionControl.BLOCK, zenoh_priority(qos.priority)
+        self._session = session
+        self._publisher: zenoh.Publisher | LatchedPublisher
+        if qos.latched:
+            self._publisher = LatchedPublisher(session, key, qos.depth, encoding, control, priority)
+        else:
+            self._publisher = session.declare_publisher(
+                key, encoding=encoding, congestion_control=control, priority=priority
+            )
+        self._key = key
         namespace, _, _ = key.rpartition("/")
         name = f"topic_pub_{os.getpid()}"
         known_type = type_name if _is_key(type_name) else ""
         id_ = source_id(self._publisher.id)
-        token = EndpointToken(namespace, name, "pub", known_type, QoS.DEFAULT, key, id_)
-        self._source = sources.counted(self._publisher.id)
+        token = EndpointToken(namespace, name, "pub", known_type, qos, key, id_)
+        self._put: Callable[..., None] = self._publisher.put
+        # A latched publisher says by itself whose its messages are.
+        self._source = None if qos.latched else sources.counted(self._publisher.id)
         self._token = session.liveliness().declare_token(token.key())
         self._number = 0
         self._sent: deque[tuple[int, int | None]] = deque(maxlen=_REMEMBERED)
@@ -57,7 +68,8 @@ class Sender:
         now = time.time_ns()
         self._sent.append((now, self._number))
         stamp = codec.pack_attachment(self._number, now)
-        self._publisher.put(payload, encoding=encoding, attachment=stamp, source_info=self._source())
+        whose = {} if self._source is None else {"source_info": self._source()}
+        self._put(payload, encoding=encoding, attachment=stamp, **whose)
 
     def has_sent(self, origin: tuple[int, int | None]) -> bool:
         """Whether a message, by publish time and sequence number, is one of its own that has come back."""
@@ -71,11 +83,13 @@ class Sender:
             if status.matching:
                 present.set()
 
-        listener = self._publisher.declare_matching_listener(notice)
-        status: Any = self._publisher.matching_status  # zenoh's stub says bool, it is an object
+        asking = self._session.declare_publisher(self._key)  # one that latches cannot tell
+        listener = asking.declare_matching_listener(notice)
+        status: Any = asking.matching_status  # zenoh's stub says bool, it is an object
         notice(status)
         present.wait()
         listener.undeclare()
+        asking.undeclare()
 
     def close(self) -> None:
         """Withdraw the announcement and stop publishing."""

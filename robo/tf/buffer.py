@@ -4,13 +4,13 @@ import math
 import operator
 import threading
 import time as wall
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeAlias
 
 from robo.errors import TransformError
 from robo.tf import faults
 from robo.tf.frames import FrameInfo, frames_of
-from robo.tf.history import pack
+from robo.tf.history import Link, pack
 from robo.tf.intake import Intake
 from robo.tf.notes import Notes, TransformWarning
 from robo.tf.transform import AS_UNIT, NEARLY_UNIT, Transform3
@@ -187,28 +187,32 @@ class Buffer:
     ) -> Sequence[tuple[TransformStamped, TransformError]]:
         """Insert transforms. Returns those that were refused."""
         refused = []
-        links = self._tree.links
+        moving: Mapping[str, Link] = {} if static else self._tree.links
         transforms = tuple(transforms)  # whatever yields them may look something up, which would wait for the lock
         with self._lock:
             for message in transforms:
                 header = message.header
-                ns = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
-                link = links.get(message.child_frame_id)
-                # Nearly all go this way, so it takes no calls.
+                stamp = header.stamp
+                ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+                link = moving.get(message.child_frame_id)
+                # Nearly all go this way, so it takes no calls, and no tuples.
                 if (
                     link is not None
                     and link.low < ns < link.high
-                    and not static
                     and header.frame_id == link.parent
                     and source == link.source
                 ):
-                    p, q = message.transform.translation, message.transform.rotation
-                    x, y, z, qx, qy, qz, qw = p.x, p.y, p.z, q.x, q.y, q.z, q.w
+                    transform = message.transform
+                    p, q = transform.translation, transform.rotation
+                    x, y, z = p.x, p.y, p.z
+                    qx, qy = q.x, q.y
+                    qz, qw = q.z, q.w
                     off = qx * qx + qy * qy + qz * qz + qw * qw - 1.0
-                    if -NEARLY_UNIT < off < NEARLY_UNIT and (x + y + z) * 0.0 == 0.0:  # all are finite
-                        if not -AS_UNIT < off < AS_UNIT:
-                            k = 1.0 / math.sqrt(1.0 + off)
-                            qx, qy, qz, qw = k * qx, k * qy, k * qz, k * qw
+                    is_unit = -AS_UNIT < off < AS_UNIT
+                    if not is_unit and -NEARLY_UNIT < off < NEARLY_UNIT:
+                        is_unit, k = True, 1.0 / math.sqrt(1.0 + off)
+                        qx, qy, qz, qw = k * qx, k * qy, k * qz, k * qw
+                    if is_unit and (x + y + z) * 0.0 == 0.0:  # so all are finite
                         history = link.history
                         history.samples += pack(x, y, z, qx, qy, qz, qw)
                         history.stamps.append(ns)

@@ -25,6 +25,8 @@ pack = _SAMPLE.pack
 MOST_NS = 1 << 62
 """Times are within this and its negative, ns: 146 years around 1970."""
 _NEVER = -1
+_RECENT = 16
+"""Among so many samples at the end of a history a time is looked for first: most ask for what was just now."""
 
 
 class History:
@@ -51,7 +53,7 @@ class History:
     def fixed(cls, values: Seven) -> "History":
         """One that is the same at all times: its bracket is never left."""
         history = cls.empty()
-        history.bracket = held(-2 * MOST_NS, 4 * MOST_NS, values)
+        history.bracket = held(-2 * MOST_NS, 2 * MOST_NS, values)
         return history
 
     def bracket_at(self, ns: int) -> Bracket | None:
@@ -60,16 +62,18 @@ class History:
         Between two samples of different parents the first one holds until the second, as in tf2 (TimeCache::getData).
         """
         stamps, parents = self.stamps, self.parents
-        i = bisect_right(stamps, ns) - 1
+        count = len(stamps)
+        low = count - _RECENT if count > _RECENT and stamps[-_RECENT] <= ns else 0
+        i = bisect_right(stamps, ns, low) - 1
         if i < 0:
             return None
         begin = stamps[i]
-        if begin != ns and i + 1 == len(stamps):
+        if begin != ns and i + 1 >= count:
             return None
         if begin == ns or (parents is not None and parents[i] != parents[i + 1]):
-            bracket = held(ns - 1, 2, self.values(i))  # what is between its ends is this ns alone
+            bracket = held(ns - 1, ns + 1, self.values(i))  # what is between its ends is this ns alone
         else:
-            bracket = between(begin, stamps[i + 1] - begin, _PAIR.unpack_from(self.samples, SIZE * i))
+            bracket = between(begin, stamps[i + 1], _PAIR.unpack_from(self.samples, SIZE * i))
         self.bracket = bracket
         return bracket
 

@@ -31,8 +31,9 @@ Seven = tuple[float, float, float, float, float, float, float]
 """A transform: x, y, z in m, qx, qy, qz, qw."""
 
 Bracket = tuple[float, ...]
-"""A motion over a stretch of time, ready to be followed: its begin and length (ns, or any unit), the seven of its first
-transform, the rotation of its last one, d, the cross products of w once and twice with it, h in rad, sin(h)."""
+"""A motion over a stretch of time, ready to be followed: its begin and end (ns, or any unit), what a unit of time is of
+the whole, the seven of its first transform, the rotation of its last one, d, the cross products of w once and twice
+with it, h in rad, sin(h)."""
 
 _STRAIGHT = 1e-150
 """A sine whose square still has all digits of a float."""
@@ -40,13 +41,13 @@ _STRAIGHT = 1e-150
 _NOTHING = (0.0,) * 15
 
 
-def held(begin: float, length: float, values: Seven) -> Bracket:
-    """A transform that stays as it is from `begin` on."""
-    return (begin, length, *values, *_NOTHING)
+def held(begin: float, end: float, values: Seven) -> Bracket:
+    """A transform that stays as it is."""
+    return (begin, end, 0.0, *values, *_NOTHING)
 
 
-def between(begin: float, length: float, ends: Iterable[float]) -> Bracket:
-    """The motion between two transforms, given as fourteen floats, over the time from `begin` to `begin` + `length`."""
+def between(begin: float, end: float, ends: Iterable[float]) -> Bracket:
+    """The motion between two transforms, given as fourteen floats, from one time to another."""
     ax, ay, az, qx, qy, qz, qw, dx, dy, dz, rx, ry, rz, rw = ends
     dx, dy, dz = dx - ax, dy - ay, dz - az
     near = qx * rx + qy * ry + qz * rz + qw * rw
@@ -58,10 +59,13 @@ def between(begin: float, length: float, ends: Iterable[float]) -> Bracket:
     if near <= 0.0 and (near < 0.0 or (wx, wy, wz) < (0.0, 0.0, 0.0)):
         near, rx, ry, rz, rw, wx, wy, wz = -near, -rx, -ry, -rz, -rw, -wx, -wy, -wz
     sine = sqrt(wx * wx + wy * wy + wz * wz)
-    cx, cy, cz = wy * dz - wz * dy, wz * dx - wx * dz, wx * dy - wy * dx
-    ex, ey, ez = wy * cz - wz * cy, wz * cx - wx * cz, wx * cy - wy * cx
+    cx = cy = cz = ex = ey = ez = 0.0
+    if dx or dy or dz:  # most joints of robots only turn
+        cx, cy, cz = wy * dz - wz * dy, wz * dx - wx * dz, wx * dy - wy * dx
+        ex, ey, ez = wy * cz - wz * cy, wz * cx - wx * cz, wx * cy - wy * cx
     h = atan2(sine, near)
-    return begin, length, ax, ay, az, qx, qy, qz, qw, rx, ry, rz, rw, dx, dy, dz, cx, cy, cz, ex, ey, ez, h, sine
+    part = 1.0 / (end - begin)
+    return begin, end, part, ax, ay, az, qx, qy, qz, qw, rx, ry, rz, rw, dx, dy, dz, cx, cy, cz, ex, ey, ez, h, sine
 
 
 def followed(motions: Iterable[Bracket], time: float) -> Seven:
@@ -70,18 +74,19 @@ def followed(motions: Iterable[Bracket], time: float) -> Seven:
     w = 1.0
     first = True
     for motion in motions:
-        begin, length, ax, ay, az, qx, qy, qz, qw, rx, ry, rz, rw, dx, dy, dz, cx, cy, cz, ex, ey, ez, h, sine = motion
-        f = (time - begin) / length
+        begin, _, part, ax, ay, az, qx, qy, qz, qw, rx, ry, rz, rw, dx, dy, dz, cx, cy, cz, ex, ey, ez, h, sine = motion
+        f = (time - begin) * part
         if sine > _STRAIGHT:
             to = f * h
             back = h - to
             there = sin(to) / sine
             here = sin(back) / sine
-            side = there * here
-            inward = (f - there * cos(back)) / (sine * sine)
-            ax += f * dx - side * cx + inward * ex
-            ay += f * dy - side * cy + inward * ey
-            az += f * dz - side * cz + inward * ez
+            if dx or dy or dz:
+                side = there * here
+                inward = (f - there * cos(back)) / (sine * sine)
+                ax += f * dx - side * cx + inward * ex
+                ay += f * dy - side * cy + inward * ey
+                az += f * dz - side * cz + inward * ez
             qx = here * qx + there * rx
             qy = here * qy + there * ry
             qz = here * qz + there * rz

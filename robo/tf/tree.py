@@ -82,7 +82,7 @@ def _brackets(links: Iterable[Link], ns: int) -> list[Bracket] | None:
     for link in links:
         history = link.history
         bracket = history.bracket
-        if bracket is None or not 0 < ns - bracket[0] < bracket[1]:
+        if bracket is None or not bracket[0] < ns < bracket[1]:
             bracket = history.bracket_at(ns)
             if bracket is None:
                 return None

@@ -34,7 +34,7 @@ _MOST_DIGITS = 9
 """Of a depth in a token: none makes sense beyond."""
 
 
-def check_priority(priority: Priority) -> Priority:
+def check_priority(priority: str) -> Priority:
     """`priority` if it is one.
 
     Raises:

@@ -61,3 +61,24 @@ def _client(stack: ExitStack, endpoint: str) -> zenoh.Session:
     session = open_session(Network(mode="client", connect=(endpoint,), timeout=PATIENCE))
     stack.callback(close_session, session)
     return session
+
+
+def test_a_command_says_something_for_whoever_comes_later(endpoint: str) -> None:
+    where = ("--connect", endpoint)
+    words = ("topic", "pub", "r1/floor", "std/String")
+    with robo("router", "--listen", endpoint) as router:
+        router.wait_for("router at")
+        with robo(*words, "{data: second}", "--latched", "--priority", "data_high", *where) as kept:
+            kept.wait_for("is there for whoever comes later")
+            late = run_robo("topic", "echo", "r1/floor", "--once", "--field", "data", *where)
+            assert late.stdout.split() == ["second"]
+            assert "latched, data_high" in run_robo("topic", "info", "r1/floor", *where).stdout
+            kept.interrupt()
+            assert kept.wait() == 130
+        for wrong, told in (
+            (("--latched", "--once"), "leave --once out"),
+            (("--priority", "urgent"), "--priority urgent: priority 'urgent' is not known; use real_time, "),
+        ):
+            refused = run_robo(*words, *wrong, *where)
+            assert refused.returncode == 2
+            assert told in refused.stderr

@@ -345,5 +345,5 @@ def test_a_chain_of_motions_is_the_product_of_each(ends: list[tuple[Transform3, 
     expected = IDENTITY
     for a, b in ends:
         expected = interpolate(a, b, fraction) @ expected
-    found = Transform3(*followed([between(10.0, 4.0, (*a, *b)) for a, b in ends], 10.0 + 4.0 * fraction))
+    found = Transform3(*followed([between(10.0, 14.0, (*a, *b)) for a, b in ends], 10.0 + 4.0 * fraction))
     assert apart(found, expected) < 1e-11

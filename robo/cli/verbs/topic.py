@@ -117,6 +117,7 @@ def topic_echo(
     "robo stop velocity_controller && robo topic pub r1/cmd_vel_raw geometry/Twist '{linear: {x: 0.2}}' -r 10",
     "robo topic pub r1/chatter std/String '{data: hello}' --once --wait-for-subscriber",
     "robo topic pub r1/goal geometry/PoseStamped '{header: {stamp: now, frame_id: map}, pose: {position: {x: 1}}}'",
+    "robo topic pub r1/floor std/String '{data: second}' --latched",
     "robo topic pub - < log.jsonl",
     "robo topic echo r1/odom --json | robo topic pub r9/odom nav/Odometry -",
 )
@@ -144,6 +145,13 @@ def topic_pub(
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Also where nodes know the topic as another type.")] = False,
     beside: Annotated[bool, typer.Option("--beside", help="Also where somebody publishes the topic already.")] = False,
+    latched: Annotated[
+        bool, typer.Option("--latched", help="Whoever comes later gets the last one, until Ctrl-C.")
+    ] = False,
+    priority: Annotated[
+        str | None,
+        typer.Option("--priority", metavar="PRIORITY", help="What goes first on a full link: data, or data_high, …"),
+    ] = None,
 ) -> int:
     """Publish messages: one, several at a rate, or those of JSON Lines.
 
@@ -156,7 +164,7 @@ def topic_pub(
     """
     from robo.cli.views.pub import PubOptions, publish
 
-    options = PubOptions(rate, times, once, wait_for_subscriber, force, beside)
+    options = PubOptions(rate, times, once, wait_for_subscriber, force, beside, latched, priority)
     return publish(key, type_name, data, reach, options)
 
 

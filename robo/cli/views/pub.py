@@ -1,6 +1,7 @@
 """`robo topic pub`: publishing from a command line or from lines of JSON."""
 
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -11,13 +12,14 @@ import robo_messages
 from robo.cli.connection import connect_to_robot
 from robo.cli.printing import amount, hint, note
 from robo.cli.reach import Reach
-from robo.errors import MessageError, UsageError
+from robo.errors import ContractError, MessageError, UsageError
 from robo.interfaces import catalogue
 from robo.interfaces.message_input import message_of
 from robo.samples.publishing import Line, Sender, flush, line_of
 from robo.text.terminal import own
 from robo.text.unreadable import UNREADABLE
 from robo.tools import topics
+from robo.wire.qos import QoS, check_priority, said
 from robo_messages import Message
 
 _LONGEST_LINE = 100_000_000
@@ -42,6 +44,23 @@ class PubOptions(NamedTuple):
     """Also where nodes know the topic as another type."""
     beside: bool = False
     """Also where somebody publishes the topic already."""
+    latched: bool = False
+    """Whoever comes later gets the last one, until Ctrl-C."""
+    priority: str | None = None
+    """What goes first where a link has more to carry than it can."""
+
+    @property
+    def qos(self) -> QoS:
+        """What it promises of the topic.
+
+        Raises:
+            UsageError: there is no such priority.
+        """
+        try:
+            priority = check_priority(self.priority) if self.priority is not None else None
+        except ContractError as error:
+            raise UsageError(f"--priority {self.priority}: {error}") from None
+        return said(latched=self.latched or None, priority=priority)
 
     def sender(self, session: zenoh.Session, key: str, type_name: str, reach: Reach) -> Sender:
         """A sender on a topic, once all that was asked for is so.
@@ -54,11 +73,17 @@ class PubOptions(NamedTuple):
             topics.check_type(session, key, type_name, reach.timeout)
         if not self.beside:
             topics.check_unpublished(session, key, reach.timeout)
-        sender = Sender(session, key, type_name)
+        sender = Sender(session, key, type_name, self.qos)
         if self.wait:
             hint(f"waiting for a subscriber of {key} …")
             sender.wait_for_subscriber()
         return sender
+
+    def stay(self) -> None:
+        """Let those who come later have what is latched, until Ctrl-C."""
+        if self.latched:
+            note("what was published last is there for whoever comes later; Ctrl-C ends")
+            threading.Event().wait()
 
 
 def publish(key: str, type_name: str | None, data: str | None, reach: Reach, options: PubOptions) -> int:
@@ -73,6 +98,10 @@ def publish(key: str, type_name: str | None, data: str | None, reach: Reach, opt
         TopicTaken: somebody publishes a topic already; of lines, what came before is published.
         RoboError: the name makes no sense, or nothing runs.
     """
+    if options.once and options.latched:
+        raise UsageError(
+            "what is latched is there as long as the command runs: leave --once out, and end it with Ctrl-C"
+        )
     if "-" in (key, type_name, data):
         if data not in (None, "-") or options.once:
             raise UsageError("with - the messages come from standard input: leave DATA and --once out")
@@ -105,6 +134,7 @@ def _publish_one(key: str, type_name: str, text: str, reach: Reach, options: Pub
                 # Anew where it may be stamped `now`, so that it tells the time of now.
                 sender.send(robo_messages.encode(_message(type_name, text) if stamped else message))
                 count.add()
+            options.stay()
         finally:
             flush(session)
             sender.close()
@@ -128,6 +158,7 @@ def _publish_lines(key: str | None, type_name: str | None, reach: Reach, options
                     note(f"<stdin>:{number}: {error}")
                 if options.times is not None and lines.count.sent >= options.times:
                     break
+            options.stay()
         finally:
             flush(session)
             lines.close()
