@@ -15,6 +15,7 @@ from robo.launch.faults import in_order
 from robo.launch.plan import ProcessPlan, TopicPlan
 from robo.launch.resolve import Resolution
 from robo.text.brief import shown
+from robo.text.graph import BROADCAST_TYPES
 from robo.text.suggestions import closest, hint, suggest
 from robo.text.tree import Position, Problem
 from robo.wire import names
@@ -186,17 +187,13 @@ def _may_be_fed(problem: Problem, silent: Sequence[str]) -> Problem:
     return problem._replace(text=f"{problem.text} (unless {nodes} does: say it with publishes: {{topic: type}})")
 
 
-_BROADCAST = "tf2/TFMessage"
-"""Nodes say where frames stand for whoever wants to know; that nobody does is worth no note."""
-
-
 def _unread(
     key: str, ends: Sequence[TopicEnd], promised: Mapping[str, TopicPlan], resolution: Resolution
 ) -> Iterable[Problem]:
     if any(end.kind == "sub" for end in ends) or key in promised:
         return
     for end in ends:
-        if end.type != _BROADCAST:
+        if end.type not in BROADCAST_TYPES:
             yield Problem(resolution.positions[end.node], f"nobody reads {key}, which {end}")
 
 

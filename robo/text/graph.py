@@ -15,6 +15,9 @@ from robo.text.terminal import visible
 SYSTEM_TYPES = frozenset({"system/Log", "system/ParameterEvent", "system/Clock"})
 """Types of the topics that every node has; nobody needs to be at their other end."""
 
+BROADCAST_TYPES = frozenset({"tf2/TFMessage"})
+"""Types of what is said for whoever wants to know: that nobody does is worth no word."""
+
 
 class GraphNode(msgspec.Struct, frozen=True, order=True):
     """A node."""
@@ -114,7 +117,7 @@ def _topic(key: str, ends: _Ends) -> GraphTopic:
     problems = ends.clash()
     if not types or not SYSTEM_TYPES.issuperset(types):
         problems += ["nobody publishes it"] if not publishers else []
-        problems += ["nobody subscribes it"] if not subscribers else []
+        problems += ["nobody subscribes it"] if not subscribers and not BROADCAST_TYPES.intersection(types) else []
     return GraphTopic(key, types, publishers, subscribers, problems)
 
 

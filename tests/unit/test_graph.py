@@ -91,3 +91,9 @@ def test_mermaid_and_dot_have_an_arrow_for_each_end() -> None:
 def test_json_is_the_graph_itself(graph: Graph) -> None:
     assert msgspec.json.decode(draw(graph, "json"), type=Graph) == graph
     assert graph.topics[4] == GraphTopic("r1/lost", ["std/Bool"], ["/r1/a"], [], ["nobody subscribes it"])
+
+
+def test_that_nobody_reads_what_is_broadcast_is_no_problem() -> None:
+    edges = [Edge("/r1/a", "pub", "r1/tf", "tf2/TFMessage"), Edge("/r1/a", "sub", "r2/tf", "tf2/TFMessage")]
+    found = {topic.key: topic.problems for topic in build([GraphNode("/r1/a", None)], edges).topics}
+    assert found == {"r1/tf": [], "r2/tf": ["nobody publishes it"]}

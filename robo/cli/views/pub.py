@@ -79,9 +79,10 @@ class PubOptions(NamedTuple):
             sender.wait_for_subscriber()
         return sender
 
-    def stay(self) -> None:
+    def stay(self, count: "_Count") -> None:
         """Let those who come later have what is latched, until Ctrl-C."""
         if self.latched:
+            count.end()
             note("what was published last is there for whoever comes later; Ctrl-C ends")
             threading.Event().wait()
 
@@ -134,7 +135,7 @@ def _publish_one(key: str, type_name: str, text: str, reach: Reach, options: Pub
                 # Anew where it may be stamped `now`, so that it tells the time of now.
                 sender.send(robo_messages.encode(_message(type_name, text) if stamped else message))
                 count.add()
-            options.stay()
+            options.stay(count)
         finally:
             flush(session)
             sender.close()
@@ -158,7 +159,7 @@ def _publish_lines(key: str | None, type_name: str | None, reach: Reach, options
                     note(f"<stdin>:{number}: {error}")
                 if options.times is not None and lines.count.sent >= options.times:
                     break
-            options.stay()
+            options.stay(lines.count)
         finally:
             flush(session)
             lines.close()
@@ -217,6 +218,7 @@ class _Count:
     def end(self) -> None:
         """No more will be."""
         if self._live:
+            self._live = False
             self._tell("\n")
 
     def _tell(self, ending: str) -> None:
