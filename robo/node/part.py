@@ -2,12 +2,37 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Self, overload
+from typing import TYPE_CHECKING, Any, Protocol, Self, overload
 
 from robo.node.declare import Declares
 
 if TYPE_CHECKING:
-    from robo.node.node import Node
+    from robo.node.clock import Clock
+    from robo.node.log import NodeLogger
+    from robo_messages import Time
+
+
+class Host(Protocol):
+    """What a part has of its node."""
+
+    name: str
+    namespace: str
+    full_name: str
+    clock: Clock
+    logger: NodeLogger
+
+    @property
+    def stopping(self) -> bool:
+        """Whether it is told to stop."""
+
+    def now(self) -> Time:
+        """The time for stamps."""
+
+    def resolve(self, name: str) -> str:
+        """The key expression that a name of a topic stands for."""
+
+    def shutdown(self, exit_code: int = 0) -> None:
+        """Tell it to end."""
 
 
 class Part(Declares):
@@ -27,7 +52,7 @@ class Part(Declares):
     no actions and no hooks: those are the node's.
     """
 
-    node: Node
+    node: Host
     """Whose part it is."""
 
     _made_with: tuple[tuple[Any, ...], dict[str, Any]]
@@ -44,8 +69,8 @@ class Part(Declares):
     @overload
     def __get__(self, instance: None, owner: type[object]) -> Self: ...
     @overload
-    def __get__(self, instance: Node, owner: type[object]) -> Self: ...
-    def __get__(self, instance: Node | None, owner: type[object]) -> Self:
+    def __get__(self, instance: Host, owner: type[object]) -> Self: ...
+    def __get__(self, instance: Host | None, owner: type[object]) -> Self:
         if instance is None:
             return self
         args, options = self._made_with
