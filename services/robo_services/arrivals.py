@@ -1,12 +1,21 @@
 """When messages were sent, by the clock of the node that gets them: what safety may rely on."""
 
 import math
-from typing import Generic, TypeVar
+from typing import Annotated, Generic, TypeVar
 
-from robo import MessageInfo
+from msgspec import Meta
+
+from robo import READ_ONLY, MessageInfo
 from robo_messages import Message
 
 M = TypeVar("M", bound=Message)
+
+Unstamped = Annotated[
+    bool,
+    Meta(description="take what has no stamp, as of plain Zenoh clients; it counts from its arrival"),
+    READ_ONLY,
+]
+"""The parameter of a node that says what its `Arrivals` take."""
 
 HELD_UP = 0.1
 """A node that has not ticked for this long beyond its period was held up, s."""

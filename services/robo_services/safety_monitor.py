@@ -9,7 +9,7 @@ from msgspec import Meta
 import robo
 from robo import READ_ONLY, MessageInfo, Node, NotKept, Publisher, QoS, Unit, service, subscribe, timer
 from robo_messages import DiagnosticStatus, KeyValue, LaserScan, Message, Odometry, Trigger, Twist
-from robo_services.arrivals import Arrivals, Newest
+from robo_services.arrivals import Arrivals, Newest, Unstamped
 from robo_services.safety import Action, Decision, Limits, Situation, decide
 
 M = TypeVar("M", bound=Message)
@@ -57,11 +57,7 @@ class SafetyMonitor(Node):
         command_timeout: Annotated[
             float, Meta(ge=0.01, le=10, description="an older command stops the robot"), Unit("s")
         ] = 0.5
-        unstamped: Annotated[
-            bool,
-            Meta(description="take what has no stamp, as of plain Zenoh clients; it counts from its arrival"),
-            READ_ONLY,
-        ] = True
+        unstamped: Unstamped = True
         rate: Annotated[float, Meta(ge=1, le=1000, description="decisions per second"), Unit("Hz")] = 50.0
         laser: Annotated[
             bool, Meta(description="false for a base without one: obstacles do not stop it, all else does"), READ_ONLY

@@ -7,9 +7,9 @@ import msgspec
 from msgspec import Meta
 
 import robo
-from robo import READ_ONLY, MessageInfo, Node, Publisher, QoS, Unit, subscribe, timer
+from robo import MessageInfo, Node, Publisher, QoS, Unit, subscribe, timer
 from robo_messages import Odometry, Twist
-from robo_services.arrivals import Arrivals, Newest
+from robo_services.arrivals import Arrivals, Newest, Unstamped
 from robo_services.safety import is_finite
 from robo_services.smoothing import SHORTEST_STEP, STANDING, AxisLimits, Limits, Motion, begun_at, step, twist_of
 
@@ -88,11 +88,7 @@ class VelocitySmoother(Node):
         odom_timeout: Annotated[
             float, Meta(ge=0.01, le=10, description="older odometry is none: the loop is open"), Unit("s")
         ] = 0.25
-        unstamped: Annotated[
-            bool,
-            Meta(description="take what has no stamp, as of plain Zenoh clients; it counts from its arrival"),
-            READ_ONLY,
-        ] = True
+        unstamped: Unstamped = True
         linear: StraightLimits = StraightLimits()
         lateral: StraightLimits = StraightLimits(max_velocity=0.0, min_velocity=0.0)
         angular: TurningLimits = TurningLimits()
