@@ -1,9 +1,8 @@
 """What says where frames stand: the parts of nodes that broadcast transforms."""
 
-from robo.errors import InvalidTransform
 from robo.node.declare import Publisher
 from robo.node.part import Part
-from robo.tf.transform import Transform3
+from robo.tf.check import checked
 from robo_messages import TFMessage, TransformStamped
 
 TF, TF_STATIC = "tf", "tf_static"
@@ -51,9 +50,6 @@ class StaticTransformBroadcaster(Part):
 
 def _checked(transforms: tuple[TransformStamped, ...]) -> TFMessage:
     for transform in transforms:
-        parent, child = transform.header.frame_id, transform.child_frame_id
-        if not parent or not child or parent == child:
-            text = f"a transform of {child!r} in {parent!r}: it takes the names of two frames, parent and child"
-            raise InvalidTransform(text)
-        Transform3.from_message(transform)
+        header = transform.header
+        checked(transform, header.frame_id, transform.child_frame_id, header.stamp.to_nanoseconds())
     return TFMessage(list(transforms))

@@ -6,10 +6,9 @@ clock that was set back, and what is no transform.
 
 from robo.errors import InvalidTransform, TransformError
 from robo.tf import faults
-from robo.tf.history import MOST_NS, History, Late, Link, Said, pack
+from robo.tf.check import checked
+from robo.tf.history import History, Late, Link, Said, pack
 from robo.tf.notes import Kind, Notes
-from robo.tf.screw import Seven
-from robo.tf.transform import unit
 from robo.tf.tree import Tree
 from robo_messages import TransformStamped
 from robo_messages.std import NANOSECONDS
@@ -42,7 +41,7 @@ class Intake:
         parent, child = message.header.frame_id.lstrip("/"), message.child_frame_id.lstrip("/")  # as tf2 does
         ns = message.header.stamp.to_nanoseconds()
         try:
-            values = _checked(message, parent, child, ns)
+            values = checked(message, parent, child, ns)
             link = self._tree.links.get(child)
             frames = self._tree.frames
             if len(frames) >= MOST_FRAMES and not (parent in frames and child in frames):
@@ -173,21 +172,3 @@ class Intake:
 
 def _history_of(said: Said) -> History:
     return History.empty().merged(said.ns, said.sample, said.parent, said.parent)
-
-
-def _checked(message: TransformStamped, parent: str, child: str, ns: int) -> Seven:
-    """The numbers of a transform that can be one.
-
-    Raises:
-        InvalidTransform: they cannot, or its names or its stamp cannot.
-    """
-    if not parent:
-        raise InvalidTransform("header.frame_id is empty, and names the parent frame")
-    if not child:
-        raise InvalidTransform("child_frame_id is empty, and names the child frame")
-    if parent == child:
-        raise InvalidTransform("a frame cannot stand in itself; header.frame_id names its parent")
-    if abs(ns) > MOST_NS:
-        raise InvalidTransform(f"its stamp, {faults.seconds(ns)}, is further from 1970 than 146 years")
-    p, q = message.transform.translation, message.transform.rotation
-    return unit((p.x, p.y, p.z, q.x, q.y, q.z, q.w))
