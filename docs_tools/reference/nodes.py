@@ -125,7 +125,7 @@ def _parameter(node: str, info: ParameterInfo) -> tuple[str, ...]:
     return (
         code(info.name),
         info.type,
-        code(as_text(info.default)) if info.default != "" else "empty",
+        "needed" if info.default is None else code(as_text(info.default)) if info.default != "" else "empty",
         info.unit,
         prose(range_text({key: _short(value) for key, value in info.constraints.items()})),
         "at the start" if info.read_only else "",

@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from robo.errors import ContractError, ParameterError
+from robo.errors import ContractError
 from robo.launch.substitution import Word, settled
 from robo.node.contract_data import ContractData
 
@@ -97,6 +97,7 @@ def _answer(asked: Question, loaded: dict[str, Any]) -> Answer:
     from robo.node.contract_text import contract_data
     from robo.node.loading import load_node_class
     from robo.parameters import model as parameters
+    from robo.parameters.shape import declared_as
 
     if asked.service not in loaded:
         try:
@@ -112,11 +113,9 @@ def _answer(asked: Question, loaded: dict[str, Any]) -> Answer:
         return Answer(error=loaded[asked.service])
     node_class, contract = loaded[asked.service]
     types = contract.parameter_types
-    mistakes: dict[str, str] = {}
-    for name in asked.values.keys() & types:
-        try:
-            value = typed(asked.values[name], types[name])
-            parameters.build(node_class.Parameters, {name: value}, contract.name)
-        except ParameterError as error:
-            mistakes[name] = str(error)
-    return Answer(contract=contract, mistakes=mistakes)
+    values = {
+        name: typed(value, types[known])
+        for name, value in asked.values.items()
+        if (known := declared_as(name, types)) is not None
+    }
+    return Answer(contract=contract, mistakes=parameters.mistakes(node_class.Parameters, values, contract.name))

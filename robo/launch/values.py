@@ -17,6 +17,7 @@ from robo.launch.layers import Layer
 from robo.launch.substitution import BROKEN, Complain, Word, told
 from robo.parameters import files as parameter_files
 from robo.parameters.files import ParameterEntry, ParameterFile, flat_entries
+from robo.parameters.shape import declared_as
 from robo.text.brief import shown
 from robo.text.suggestions import hint, suggest
 from robo.text.tree import Position, Problem, Scalar, plain
@@ -146,15 +147,16 @@ def check(
         settings: dict[str, tuple[Setting, ...]] = {}
         for name, mentions in node.mentions.items():
             last = mentions[-1]
-            if own is not None and name not in own:
+            known = name if own is None else declared_as(name, own)
+            if own is not None and known is None:
                 if not last.shared:
                     problems.append(_unknown(node, name, last, own))
-                elif name not in declared:
+                elif declared_as(name, declared) is None:
                     # What is said for this start alone is meant for somebody.
                     mistakes = problems if last.name_at is COMMAND_LINE else loose
                     mistakes.append(_unknown_to_all(name, last, declared))
                 continue
-            kind = (own or {}).get(name)
+            kind = (own or {}).get(known or name)
             settings[name] = tuple(Setting(typed(one.value, kind), str(one.name_at)) for one in mentions)
             mistake = node.answer.mistakes.get(name) if node.answer is not None else None
             if mistake is not None:

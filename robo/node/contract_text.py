@@ -62,8 +62,12 @@ def contract_text(contract: ContractData) -> str:
     if contract.parameters:
         width = max(len(p.name) for p in contract.parameters)
         lines.append("parameters:")
-        lines += [f"  {p.name:{width}} {p.default!r:8} {p.about}".rstrip() for p in contract.parameters]
+        lines += [f"  {p.name:{width}} {_default(p.default):8} {p.about}".rstrip() for p in contract.parameters]
     return "\n".join(lines)
+
+
+def _default(value: object) -> str:
+    return "needed" if value is None else repr(value)
 
 
 def _carried(topic: TopicData) -> str:

@@ -207,7 +207,7 @@ class Life:
             self._own.follow_clock(clock)
         self.ends.begin()
         tuning = self._tuning
-        answers = Answers(node.full_name, lambda: node.parameters, node.contract.parameters, tuning.explain, tuning.set)
+        answers = Answers(node.full_name, lambda: node.parameters, tuning.explain, tuning.set)
         self.ends.add_other(ParameterServer(self.session, self._identity, answers))
         self._begin_work()
 

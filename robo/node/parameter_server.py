@@ -13,7 +13,7 @@ Requests and replies are MessagePack; JSON requests are read too and answered in
 1,000 parameters and be 1,000,000 bytes long.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 import msgspec
 import zenoh
@@ -21,7 +21,6 @@ import zenoh
 from robo.errors import ParameterError
 from robo.node.identity import Identity
 from robo.parameters import model as parameters
-from robo.parameters.hints import ParameterInfo
 from robo.parameters.model import Parameters
 from robo.text.brief import shown
 from robo.text.suggestions import hint
@@ -47,21 +46,19 @@ class Answers:
         self,
         full_name: str,
         current: Callable[[], Parameters],
-        infos: Sequence[ParameterInfo],
         explain: Callable[[str], list[Setting]],
         set_all: Callable[[Mapping[str, object]], None],
     ) -> None:
         """
         Args:
             full_name: the node's.
-            current: the parameters now.
-            infos: their descriptions.
+            current: the parameters now; their names stay as they are at first.
             explain: everything that was said of one, from the weakest to what holds.
             set_all: sets several, all or none; raises ParameterError.
         """
         self._full_name = full_name
         self._current = current
-        self._infos = {info.name: info for info in infos}
+        self._infos = {info.name: info for info in parameters.describe_running(current())}
         self._explain = explain
         self._set_all = set_all
 

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 from robo.errors import ContractError, ParameterError
 from robo.node.loops import period_of
 from robo.node.turn import Turn, taking
-from robo.parameters.model import Parameters, change, flat
+from robo.parameters.model import Parameters, change, default_of, flat
 from robo.wire.reports import Setting
 from robo_messages import Parameter, ParameterEvent, Time
 
@@ -85,8 +85,9 @@ class Tuning:
 
     def explain(self, name: str) -> list[Setting]:
         """All that was said of a parameter, weakest first; the last one holds."""
-        default = flat(type(self._node.parameters)())[name]
-        return [Setting(default, DECLARED_DEFAULT), *self._settings.get(name, ())]
+        default = default_of(type(self._node.parameters), name)
+        said = self._settings.get(name, ())
+        return [*([] if default is None else [Setting(default, DECLARED_DEFAULT)]), *said]
 
     def period(self, rate: float | str) -> Callable[[], float]:
         """What says the period of a timer, s, by its rate in Hz or the name of the parameter that says it.

@@ -4,19 +4,19 @@
         speed: Annotated[float, Meta(ge=0, le=2, description="how fast"), Unit("m/s")] = 0.5
         frame: Annotated[str, READ_ONLY] = "base_link"
 
-Fields may be bool, int, float, str, lists, enums, Literals and Structs of these. A value within a Struct
-has a name with dots, `gains.p`. Pure: from values to a Struct or to one error that names every mistake.
+Fields may be bool, int, float, str, lists, enums, Literals, Structs of these, and maps of such Structs whose names the
+user chooses. A value within a Struct has a name with dots, `gains.p` or `zones.front.radius`. Pure: from values to a
+Struct or to one error that names every mistake.
 """
 
 import math
-import typing
-from collections.abc import Collection, Mapping
-from functools import partial
+from collections.abc import Collection, Iterable, Mapping
 from typing import Annotated, Any, TypeVar
 
 import msgspec
 
-from robo.errors import ContractError, ParameterError
+from robo.errors import ParameterError
+from robo.parameters import shape
 from robo.parameters.hints import (
     NON_FINITE,
     READ_ONLY,
@@ -26,10 +26,10 @@ from robo.parameters.hints import (
     extras_of,
     info_of,
     is_on_step,
-    plain_type,
     step_of,
     type_name,
 )
+from robo.parameters.shape import Contradiction, EntryLacks, Leaf, declared_as
 from robo.text.brief import brief, shown
 from robo.text.paths import unnested
 from robo.text.suggestions import suggest
@@ -78,68 +78,118 @@ def change(current: P, changes: Mapping[str, object], owner: str) -> P:
     return _changed(current, changes, owner, read_only=True)
 
 
+def mistakes(cls: type[Parameters], values: Mapping[str, object], owner: str) -> dict[str, str]:
+    """Why values would be refused, each by the name of one of those that it is about; see `build`."""
+    current = cls()
+    converted, found = _converted(current, values, owner, read_only=False)
+    if not found:
+        try:
+            shape.assembled(current, converted)
+        except EntryLacks as error:
+            found[_last(converted, f"{error.entry}.")] = f"{owner}: {error}"
+        except Contradiction as error:
+            found[_last(converted, error.outer)] = f"{owner}: {error}"
+    return found
+
+
 def flat(parameters: Parameters) -> dict[str, object]:
     """Every value by its name, as plain data."""
-    return {name: msgspec.to_builtins(_get(parameters, name)) for name in _leaves(type(parameters))}
+    return {leaf.name: msgspec.to_builtins(leaf.value) for leaf in shape.leaves(parameters)}
 
 
 def describe(cls: type[Parameters]) -> list[ParameterInfo]:
-    """Every parameter of a class, in the order of its declaration.
+    """Every parameter of a class, in the order of its declaration; those of a map as its entries may have them.
 
     Raises:
         ContractError: a parameter has no default.
     """
-    _refuse_missing_defaults(cls)
-    defaults = cls()
-    return [info_of(name, hint, msgspec.to_builtins(_get(defaults, name))) for name, hint in _leaves(cls).items()]
+    shape.refuse_missing_defaults(cls)
+    return [_info(leaf, leaf.name) for leaf in shape.declared(cls).values()]
 
 
-def types_of(cls: type[Any]) -> dict[str, Any]:
-    """The types of all fields, with what they are annotated."""
-    return {
-        name: hint
-        for name, hint in typing.get_type_hints(cls, include_extras=True).items()
-        if name in cls.__struct_fields__
-    }
+def describe_running(parameters: Parameters) -> list[ParameterInfo]:
+    """Every parameter that a node has, those of its maps' entries by their names."""
+    declared = shape.declared(type(parameters))
+    return [_info(declared[_declared_as(leaf.name, declared)], leaf.name) for leaf in shape.leaves(parameters)]
+
+
+def default_of(cls: type[Parameters], name: str) -> object:
+    """The declared default of a parameter, as plain data; None for what has to be said."""
+    declared = shape.declared(cls)
+    return msgspec.to_builtins(declared[_declared_as(name, declared)].value)
+
+
+def _declared_as(name: str, declared: Mapping[str, Leaf]) -> str:
+    found = declared_as(name, declared)
+    assert found is not None, f"{name} is a parameter of a Struct that does not declare it"
+    return found
+
+
+def _info(leaf: Leaf, name: str) -> ParameterInfo:
+    return info_of(name, leaf.hint, msgspec.to_builtins(leaf.value))
 
 
 def _changed(current: P, changes: Mapping[str, object], owner: str, *, read_only: bool) -> P:
-    leaves = _leaves(type(current))
-    mistakes: list[str] = []
+    converted, found = _converted(current, changes, owner, read_only=read_only)
+    if found:
+        raise ParameterError("\n".join(found.values()))
+    try:
+        return shape.assembled(current, converted)
+    except (EntryLacks, Contradiction) as error:
+        raise ParameterError(f"{owner}: {error}") from None
+
+
+def _converted(
+    current: Parameters, changes: Mapping[str, object], owner: str, *, read_only: bool
+) -> tuple[dict[str, object], dict[str, str]]:
+    """Values of single parameters in their types, and what is wrong with others; both by name."""
+    declared = shape.declared(type(current))
+    now = {leaf.name: leaf.value for leaf in shape.leaves(current)} if read_only else {}
+    mistakes: dict[str, str] = {}
     converted: dict[str, object] = {}
-    for name, value in unnested(changes, ".", partial(_is_struct, leaves)):
+    for name, value in unnested(changes, ".", lambda name, _values: shape.is_group(name, declared)):
         if len(mistakes) == MOST_MISTAKES:
-            mistakes.append(f"{owner}: these are {MOST_MISTAKES} mistakes; the rest is not looked at")
+            mistakes[name] = f"{owner}: these are {MOST_MISTAKES} mistakes; the rest is not looked at"
             break
-        hint = leaves.get(name)
-        if name not in leaves:
-            mistakes.append(f"{owner} has no parameter {shown(name)}; {suggest(name, leaves, 'it has')}")
+        known = declared_as(name, declared)
+        if known is None or (read_only and name not in now):
+            mistakes[name] = _unknown(name, now or declared, owner, known)
             continue
-        if NON_FINITE in extras_of(hint):
-            value = _from_json(value)
-        try:
-            new: object = msgspec.convert(value, hint)
-        except (msgspec.ValidationError, OverflowError, RecursionError, TypeError, ValueError) as error:
-            choice = f"; use {type_name(hint)}" if choices_of(hint) else ""
-            mistakes.append(
-                f"{owner}: {name} = {shown(value)}: {brief(_readable(str(error)), 200)}{choice}{about_hint(hint)}"
-            )
-            continue
-        if (step := step_of(hint)) is not None and isinstance(new, (int, float)) and not is_on_step(new, step, hint):
-            mistakes.append(f"{owner}: {name} = {shown(value)}: expected a multiple of {step:g}{about_hint(hint)}")
-        elif not _finite(new) and NON_FINITE not in extras_of(hint):
-            mistakes.append(f"{owner}: {name} = {shown(value)}: expected a finite number{about_hint(hint)}")
-        elif read_only and READ_ONLY in extras_of(hint) and new != _get(current, name):
-            mistakes.append(f"{owner}: {name} is read-only; start the node with another value")
+        hint = declared[known].hint
+        new, mistake = _taken(value, hint)
+        if mistake:
+            mistakes[name] = f"{owner}: {name} = {shown(value)}: {mistake}{about_hint(hint)}"
+        elif read_only and READ_ONLY in extras_of(hint) and new != now[name]:
+            mistakes[name] = f"{owner}: {name} is read-only; start the node with another value"
         else:
             converted[name] = new
-    if mistakes:
-        raise ParameterError("\n".join(mistakes))
+    return converted, mistakes
+
+
+def _unknown(name: str, known: Collection[str], owner: str, declared: str | None) -> str:
+    late = "" if declared is None else " now, and one can only be added when it starts"
+    return f"{owner} has no parameter {shown(name)}{late}; {suggest(name, known, 'it has')}"
+
+
+def _taken(value: object, hint: Any) -> tuple[object, str]:
+    """A value in its type, and what is wrong with it: an empty text where nothing is."""
+    if NON_FINITE in extras_of(hint):
+        value = _from_json(value)
     try:
-        whole: P = _assembled(current, converted, "")
-    except (ValueError, TypeError) as error:  # raised by a __post_init__
-        raise ParameterError(f"{owner}: {error}") from None
-    return whole
+        new: object = msgspec.convert(value, hint)
+    except (msgspec.ValidationError, OverflowError, RecursionError, TypeError, ValueError) as error:
+        choice = f"; use {type_name(hint)}" if choices_of(hint) else ""
+        return None, f"{brief(_readable(str(error)), 200)}{choice}"
+    if (step := step_of(hint)) is not None and isinstance(new, (int, float)) and not is_on_step(new, step, hint):
+        return None, f"expected a multiple of {step:g}"
+    if not _finite(new) and NON_FINITE not in extras_of(hint):
+        return None, "expected a finite number"
+    return new, ""
+
+
+def _last(names: Iterable[str], within: str) -> str:
+    """The last of the names that begin so."""
+    return [name for name in names if name.startswith(within)][-1]
 
 
 def _from_json(value: object) -> object:
@@ -147,58 +197,6 @@ def _from_json(value: object) -> object:
     if isinstance(value, list):
         return [_from_json(item) for item in value]
     return float(value) if isinstance(value, str) and value in ("inf", "-inf", "nan") else value
-
-
-def _is_struct(leaves: Collection[str], name: str, _values: Mapping[str, object]) -> bool:
-    """Whether a map stands for a nested Struct, by the names of all single parameters."""
-    return name not in leaves and any(leaf.startswith(f"{name}.") for leaf in leaves)
-
-
-def _assembled(current: Any, values: Mapping[str, object], prefix: str) -> Any:
-    """A Struct like another one, with some values changed."""
-    fields: dict[str, object] = {}
-    for name in current.__struct_fields__:
-        old = getattr(current, name)
-        full = f"{prefix}{name}"
-        if full in values:
-            fields[name] = values[full]
-        elif any(key.startswith(f"{full}.") for key in values):
-            fields[name] = _assembled(old, values, f"{full}.")
-        else:
-            fields[name] = old
-    return type(current)(**fields)
-
-
-def _get(parameters: Any, name: str) -> Any:
-    for part in name.split("."):
-        parameters = getattr(parameters, part)
-    return parameters
-
-
-def _refuse_missing_defaults(cls: type[Any]) -> None:
-    for field in msgspec.structs.fields(cls):
-        if field.required:
-            raise ContractError(f"{cls.__qualname__}.{field.name} has no default; give it one")
-
-
-_leaves_of: dict[type[Any], dict[str, Any]] = {}
-
-
-def _leaves(cls: type[Any]) -> dict[str, Any]:
-    """The type of every single parameter; those of a nested Struct have names with dots."""
-    found = _leaves_of.get(cls)
-    if found is None:
-        found = _leaves_of[cls] = {}
-        for name, hint in types_of(cls).items():
-            plain = plain_type(hint)
-            if isinstance(plain, type) and issubclass(plain, msgspec.Struct):
-                _refuse_missing_defaults(plain)
-                found |= {f"{name}.{inner}": inner_hint for inner, inner_hint in _leaves(plain).items()}
-            else:
-                found[name] = hint
-        if "use_sim_time" in found:  # every node's; its own come first
-            found["use_sim_time"] = found.pop("use_sim_time")
-    return found
 
 
 def _readable(error: str) -> str:

@@ -4,7 +4,8 @@ from collections.abc import Iterable
 
 from robo.errors import ParameterError
 from robo.parameters.hints import plain_type
-from robo.parameters.model import Parameters, types_of
+from robo.parameters.model import Parameters
+from robo.parameters.shape import declared, declared_as
 
 
 def sides_of(word: str) -> tuple[str, str] | None:
@@ -35,7 +36,7 @@ def parse_assignment(text: str, cls: type[Parameters] | None = None) -> tuple[st
     name, value = sides_of(text) or ("", "")
     if not name:
         raise ParameterError(f"parameter {text!r}: write name:=value, for example log_rate:=2.0")
-    if cls is not None and plain_type(types_of(cls).get(name)) is str:
+    if cls is not None and (known := declared_as(name, declared(cls))) and plain_type(declared(cls)[known].hint) is str:
         return name, value
     return name, parse_value(value)
 

@@ -19,6 +19,7 @@ from robo.node.identity import Identity
 from robo.node.loading import load_node_class
 from robo.node.node import Node
 from robo.parameters.model import build
+from robo.parameters.shape import declared_as
 from robo.parameters.words import sides_of
 from robo.process import options as node_options
 from robo.process import runner, signals, threads
@@ -124,8 +125,14 @@ def _parameters(texts: Sequence[str], classes: Sequence[type[Node]]) -> list[lis
         node, _, rest = name.partition(".")
         taken = False
         for contract, words in zip(contracts, found, strict=True):
-            known = {info.name for info in contract.parameters}
-            own = name if name in known else rest if node == contract.name and rest in known else None
+            known = contract.parameter_types
+            own = (
+                name
+                if declared_as(name, known)
+                else rest
+                if node == contract.name and declared_as(rest, known)
+                else None
+            )
             if own is not None:
                 words += ["-p", f"{own}:={value}"]
                 taken = True

@@ -15,7 +15,7 @@ from msgspec import Meta
 import robo
 from robo import ParameterError, Unit
 from robo.node.parameter_server import LONGEST_REQUEST, Answers
-from robo.parameters.model import build, change, describe
+from robo.parameters.model import build, change
 from robo.wire.codec import Malformed
 from robo.wire.reports import Result, Setting
 
@@ -31,7 +31,7 @@ class Base:
     def __init__(self) -> None:
         self.parameters = build(Parameters, {}, "/r1/base")
         self.sets: list[Mapping[str, object]] = []
-        self.answers = Answers("/r1/base", lambda: self.parameters, describe(Parameters), self._explain, self._set)
+        self.answers = Answers("/r1/base", lambda: self.parameters, self._explain, self._set)
 
     def ask(self, verb: str, request: object = None) -> Any:
         return msgspec.to_builtins(self.answers.to(verb, b"" if request is None else msgpack.packb(request)))

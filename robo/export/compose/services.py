@@ -21,6 +21,7 @@ from robo.export.profiles import Profiles
 from robo.launch.expression import as_text
 from robo.launch.plan import ProcessPlan, ReadyPlan
 from robo.parameters import files as parameter_files
+from robo.parameters.shape import declared_as
 from robo.parameters.words import parse_value
 from robo.process.spec import NodeSpec
 from robo.wire.network import PORT
@@ -147,7 +148,8 @@ class Services:
         for name, given in process.parameters.items():
             value = baggage.value(given)
             if name not in from_files or from_files[name] != given or value != given:
-                command += ["-p", f"{name}:={as_word(value, types.get(name))}"]
+                kind = types.get(declared_as(name, types) or name)
+                command += ["-p", f"{name}:={as_word(value, kind)}"]
         for old, new in process.remap.items():
             command += ["-r", f"{old}:={new}"]
         command += ["--no-autostart"] if not process.autostart else []
