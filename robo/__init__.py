@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from robo.node.message_info import MessageInfo
     from robo.node.node import Node
     from robo.node.part import Part
-    from robo.parameters.hints import NON_FINITE, READ_ONLY, Step, Unit
+    from robo.parameters.hints import NON_FINITE, READ_ONLY, Step, Subscribes, Unit
     from robo.parameters.model import Parameters
     from robo.process.runner import run
     from robo.wire.goals import GoalState
@@ -84,6 +84,7 @@ __all__ = [
     "ServiceError",
     "ServiceTimeout",
     "Step",
+    "Subscribes",
     "TransitionCallbackReturn",
     "Unit",
     "UsageError",
@@ -103,7 +104,7 @@ _HOMES = {
     "node.message_info": ("MessageInfo",),
     "node.node": ("Node",),
     "node.part": ("Part",),
-    "parameters.hints": ("NON_FINITE", "READ_ONLY", "Step", "Unit"),
+    "parameters.hints": ("NON_FINITE", "READ_ONLY", "Step", "Subscribes", "Unit"),
     "parameters.model": ("Parameters",),
     "process.runner": ("run",),
     "wire.goals": ("GoalState",),

@@ -14,6 +14,8 @@ from robo.launch.check_actions import unexecuted
 from robo.launch.faults import in_order
 from robo.launch.plan import ProcessPlan, TopicPlan
 from robo.launch.resolve import Resolution
+from robo.node.contract_data import ContractData
+from robo.parameters.shape import ANY_NAME, declared_as
 from robo.text.brief import shown
 from robo.text.graph import BROADCAST_TYPES
 from robo.text.suggestions import closest, hint, suggest
@@ -31,6 +33,7 @@ class TopicEnd(msgspec.Struct, frozen=True):
     """`pub` or `sub`."""
     key: str
     type: str
+    """Empty where it is not known."""
     topic: str
     """As the node itself calls it, before remapping."""
     qos: QoS | None = None
@@ -38,7 +41,7 @@ class TopicEnd(msgspec.Struct, frozen=True):
 
     def __str__(self) -> str:
         renamed = "" if self.key.endswith(self.topic.strip("/")) else f" (its {self.topic})"
-        return f"{self.node} {VERBS[self.kind]} {self.type}{renamed}"
+        return f"{self.node} {VERBS[self.kind]} {self.type or 'it'}{renamed}"
 
 
 class Findings(msgspec.Struct, frozen=True):
@@ -144,6 +147,18 @@ def _declared(
     if contract is not None:
         topics = contract.publishers if kind == "pub" else contract.subscriptions
         yield from ((declared.topic, declared.type, declared.qos) for declared in topics)
+        if kind == "sub":
+            yield from _subscribed_by_parameters(process, contract)
+
+
+def _subscribed_by_parameters(process: ProcessPlan, contract: ContractData) -> Iterable[tuple[str, str, QoS | None]]:
+    """The topics that a process subscribes because a parameter names them."""
+    infos = {info.name: info for info in contract.parameters if info.subscribes is not None}
+    values = {name: info.default for name, info in infos.items() if info.default is not None and ANY_NAME not in name}
+    for name, topic in (values | process.parameters).items():
+        info = infos.get(declared_as(name, infos) or "")
+        if info is not None and isinstance(topic, str) and names.is_name(topic):  # else it is refused itself
+            yield topic, info.subscribes or "", None
 
 
 def _end(process: ProcessPlan, kind: EndpointKind, topic: str, type_name: str, qos: QoS | None) -> TopicEnd:
@@ -154,8 +169,8 @@ def _end(process: ProcessPlan, kind: EndpointKind, topic: str, type_name: str, q
 
 
 def _type_clashes(key: str, ends: Sequence[TopicEnd], resolution: Resolution) -> Iterable[Problem]:
-    first = ends[0]
-    for other in ends[1:]:
+    first, *others = [end for end in ends if end.type] or ends[:1]
+    for other in others:
         if other.type != first.type:
             where = resolution.positions[first.node]
             text = f"two types on {key}: {other}, but {first} (in {where})"
@@ -255,7 +270,7 @@ def _promise(topic: TopicPlan, by_key: Mapping[str, Sequence[TopicEnd]], *, may_
     if topic.type is None:
         return
     for end in ends:
-        if end.type != topic.type:
+        if end.type not in (topic.type, ""):
             yield Problem(topic.source, f"{topic.key} is promised as {topic.type}, but {end}")
     known = robo_messages.type_names()
     if topic.type not in known and not any(end.type == topic.type for end in ends):

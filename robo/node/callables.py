@@ -33,14 +33,19 @@ class AsyncCallback(Protocol):
 def takes_info(callback: Callable[..., object]) -> bool:
     """Whether a callback of a subscription takes a `MessageInfo` beside the message."""
     function: Any = callback
+    filled = 0
+    while isinstance(function, partial):
+        filled += len(function.args) + len(function.keywords)
+        function = function.func
+    called = function
     code = getattr(function, "__code__", None)
     while code is not None and code.co_flags & _TAKES_ALL and hasattr(function, "__wrapped__"):
         function = function.__wrapped__  # what a decorator hands all on to
         code = getattr(function, "__code__", None)
     if code is None:
         return False
-    given = len(getattr(function, "__defaults__", None) or ()) + (getattr(callback, "__self__", None) is not None)
-    return bool(code.co_argcount - given >= 2)
+    given = len(getattr(function, "__defaults__", None) or ()) + (getattr(called, "__self__", None) is not None)
+    return bool(code.co_argcount - given - filled >= 2)
 
 
 _TAKES_ALL = 0x04

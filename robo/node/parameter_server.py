@@ -21,6 +21,7 @@ import zenoh
 from robo.errors import ParameterError
 from robo.node.identity import Identity
 from robo.parameters import model as parameters
+from robo.parameters.hints import ParameterInfo
 from robo.parameters.model import Parameters
 from robo.text.brief import shown
 from robo.text.suggestions import hint
@@ -84,7 +85,7 @@ class Answers:
             return {name: values[name] for name in wanted}
         if verb == "explain":
             return {name: self._explain(name) for name in wanted}
-        return {name: msgspec.structs.asdict(self._infos[name]) | {"value": values[name]} for name in wanted}
+        return {name: _described(self._infos[name]) | {"value": values[name]} for name in wanted}
 
     def _wanted(self, request: object) -> list[str]:
         if request is None or request == {}:
@@ -96,6 +97,11 @@ class Answers:
             if not isinstance(name, str) or name not in self._infos:
                 raise ParameterError(f"{self._full_name} has no parameter {shown(name)}{hint(str(name), self._infos)}")
         return wanted
+
+
+def _described(info: ParameterInfo) -> dict[str, object]:
+    """What is told of a parameter; which topics it makes the node subscribe, others see from the topics."""
+    return {name: value for name, value in msgspec.structs.asdict(info).items() if name != "subscribes"}
 
 
 class ParameterServer:

@@ -8,6 +8,9 @@ from typing import Any
 
 import msgspec
 
+from robo_messages import Message
+from robo_messages import type_name as type_of
+
 
 class Unit(str):
     """A parameter's unit, shown wherever it is described: `Annotated[float, Unit("m/s")]`."""
@@ -19,6 +22,21 @@ class Step(float):
     """The step between a parameter's values, from 0 or from its lower limit: `Annotated[float, Step(0.1)]`."""
 
     __slots__ = ()
+
+
+class Subscribes:
+    """Marks a text that names a topic which the node subscribes, so that `robo check` knows who listens.
+
+        topic: Annotated[str, Subscribes(Twist), READ_ONLY]
+
+    The node itself subscribes it, by `create_subscription` in `on_start`.
+    """
+
+    __slots__ = ("type",)
+
+    def __init__(self, message_type: type[Message] | None = None) -> None:
+        """`message_type`: what the topic carries; None where another parameter says that."""
+        self.type = type_of(message_type) if message_type is not None else ""
 
 
 class _Mark:
@@ -50,6 +68,8 @@ class ParameterInfo(msgspec.Struct, frozen=True):
     unit: str
     constraints: dict[str, float | int | str]
     read_only: bool
+    subscribes: str | None = None
+    """Where it names a topic that the node subscribes: the type of its messages, empty where that is not known."""
 
     @property
     def about(self) -> str:
@@ -69,6 +89,7 @@ def info_of(name: str, hint: Any, default: object) -> ParameterInfo:
         {key: value for meta in _metas(hint) for key in _CONSTRAINTS if (value := getattr(meta, key)) is not None}
         | ({} if (step := step_of(hint)) is None else {"step": step}),
         READ_ONLY in extras_of(hint),
+        next((extra.type for extra in extras_of(hint) if isinstance(extra, Subscribes)), None),
     )
 
 

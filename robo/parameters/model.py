@@ -21,6 +21,7 @@ from robo.parameters.hints import (
     NON_FINITE,
     READ_ONLY,
     ParameterInfo,
+    Subscribes,
     about_hint,
     choices_of,
     extras_of,
@@ -33,6 +34,7 @@ from robo.parameters.shape import Contradiction, EntryLacks, Leaf, declared_as
 from robo.text.brief import brief, shown
 from robo.text.paths import unnested
 from robo.text.suggestions import suggest
+from robo.wire import names
 
 
 class Parameters(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
@@ -184,6 +186,8 @@ def _taken(value: object, hint: Any) -> tuple[object, str]:
         return None, f"expected a multiple of {step:g}"
     if not _finite(new) and NON_FINITE not in extras_of(hint):
         return None, "expected a finite number"
+    if any(isinstance(extra, Subscribes) for extra in extras_of(hint)) and not names.is_name(str(new)):
+        return None, f"expected a topic's name: {names.RULE}, parts joined by /"
     return new, ""
 
 

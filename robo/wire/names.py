@@ -21,6 +21,15 @@ def is_word(name: str) -> bool:
     return _CHUNK.match(name) is not None
 
 
+def is_name(name: str) -> bool:
+    """Whether a name is one of a topic or service: relative, absolute or private."""
+    try:
+        _expand(name, "", "node")
+    except InvalidName:
+        return False
+    return True
+
+
 def check_node_name(name: str) -> str:
     """A node's name: one chunk.
 

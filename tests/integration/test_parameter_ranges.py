@@ -14,11 +14,12 @@ from robo_services.carmen_player import CarmenPlayer
 from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.position_tracker import PositionTracker
 from robo_services.safety_monitor import SafetyMonitor
+from robo_services.twist_mux import TwistMux
 from robo_services.velocity_controller import VelocityController
 from robo_services.velocity_smoother import VelocitySmoother
 from tests.support import eventually
 
-SHIPPED = [CarmenPlayer, DiffDriveSim, PositionTracker, SafetyMonitor, VelocityController, VelocitySmoother]
+SHIPPED = [CarmenPlayer, DiffDriveSim, PositionTracker, SafetyMonitor, TwistMux, VelocityController, VelocitySmoother]
 
 
 def ends(info: ParameterInfo) -> Iterator[float]:

@@ -33,6 +33,7 @@ def modules_after(code: str) -> set[str]:
         "import robo_services.velocity_controller, robo.process.node",
         "import robo_services.position_tracker, robo.process.node",
         "import robo_services.safety_monitor, robo.process.node",
+        "import robo_services.twist_mux, robo.process.node",
         "import robo_services.velocity_smoother, robo.process.node",
         "import robo_services.carmen_player, robo.process.node",
         "import robo.process.router",

@@ -137,8 +137,10 @@ class Receiver:
 def test_what_takes_what_is_known_of_a_message_does_so_behind_a_decorator_too() -> None:
     one = Receiver()
     informed: list[Callable[..., object]] = [one.informed, one.decorated_informed, lambda _twist, _info: None]
+    informed += [partial(lambda _name, _twist, _info: None, "front"), partial(partial(one.informed))]
     assert all(takes_info(callback) for callback in informed)
     others: list[Callable[..., object]] = [one.plain, one.decorated_plain, lambda _twist, _more=1: None, print]
+    others += [partial(one.informed, info=MessageInfo(0.0)), partial(lambda _name, _twist: None, "front")]
     assert not any(takes_info(callback) for callback in others)
 
 

@@ -291,6 +291,7 @@ def test_robo_announces_the_nodes_that_ship() -> None:
         "diff_drive_sim",
         "position_tracker",
         "safety_monitor",
+        "twist_mux",
         "velocity_controller",
         "velocity_smoother",
     ]
