@@ -1,4 +1,4 @@
-"""Differential-drive kinematics, in the plane."""
+"""Motion in the plane: poses, velocities, and exact arcs."""
 
 import math
 from typing import NamedTuple
@@ -17,6 +17,18 @@ class Pose2(NamedTuple):
     """rad, in (-π, π]."""
 
 
+ORIGIN = Pose2()
+
+
+class Twist2(NamedTuple):
+    """How a base moves that cannot move sideways; or, of the same shape, how far it has moved."""
+
+    linear: float = 0.0
+    """Forward, m/s; or the way along the arc, m."""
+    angular: float = 0.0
+    """To the left, rad/s; or the turn, rad."""
+
+
 def advance(pose: Pose2, linear: float, angular: float, dt: float) -> Pose2:
     """Where a robot is that drives an exact arc for `dt` s (Thrun, Burgard, Fox 2005, §5.3).
 
@@ -25,19 +37,27 @@ def advance(pose: Pose2, linear: float, angular: float, dt: float) -> Pose2:
         linear: forward velocity, m/s.
         angular: yaw rate, rad/s.
         dt: s.
+
+    Raises:
+        ValueError: the robot turns by what is not a finite number.
     """
     turn = angular * dt
-    if abs(turn) < 1e-6:  # the arc's radius would be lost to rounding; a chord is exact enough
-        middle = pose.yaw + turn / 2
-        return Pose2(
-            pose.x + linear * dt * math.cos(middle),
-            pose.y + linear * dt * math.sin(middle),
-            normalize_angle(pose.yaw + turn),
-        )
-    radius = linear / angular
-    yaw = pose.yaw + turn
-    return Pose2(
-        pose.x + radius * (math.sin(yaw) - math.sin(pose.yaw)),
-        pose.y - radius * (math.cos(yaw) - math.cos(pose.yaw)),
-        normalize_angle(yaw),
-    )
+    x, y = chord(linear * dt, turn, pose.yaw)
+    return Pose2(pose.x + x, pose.y + y, normalize_angle(pose.yaw + turn))
+
+
+def chord(distance: float, turn: float, yaw: float) -> tuple[float, float]:
+    """Where an arc leads from where it begins, x and y in m.
+
+    The chord of an arc of radius r is 2 r sin(turn / 2) long and points to the middle of both headings. Written
+    with distance / turn for r it is as exact for the widest arc, and for a straight line, as for a narrow one;
+    a difference of r sin(yaw) loses there what r gains.
+
+    Args:
+        distance: along the arc, negative backward, m.
+        turn: to the left, rad.
+        yaw: where the robot looks at its beginning, rad.
+    """
+    half = turn / 2
+    length = distance * (math.sin(half) / half) if half else distance
+    return length * math.cos(yaw + half), length * math.sin(yaw + half)
