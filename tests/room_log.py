@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from robo_services import world
-from robo_services.diff_drive import BaseLimits, DiffDrive
+from robo_services.simulated_base import BaseLimits, SimulatedBase
 from robo_services.kinematics import Pose2
 
 LOG = Path(__file__).parents[1] / "logs" / "room.log.gz"
@@ -33,7 +33,7 @@ def lines() -> Iterator[str]:
         linear_deceleration=5.0,
         angular_acceleration=6.0,
     )
-    base = DiffDrive(room, limits, Pose2())
+    base = SimulatedBase(room, limits, Pose2())
     # One ray a degree; those of a CARMEN log look to the front, from right to left.
     laser = world.Laser(room, rays=360, range_min=0.05, range_max=12.0, noise=0.005, seed=0)
     yield "# The simulated base in the simulated room: made by tests/room_log.py"

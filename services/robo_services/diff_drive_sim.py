@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Iterable
 from functools import partial
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 from msgspec import Meta
 
@@ -14,33 +14,22 @@ from robo.tf import StaticTransformBroadcaster, Transform3, TransformBroadcaster
 from robo_messages import (
     Clock,
     Header,
+    JointState,
     LaserScan,
     Odometry,
-    Point,
-    Pose,
-    PoseWithCovariance,
     Time,
     TransformStamped,
     Trigger,
     Twist,
-    TwistWithCovariance,
-    Vector3,
 )
 from robo_services import world
 from robo_services.arrivals import Arrivals
-from robo_services.diff_drive import BaseLimits, DiffDrive
-from robo_services.kinematics import Pose2
-from robo_services.planar import quaternion_from_yaw
+from robo_services.drives import Ackermann, DiffDrive, SkidSteer
+from robo_services.kinematics import Pose2, Twist2
 from robo_services.safety import is_finite
-
-
-def _diagonal(*values: float) -> tuple[float, ...]:
-    return tuple(values[i] if i == j else 0.0 for i in range(6) for j in range(6))
-
-
-# Not measured is a large variance: a planar base knows nothing of z, roll and pitch.
-POSE_COVARIANCE = _diagonal(1e-3, 1e-3, 1e6, 1e6, 1e6, 1e-2)
-TWIST_COVARIANCE = _diagonal(1e-3, 1e-3, 1e6, 1e6, 1e6, 1e-2)
+from robo_services.simulated_base import BaseLimits, SimulatedBase
+from robo_services.uncertainty import NOISE, PoseCovariance
+from robo_services.wheel_odometry import odometry_message, twist_variances
 
 MOST_STEPS = 50
 """Steps made up for at once after the process was held up; beyond them simulated time falls behind."""
@@ -67,8 +56,20 @@ def in_force(commands: Iterable[Command], moment: float, timeout: float) -> Twis
     return twist
 
 
+_JOINTS = {
+    "diff": ("left_wheel_joint", "right_wheel_joint"),
+    "skid": ("front_left_wheel_joint", "rear_left_wheel_joint", "front_right_wheel_joint", "rear_right_wheel_joint"),
+    "ackermann": (
+        "rear_left_wheel_joint",
+        "rear_right_wheel_joint",
+        "front_left_steering_joint",
+        "front_right_steering_joint",
+    ),
+}
+
+
 class DiffDriveSim(Node):
-    """Simulate a differential-drive base and its laser in a flat world."""
+    """Simulate a base and its laser in a flat world: a differential drive, or a skid steer, or a car."""
 
     class Parameters(robo.Parameters):
         """The base, its laser and its world."""
@@ -82,6 +83,29 @@ class DiffDriveSim(Node):
         seed: Annotated[
             int, Meta(description="what the laser's noise begins from: the same seed, the same noise"), READ_ONLY
         ] = 0
+        drive: Annotated[
+            Literal["diff", "skid", "ackermann"],
+            Meta(description="two wheels, rows of wheels that slide in turns, or a car, which cannot turn on the spot"),
+            READ_ONLY,
+        ] = "diff"
+        wheel_separation: Annotated[
+            float, Meta(ge=0.001, le=100, description="between the wheels of the two sides"), Unit("m"), READ_ONLY
+        ] = 0.3
+        wheel_radius: Annotated[
+            float, Meta(ge=0.001, le=100, description="radius of a wheel"), Unit("m"), READ_ONLY
+        ] = 0.05
+        wheelbase: Annotated[
+            float, Meta(ge=0.001, le=100, description="between the axles of a car"), Unit("m"), READ_ONLY
+        ] = 0.3
+        max_steering_angle: Annotated[
+            float, Meta(ge=0.01, le=1.5, description="how far a car steers to either side"), Unit("rad"), READ_ONLY
+        ] = 0.6
+        max_steering_velocity: Annotated[
+            float, Meta(ge=0.01, le=100, description="how quickly it steers"), Unit("rad/s"), READ_ONLY
+        ] = 2.0
+        joint_states: Annotated[
+            bool, Meta(description="publish joint_states: how far wheels have turned and are steered"), READ_ONLY
+        ] = False
         radius: Annotated[float, Meta(gt=0, description="radius of the round base"), Unit("m"), READ_ONLY] = 0.2
         max_linear_velocity: Annotated[float, Meta(gt=0, description="it drives no faster"), Unit("m/s"), READ_ONLY] = (
             1.5
@@ -132,7 +156,10 @@ class DiffDriveSim(Node):
     parameters: Parameters
 
     odometry = Publisher(Odometry, "odom")
-    """Where the base is and how fast it moves, after every step of the simulation."""
+    """Where the base is and how fast it moves, after every step of the simulation: true to the last digit.
+
+    Its covariance is that of wheels all the same, as of a real base.
+    """
     scans = Publisher(LaserScan, "scan")
     """What the laser measures; nothing where `laser` is false."""
     frames = TransformBroadcaster()
@@ -150,8 +177,12 @@ class DiffDriveSim(Node):
             linear_deceleration=p.linear_deceleration,
             angular_acceleration=p.angular_acceleration,
         )
-        self._new_base = partial(DiffDrive, surroundings, limits, Pose2(p.x, p.y, p.yaw))
+        self._drive = _drive_of(p)
+        self._new_base = partial(SimulatedBase, surroundings, limits, Pose2(p.x, p.y, p.yaw), self._drive)
         self._base = self._new_base()
+        self._covariance = PoseCovariance()
+        self._turned: list[float] = []
+        self._joints = self.create_publisher(JointState, "joint_states") if p.joint_states else None
         self._laser = world.Laser(
             surroundings,
             rays=p.rays,
@@ -183,6 +214,8 @@ class DiffDriveSim(Node):
         if is_finite(twist):
             sent = self._arrivals.sent(info, self.clock.monotonic(), self._wall.monotonic())
             self._commands.append(Command(twist, sent))
+            if twist.linear.x == 0.0 and twist.angular.z != 0.0 and isinstance(self._drive, Ackermann):
+                self.logger.warning("a car cannot turn on the spot: it stands", throttle=5.0)
         else:
             self.logger.warning("ignored a command that holds NaN or an infinity", throttle=5.0)
 
@@ -190,6 +223,8 @@ class DiffDriveSim(Node):
     def reset(self, _request: Trigger.Request) -> Trigger.Response:
         """Put the base back to where it started, standing still."""
         self._base = self._new_base()
+        self._covariance = PoseCovariance()
+        self._turned = []
         self._commands.clear()
         return Trigger.Response(message="back at the start")
 
@@ -207,10 +242,14 @@ class DiffDriveSim(Node):
         if not self.parameters.publish_clock:
             self._arrivals.tick(self._wall.monotonic(), 1.0 / rate)
         due = int((now - self._begin) * rate + 1e-6)
-        for step in range(max(self._steps, due - MOST_STEPS), due):
+        steps = range(max(self._steps, due - MOST_STEPS), due)
+        for step in steps:
             # What is made up for after a pause happened then: a command moves nothing before it was sent.
             command = in_force(self._commands, self._begin + (step + 1) / rate, timeout)
+            yaw = self._base.pose.yaw
             self._base.step(command.linear.x, command.angular.z, 1.0 / rate)
+            way, turn = self._base.linear / rate, self._base.angular / rate
+            self._covariance = self._covariance.after(way, turn, yaw, NOISE)
         self._steps = due
         if self._base.bumped:
             self.logger.warning("the base pushes against something", throttle=5.0)
@@ -218,6 +257,8 @@ class DiffDriveSim(Node):
         self.odometry.publish(odometry)
         moved = Transform3.from_message(odometry.pose.pose)
         self.frames.send(moved.to_stamped(odometry.header, odometry.child_frame_id))
+        if self._joints is not None:
+            self._joints.publish(self._joint_state(odometry.header.stamp, max(len(steps), 1) / rate))
 
     @timer(rate="scan_rate")
     def scan(self) -> None:
@@ -240,14 +281,37 @@ class DiffDriveSim(Node):
 
     def _odometry(self) -> Odometry:
         base, p = self._base, self.parameters
-        pose = Pose(Point(base.pose.x, base.pose.y), quaternion_from_yaw(base.pose.yaw))
-        twist = Twist(Vector3(x=base.linear), Vector3(z=base.angular))
-        return Odometry(
-            Header(self.now(), p.odom_frame),
-            p.base_frame,
-            PoseWithCovariance(pose, POSE_COVARIANCE),
-            TwistWithCovariance(twist, TWIST_COVARIANCE),
+        twist = Twist2(base.linear, base.angular)
+        variances = twist_variances(twist, NOISE, 1.0 / p.odom_rate)
+        return odometry_message(
+            Header(self.now(), p.odom_frame), p.base_frame, base.pose, twist, self._covariance, variances
         )
+
+    def _joint_state(self, stamp: Time, elapsed: float) -> JointState:
+        left, right, steering = self._base.wheels
+        turned = {
+            "diff": [left, right],
+            "skid": [left, left, right, right],
+            "ackermann": [left, right],
+        }[self.parameters.drive]
+        if isinstance(self._drive, Ackermann):
+            turned += self._drive.front_wheels(steering)
+        before, self._turned = self._turned or turned, turned
+        rates = [(new - old) / elapsed for new, old in zip(turned, before, strict=True)]
+        return JointState(Header(stamp), list(_JOINTS[self.parameters.drive]), turned, rates)
+
+
+def _drive_of(p: DiffDriveSim.Parameters) -> DiffDrive | Ackermann:
+    if p.drive == "ackermann":
+        return Ackermann(
+            wheelbase=p.wheelbase,
+            wheel_separation=p.wheel_separation,
+            wheel_radius=p.wheel_radius,
+            max_steering_angle=p.max_steering_angle,
+            max_steering_velocity=p.max_steering_velocity,
+        )
+    kind = SkidSteer if p.drive == "skid" else DiffDrive
+    return kind(wheel_separation=p.wheel_separation, wheel_radius=p.wheel_radius)
 
 
 if __name__ == "__main__":

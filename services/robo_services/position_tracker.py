@@ -7,7 +7,7 @@ from msgspec import Meta
 import robo
 from robo import KEEP_ALL, Node, Publisher, Unit, service, subscribe, timer
 from robo_messages import Odometry, Point, Trigger
-from robo_services.odometry import BaseLimits, OdometryTrack, fix_of
+from robo_services.odometry_check import BaseLimits, OdometryTrack, fix_of
 
 TOLD_EVERY = 60.0
 """How often the same doubt is told at most, s."""

@@ -12,7 +12,7 @@ from robo_services.kinematics import Pose2, Twist2, advance, chord
 DIFF = DiffDrive(wheel_separation=0.3, wheel_radius=0.05)
 SKID = SkidSteer(wheel_separation=0.4, wheel_radius=0.1, wheel_separation_multiplier=1.8)
 CAR = Ackermann(wheelbase=0.32, wheel_separation=0.2, wheel_radius=0.05, max_steering_angle=0.6)
-DRIVES = {"diff": DIFF, "skid": SKID, "ackermann": CAR}
+DRIVES: dict[str, Drive] = {"diff": DIFF, "skid": SKID, "ackermann": CAR}
 
 lengths = st.floats(0.02, 2.0)
 multipliers = st.floats(0.8, 1.25)

@@ -1,4 +1,5 @@
 import math
+import random
 from pathlib import Path
 
 import pytest
@@ -6,8 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo_services import world
-from robo_services.diff_drive import BaseLimits, DiffDrive
-from robo_services.kinematics import Pose2, advance
+from robo_services.drives import Ackermann, DiffDrive, SkidSteer
+from robo_services.kinematics import Pose2, Twist2, advance
+from robo_services.simulated_base import DRIVE, BaseLimits, SimulatedBase
+from robo_services.wheel_odometry import WheelOdometry
 from robo_services.world import Box, Circle, Laser, World, WorldError
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -34,7 +37,7 @@ def test_an_arc_is_exact_whatever_the_step(linear: float, angular: float, dt: fl
     many = Pose2(1.0, 2.0, 0.5)
     for _ in range(parts):
         many = advance(many, linear, angular, dt / parts)
-    assert (once.x, once.y) == pytest.approx((many.x, many.y), abs=1e-5)
+    assert (once.x, once.y) == pytest.approx((many.x, many.y), abs=1e-12)
     assert math.remainder(once.yaw - many.yaw, math.tau) == pytest.approx(0, abs=1e-9)
 
 
@@ -104,7 +107,7 @@ def test_the_same_seed_gives_the_same_noise() -> None:
 
 
 def test_nothing_is_driven_through() -> None:
-    base = DiffDrive(World(walls=((1.0, -1.0, 1.0, 1.0),)), LIMITS, Pose2())
+    base = SimulatedBase(World(walls=((1.0, -1.0, 1.0, 1.0),)), LIMITS, Pose2())
     for _ in range(500):
         base.step(1.0, 0.0, 0.02)
     assert base.bumped
@@ -117,7 +120,7 @@ def test_nothing_is_driven_through() -> None:
 
 
 def test_acceleration_is_limited() -> None:
-    base = DiffDrive(World(), LIMITS, Pose2())
+    base = SimulatedBase(World(), LIMITS, Pose2())
     base.step(10.0, 10.0, 0.1)
     assert (base.linear, base.angular) == pytest.approx((0.2, 0.6))
 
@@ -150,3 +153,68 @@ def test_mistakes_in_a_world_have_a_place(tmp_path: Path, text: str, messages: l
 def test_a_missing_world() -> None:
     with pytest.raises(WorldError, match="cannot be read"):
         world.load("nowhere.yaml")
+
+
+# -- drives ------------------------------------------------------------------------------------------------------------
+
+SKID = SkidSteer(wheel_separation=0.3, wheel_radius=0.05)
+CAR = Ackermann(
+    wheelbase=0.3, wheel_separation=0.2, wheel_radius=0.05, max_steering_angle=0.5, max_steering_velocity=2.0
+)
+
+
+@pytest.mark.parametrize("drive", [DRIVE, SKID, CAR])
+@pytest.mark.parametrize("seed", range(3))
+def test_odometry_by_its_wheels_knows_where_it_is(drive: DiffDrive | Ackermann, seed: int) -> None:
+    chance = random.Random(seed)
+    base = SimulatedBase(World(), LIMITS, Pose2(1.0, 2.0, 0.5), drive)
+    odometry = WheelOdometry(drive, pose=base.pose)
+    wanted = 0.0, 0.0
+    for step in range(1000):
+        if step % 50 == 0:
+            wanted = chance.uniform(-1.5, 1.5), chance.uniform(-3.0, 3.0)
+        left, right, steering = base.wheels
+        assert odometry.take_positions([left], [right], step * 0.02, steering=steering)
+        assert odometry.pose == pytest.approx(base.pose, abs=1e-9)
+        base.step(*wanted, 0.02)
+
+
+def test_a_skid_steer_drives_as_two_wheels_do_with_wheels_that_turn_more() -> None:
+    two, rows = SimulatedBase(World(), LIMITS, Pose2()), SimulatedBase(World(), LIMITS, Pose2(), SKID)
+    for base in (two, rows):
+        for _ in range(100):
+            base.step(0.0, 1.0, 0.02)
+    assert two.pose == rows.pose
+    assert rows.wheels.right == pytest.approx(1.5 * two.wheels.right)
+
+
+@given(st.floats(-2, 2), st.floats(-4, 4), st.floats(-2, 2), st.floats(-4, 4))
+def test_a_car_steers_no_further_and_no_quicker_than_it_can(v1: float, w1: float, v2: float, w2: float) -> None:
+    base = SimulatedBase(World(), LIMITS, Pose2(), CAR)
+    for wanted in ((v1, w1), (v2, w2)):
+        for _ in range(100):
+            before = base.wheels.steering, base.linear
+            base.step(*wanted, 0.02)
+            assert abs(base.wheels.steering) <= 0.5
+            assert abs(base.wheels.steering - before[0]) <= 2.0 * 0.02 + 1e-12
+            assert abs(base.angular) <= abs(base.linear) * CAR.max_curvature * (1 + 1e-9)
+            assert abs(base.linear - before[1]) <= 5.0 * 0.02 + 1e-12
+    if abs(v2) > 0.1:
+        wanted_twist = CAR.limited(Twist2(v2, w2))
+        limit = min(1.0, 1.5 / abs(wanted_twist.linear), 3.0 / max(abs(wanted_twist.angular), 1e-9))
+        assert base.linear == pytest.approx(wanted_twist.linear * limit)
+        assert base.angular == pytest.approx(wanted_twist.angular * limit, abs=1e-9), "on the curve that was wanted"
+
+
+def test_a_car_stands_where_it_is_told_to_turn_on_the_spot_and_where_something_is_in_its_way() -> None:
+    base = SimulatedBase(World(walls=((1.0, -5.0, 1.0, 5.0),)), LIMITS, Pose2(), CAR)
+    for _ in range(100):
+        base.step(0.0, 2.0, 0.02)
+    assert (base.pose, base.wheels) == (Pose2(), (0.0, 0.0, 0.0))
+    for _ in range(300):
+        base.step(1.0, 0.3, 0.02)
+    assert base.bumped
+    assert (base.linear, base.angular) == (0.0, 0.0)
+    pose, steering = base.pose, base.wheels.steering
+    base.step(1.0, 0.3, 0.02)
+    assert (base.pose, base.wheels.steering) == (pose, steering), "it does not turn at the wall"

@@ -20,7 +20,7 @@ SKID = SkidSteer(wheel_separation=0.4, wheel_radius=0.1, wheel_separation_multip
 CAR = Ackermann(
     wheelbase=0.32, wheel_separation=0.2, wheel_radius=0.05, max_steering_angle=0.6, max_wheel_velocity=30.0
 )
-DRIVES = {"diff": DIFF, "skid": SKID, "ackermann": CAR}
+DRIVES: dict[str, Drive] = {"diff": DIFF, "skid": SKID, "ackermann": CAR}
 
 STEP = 0.02
 """s."""

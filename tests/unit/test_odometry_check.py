@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo_messages import Header, Odometry, Point, Pose, PoseWithCovariance, Quaternion, Time
-from robo_services.odometry import (
+from robo_services.odometry_check import (
     AGREEING,
     LEAST,
     MARGIN,
