@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from robo_services import world
-from robo_services.simulated_base import BaseLimits, SimulatedBase
 from robo_services.kinematics import Pose2
+from robo_services.simulated_base import BaseLimits, SimulatedBase
 
 LOG = Path(__file__).parents[1] / "logs" / "room.log.gz"
 

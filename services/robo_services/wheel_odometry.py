@@ -92,7 +92,9 @@ class WheelOdometry:
         self.covariance = PoseCovariance()
         self.left_out = 0
         """Readings that were not believed."""
-        self._drive, self._noise = drive, noise
+        self._drive = drive
+        self.noise = noise
+        """How the base errs, as it may turn out while it drives."""
         self._variances = LEAST_VARIANCE, LEAST_VARIANCE
         self._encoders = Encoders(wrap=wrap, max_velocity=drive.max_wheel_velocity)
         self._time: float | None = None
@@ -164,12 +166,12 @@ class WheelOdometry:
         distance, turn = self._drive.twist(ways)
         if abs(distance) <= FURTHEST and abs(turn) <= FURTHEST:
             pose = advance(self.pose, distance, turn, 1.0)
-            covariance = self.covariance.after(distance, turn, self.pose.yaw, self._noise)
+            covariance = self.covariance.after(distance, turn, self.pose.yaw, self.noise)
             if all(map(math.isfinite, (*pose, *covariance))):
                 self.pose, self.covariance = pose, covariance
                 if elapsed >= SHORTEST:
                     self.twist = Twist2(distance / elapsed, turn / elapsed)
-                    self._variances = twist_variances(self.twist, self._noise, elapsed)
+                    self._variances = twist_variances(self.twist, self.noise, elapsed)
                 return True
         self.left_out += 1
         return False

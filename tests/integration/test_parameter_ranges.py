@@ -11,6 +11,7 @@ from robo import Node, ParameterError
 from robo.node.contract import contract_of
 from robo.parameters.hints import ParameterInfo
 from robo_services.carmen_player import CarmenPlayer
+from robo_services.diff_drive_controller import DiffDriveController
 from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.position_tracker import PositionTracker
 from robo_services.safety_monitor import SafetyMonitor
@@ -19,7 +20,16 @@ from robo_services.velocity_controller import VelocityController
 from robo_services.velocity_smoother import VelocitySmoother
 from tests.support import eventually
 
-SHIPPED = [CarmenPlayer, DiffDriveSim, PositionTracker, SafetyMonitor, TwistMux, VelocityController, VelocitySmoother]
+SHIPPED = [
+    CarmenPlayer,
+    DiffDriveController,
+    DiffDriveSim,
+    PositionTracker,
+    SafetyMonitor,
+    TwistMux,
+    VelocityController,
+    VelocitySmoother,
+]
 
 
 def ends(info: ParameterInfo) -> Iterator[float]:
