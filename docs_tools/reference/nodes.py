@@ -16,7 +16,13 @@ from robo.text.docstrings import attribute_docs, first_sentence
 from robo.wire.keys import SYSTEM_TOPICS
 from robo_messages import service_type_name, type_name
 
-WITHOUT_UNIT = {"carmen_player.rate", "diff_drive_sim.real_time_factor"}
+WITHOUT_UNIT = {
+    "carmen_player.rate",
+    "diff_drive_controller.left_wheel_radius_multiplier",
+    "diff_drive_controller.right_wheel_radius_multiplier",
+    "diff_drive_controller.wheel_separation_multiplier",
+    "diff_drive_sim.real_time_factor",
+}
 """Numbers with a point that are ratios; all others have a unit."""
 
 

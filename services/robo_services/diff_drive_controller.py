@@ -28,7 +28,7 @@ SETTLING = 1.0
 class DiffDriveController(Node):
     """Turn velocity commands into those of wheels, and what the wheels did into odometry.
 
-    For two wheels, or for as many on each side, which then slide in turns. A timer sends, not the arrival of commands:
+    For two wheels, or for several on each side, which then slide in turns. A timer sends, not the arrival of commands:
     wheels are told to stand when commands end, and when nobody says any more what the wheels do. Ages count from when
     a command was sent, and what is passed on has the age of the command that it comes from.
     """
