@@ -119,6 +119,7 @@ class DiffDriveController(Node):
         self._command: Newest[Twist] = Newest()
         self._feedback: Newest[JointState] = Newest()
         self._measured: Time | None = None
+        self._driver = ""
         self._refused = 0
         self._hindrance = ""
         self._begin = self._wall.monotonic()
@@ -145,6 +146,8 @@ class DiffDriveController(Node):
                 kind = "position" if p.position_feedback else "velocity"
                 self.logger.warning("%s says no %s of %s", info.sender, kind, ", ".join(missing), throttle=5.0)
             return  # joints of somebody else
+        if not self._is_driver(info):
+            return
         take = self._track.take_positions if p.position_feedback else self._track.take_velocities
         self._track.noise = p.noise
         stamp = state.header.stamp if state.header.stamp != Time() else self.now()
@@ -156,6 +159,16 @@ class DiffDriveController(Node):
         else:
             text = "left out what %s says of the wheels, which they cannot have done; %d times so far"
             self.logger.warning(text, info.sender, self._track.left_out, throttle=5.0)
+
+    def _is_driver(self, info: MessageInfo) -> bool:
+        """Whether this is who says what the wheels do: one at a time, and another one counts from somewhere else."""
+        if info.source_id != self._driver:
+            if self._feedback.age(self.clock.monotonic()) <= self.parameters.joint_states_timeout:
+                self.logger.warning("%s says too what the wheels do: left out", info.sender, throttle=5.0)
+                return False
+            self._driver = info.source_id
+            self._track.begin_anew()
+        return True
 
     @timer(rate="publish_rate")
     def drive(self) -> None:

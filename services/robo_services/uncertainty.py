@@ -6,7 +6,8 @@ robot"; Siegwart, Nourbakhsh 2004, §5.2.4, for the wheels). An error of the hea
 (Kelly 2004, "Linearized error propagation in odometry"). What comes out does not depend on how often odometry is
 told: it is integrated along the arc.
 
-A 3 × 3 matrix that is added to a million times loses its symmetry, or becomes negative. So it is kept in parts,
+A 3 × 3 matrix that is multiplied again and again is symmetric and positive but for its rounding. Kept in parts it is
+both by construction:
 
     Σ = | S + h g gᵀ   h g |      S  the position's, if the heading were known, 2 × 2
         |   h gᵀ        h  |      h  the heading's

@@ -70,6 +70,10 @@ class Encoders:
         self.resets += 1
         return None
 
+    def begin_anew(self) -> None:
+        """Forget where they were: nobody knows how far they turn until the next reading."""
+        self._before = ()
+
     def _way(self, old: float, new: float) -> float:
         way = new - old
         return math.remainder(way, self._wrap) if self._wrap and math.isfinite(way) else way
@@ -99,6 +103,7 @@ class WheelOdometry:
         self._encoders = Encoders(wrap=wrap, max_velocity=drive.max_wheel_velocity)
         self._time: float | None = None
         self._steering = 0.0
+        self._begins = True
 
     def take_positions(
         self, left: Sequence[float], right: Sequence[float], time: float, *, steering: float = 0.0
@@ -117,15 +122,16 @@ class WheelOdometry:
         if not _usable(left, right, time, steering):
             self.left_out += 1
             return False  # what was driven meanwhile is in the next reading
-        first, elapsed = self._time is None, self._elapsed(time)
-        middle = steering if first else (self._steering + steering) / 2
-        self._steering = steering
+        elapsed, begins = self._elapsed(time), self._begins
+        middle = steering if begins else (self._steering + steering) / 2
+        self._steering, self._begins = steering, False
         ways = self._encoders.turned((*left, *right), elapsed)
         if ways is not None:
             return self.roll(Wheels(_mean(ways[: len(left)]), _mean(ways[len(left) :]), middle), elapsed)
-        if not first:
-            self._lose(elapsed)
-        return first
+        self._lose(elapsed)
+        if not begins:
+            self.left_out += 1
+        return begins
 
     def take_velocities(
         self, left: Sequence[float], right: Sequence[float], time: float, *, steering: float = 0.0
@@ -145,11 +151,12 @@ class WheelOdometry:
         if not _usable(left, right, time, steering) or max(map(abs, (*left, *right))) > limit:
             self.left_out += 1
             return False
-        first, elapsed = self._time is None, self._elapsed(time)
-        if first or elapsed <= 0.0:
+        elapsed = self._elapsed(time)
+        if elapsed <= 0.0:
             return True
         if elapsed > LONGEST:
             self._lose(elapsed)
+            self.left_out += 1
             return False
         return self.roll(Wheels(_mean(left) * elapsed, _mean(right) * elapsed, steering), elapsed)
 
@@ -176,6 +183,13 @@ class WheelOdometry:
         self.left_out += 1
         return False
 
+    def begin_anew(self) -> None:
+        """Take the next positions as the first ones: the encoders count from somewhere else, and what was driven
+        meanwhile is not known.
+        """
+        self._encoders.begin_anew()
+        self._begins = True
+
     def message(self, header: Header, base_frame: str) -> Odometry:
         """What it has found so far.
 
@@ -191,7 +205,6 @@ class WheelOdometry:
 
     def _lose(self, elapsed: float) -> None:
         """Nobody knows what was driven: about as much, it may be, as at the last velocity."""
-        self.left_out += 1
         unseen = min(max(elapsed, 0.0), LONGEST_UNSEEN)
         self.covariance = self.covariance.after_unknown(self.twist.linear * unseen, self.twist.angular * unseen)
 

@@ -212,6 +212,32 @@ def test_encoders_that_begin_anew_move_nothing(run_node: RunNode, clock: Clock) 
     assert place(last(controller))[0] == pytest.approx(1.0)
 
 
+def test_a_driver_that_was_started_again_counts_from_somewhere_else(run_node: RunNode, clock: Clock) -> None:
+    """Also where a wheel could have turned so far meanwhile."""
+    controller = run_node(DiffDriveController)
+    for i in range(51):
+        roll(controller, clock, joints(i * 0.2, i * 0.2, 1 + i * PERIOD), twist(0.5))
+    go(controller, clock, twist(0.5), 0.6)
+    for i in range(51):
+        controller.send("joint_states", joints(i * 0.2, i * 0.2, 2.6 + i * PERIOD), source="wheels")
+        controller.send("cmd_vel", twist(0.5))
+        clock.advance(PERIOD)
+    assert place(last(controller))[0] == pytest.approx(1.0)
+    assert told(controller)[-1] == pytest.approx((10.0, 10.0))
+
+
+def test_of_two_that_say_what_the_wheels_do_the_first_one_counts(
+    run_node: RunNode, clock: Clock, caplog: pytest.LogCaptureFixture
+) -> None:
+    controller = run_node(DiffDriveController)
+    for i in range(51):
+        controller.send("joint_states", joints(i * 0.2, i * 0.2, 1 + i * PERIOD))
+        controller.send("joint_states", joints(9.0 - i * 0.2, 0.0, 1 + i * PERIOD), source="stranger")
+        clock.advance(PERIOD)
+    assert place(last(controller)) == pytest.approx((0.5, 0.0, 0.0))
+    assert sum("/stranger says too what the wheels do: left out" in text for text in caplog.messages) == 1
+
+
 def test_it_reads_its_own_joints_and_says_which_are_missing(
     run_node: RunNode, clock: Clock, caplog: pytest.LogCaptureFixture
 ) -> None:
