@@ -94,6 +94,7 @@ if TYPE_CHECKING:
         TransitionDescription,
         TransitionEvent,
     )
+    from robo_messages.nav2 import FollowWaypoints, WaypointStatus
     from robo_messages.std_arrays import (
         ByteMultiArray,
         Float32MultiArray,
@@ -139,6 +140,7 @@ _LATER = {
         "QuaternionStamped TwistWithCovarianceStamped Vector3Stamped Wrench WrenchStamped"
     ),
     "robo_messages.lifecycle": "State Transition TransitionDescription TransitionEvent",
+    "robo_messages.nav2": "WaypointStatus",
     "robo_messages.std_arrays": (
         "ByteMultiArray Float32MultiArray Float64MultiArray Int8MultiArray Int16MultiArray Int32MultiArray "
         "Int64MultiArray MultiArrayDimension MultiArrayLayout UInt8MultiArray UInt16MultiArray UInt32MultiArray "
@@ -157,7 +159,10 @@ _PARTS_LATER = {
         "robo_messages.action": "CancelGoal",
         "robo_messages.lifecycle": "ChangeState GetAvailableStates GetAvailableTransitions GetState",
     },
-    ("_Goal", "_Result", "_Feedback"): {"robo_messages.example": "Fibonacci"},
+    ("_Goal", "_Result", "_Feedback"): {
+        "robo_messages.example": "Fibonacci",
+        "robo_messages.nav2": "FollowWaypoints",
+    },
 }
 """The same of services and actions, whose parts are the types."""
 
@@ -184,6 +189,7 @@ __all__ = [
     "Float32MultiArray",
     "Float64",
     "Float64MultiArray",
+    "FollowWaypoints",
     "GetAvailableStates",
     "GetAvailableTransitions",
     "GetState",
@@ -262,6 +268,7 @@ __all__ = [
     "UnknownType",
     "Vector3",
     "Vector3Stamped",
+    "WaypointStatus",
     "Wrench",
     "WrenchStamped",
     "decode",

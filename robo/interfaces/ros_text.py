@@ -14,6 +14,7 @@ _PACKAGES = {
     "std": "std_msgs",
     "geometry": "geometry_msgs",
     "nav": "nav_msgs",
+    "nav2": "nav2_msgs",
     "sensor": "sensor_msgs",
     "diagnostic": "diagnostic_msgs",
     "lifecycle": "lifecycle_msgs",

@@ -18,6 +18,7 @@ from robo_services.safety_monitor import SafetyMonitor
 from robo_services.twist_mux import TwistMux
 from robo_services.velocity_controller import VelocityController
 from robo_services.velocity_smoother import VelocitySmoother
+from robo_services.waypoint_follower import WaypointFollower
 from tests.support import eventually
 
 SHIPPED = [
@@ -29,6 +30,7 @@ SHIPPED = [
     TwistMux,
     VelocityController,
     VelocitySmoother,
+    WaypointFollower,
 ]
 
 

@@ -35,6 +35,7 @@ def modules_after(code: str) -> set[str]:
         "import robo_services.safety_monitor, robo.process.node",
         "import robo_services.twist_mux, robo.process.node",
         "import robo_services.velocity_smoother, robo.process.node",
+        "import robo_services.waypoint_follower, robo.process.node",
         "import robo_services.carmen_player, robo.process.node",
         "import robo_services.diff_drive_controller, robo.process.node",
         "import robo.process.router",

@@ -287,6 +287,17 @@ SHAPES = {
     "example/Fibonacci_Goal": ["int32 order"],
     "example/Fibonacci_Result": ["int32[] sequence"],
     "example/Fibonacci_Feedback": ["int32[] sequence"],
+    "nav2/WaypointStatus": [
+        "uint8 PENDING=0", "uint8 COMPLETED=1", "uint8 SKIPPED=2", "uint8 FAILED=3", "uint8 waypoint_status",
+        "uint32 waypoint_index", "geometry_msgs/PoseStamped waypoint_pose", "uint16 error_code", "string error_msg",
+    ],
+    "nav2/FollowWaypoints_Goal": ["uint32 number_of_loops", "uint32 goal_index", "geometry_msgs/PoseStamped[] poses"],
+    "nav2/FollowWaypoints_Result": [
+        "uint16 NONE=0", "uint16 UNKNOWN=600", "uint16 TASK_EXECUTOR_FAILED=601", "uint16 NO_VALID_WAYPOINTS=602",
+        "uint16 STOP_ON_MISSED_WAYPOINT=603", "nav2_msgs/WaypointStatus[] missed_waypoints", "uint16 error_code",
+        "string error_msg",
+    ],
+    "nav2/FollowWaypoints_Feedback": ["uint32 current_waypoint"],
     "tf2/TFMessage": ["geometry_msgs/TransformStamped[] transforms"],
     "visualization/UVCoordinate": ["float32 u", "float32 v"],
     "visualization/MeshFile": ["string filename", "uint8[] data"],

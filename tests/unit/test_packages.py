@@ -295,4 +295,5 @@ def test_robo_announces_the_nodes_that_ship() -> None:
         "twist_mux",
         "velocity_controller",
         "velocity_smoother",
+        "waypoint_follower",
     ]

@@ -1,0 +1,373 @@
+"""Drives through waypoints: from a parameter, a file, a topic or the action `follow_waypoints`."""
+
+from collections.abc import Generator
+from typing import Annotated
+
+from msgspec import Meta, field
+
+import robo
+from robo import (
+    READ_ONLY,
+    GoalCanceled,
+    MessageInfo,
+    Node,
+    Publisher,
+    QoS,
+    Unit,
+    action,
+    subscribe,
+    timer,
+)
+from robo.tf import TransformError, TransformListener
+from robo_messages import (
+    DiagnosticStatus,
+    FollowWaypoints,
+    Header,
+    KeyValue,
+    Odometry,
+    Path,
+    Point,
+    Pose,
+    PoseStamped,
+    Twist,
+    Vector3,
+    WaypointStatus,
+)
+from robo_services import courses
+from robo_services.arrivals import Arrivals, Newest, Unstamped
+from robo_services.courses import Course, CourseError, Orientations
+from robo_services.kinematics import Pose2
+from robo_services.odometry import fix_of
+from robo_services.planar import normalize_angle, quaternion_from_yaw
+from robo_services.pursuit import EXACT_YAW, Follower, Limits
+from robo_services.safety import is_finite
+
+HELD_UP = 2.0
+"""Who has not got on for so long says so, s."""
+
+Tolerance = Annotated[float, Meta(ge=courses.LEAST_TOLERANCE, le=100), Unit("m")]
+Acceleration = Annotated[float, Meta(ge=0.01, le=100), Unit("m/s²")]
+
+
+class WaypointFollower(Node):
+    """Drive through waypoints, none of which is cut off; say how far it is and what holds it up.
+
+    It commands while it follows a course, sends one 0 at its end or when it does not know where it is, and then is
+    silent, so that another one may drive. A new course takes the place of the one before.
+    """
+
+    class Parameters(robo.Parameters):
+        """Where to, and how."""
+
+        waypoints: Annotated[
+            list[list[float]], Meta(description="[x, y] or [x, y, yaw] of each; empty: none"), Unit("m, rad"), READ_ONLY
+        ] = field(default_factory=list)
+        file: Annotated[str, Meta(description="YAML file of waypoints, in their place"), READ_ONLY] = ""
+        frame: Annotated[
+            str, Meta(description="the frame of waypoints that name none; empty: that of odometry"), READ_ONLY
+        ] = ""
+        laps: Annotated[int, Meta(ge=0, le=1_000_000, description="how often; 0 for ever"), READ_ONLY] = 1
+        orientations: Annotated[
+            Orientations, Meta(description="which poses of a path or an action say how to stand there")
+        ] = "goal"
+        tolerance: Annotated[Tolerance, Meta(description="how near a waypoint is passed at least")] = 0.25
+        goal_tolerance: Annotated[Tolerance, Meta(description="the same where it stands")] = 0.1
+        yaw_tolerance: Annotated[
+            float, Meta(ge=EXACT_YAW, le=3, description="of a yaw that is asked for"), Unit("rad")
+        ] = 0.05
+        speed: Annotated[float, Meta(ge=0.01, le=100, description="it drives no faster"), Unit("m/s")] = 0.5
+        min_speed: Annotated[float, Meta(ge=0.001, le=10, description="no approach is slower"), Unit("m/s")] = 0.05
+        turn_speed: Annotated[float, Meta(ge=0.01, le=100, description="it turns no faster"), Unit("rad/s")] = 1.0
+        max_acceleration: Annotated[Acceleration, Meta(description="how it gains speed")] = 0.5
+        max_deceleration: Annotated[Acceleration, Meta(description="how it loses speed")] = 0.5
+        max_lateral_acceleration: Annotated[Acceleration, Meta(description="in curves, v² / r")] = 0.5
+        max_angular_acceleration: Annotated[
+            float, Meta(ge=0.01, le=1000, description="how its turning changes"), Unit("rad/s²")
+        ] = 2.0
+        reaction_time: Annotated[float, Meta(ge=0, le=5, description="until the base obeys"), Unit("s")] = 0.2
+        lookahead_time: Annotated[
+            float, Meta(ge=0, le=10, description="it steers for where it would be then"), Unit("s")
+        ] = 1.2
+        min_lookahead: Annotated[float, Meta(ge=0.05, le=100, description="at least so far ahead"), Unit("m")] = 0.3
+        max_lookahead: Annotated[float, Meta(ge=0.05, le=100, description="at most so far ahead"), Unit("m")] = 1.0
+        turn_angle: Annotated[
+            float, Meta(ge=0.2, le=1.5, description="towards what is further to the side it turns on the spot"),
+            Unit("rad"),
+        ] = 0.8  # fmt: skip
+        patience: Annotated[
+            float, Meta(ge=0, le=86_400, description="give up a waypoint after so long without headway; 0: never"),
+            Unit("s"),
+        ] = 0.0  # fmt: skip
+        stop_on_failure: Annotated[bool, Meta(description="whether a waypoint that is given up ends the course")] = True
+        odom_timeout: Annotated[
+            float, Meta(ge=0.01, le=10, description="with odometry that is older it stands"), Unit("s")
+        ] = 0.5
+        unstamped: Unstamped = True
+        control_frequency: Annotated[float, Meta(ge=1, le=1000, description="commands per second"), Unit("Hz")] = 20.0
+
+        def __post_init__(self) -> None:
+            """Refuse waypoints that are none."""
+            courses.waypoints_of_rows(self.waypoints)
+            if self.waypoints and self.file:
+                raise ValueError("waypoints and a file: use one of them")
+
+    parameters: Parameters
+
+    command = Publisher(Twist, "cmd_vel", qos=QoS.COMMAND)
+    """How fast to drive, m/s and rad/s; nothing while there is no course."""
+    path = Publisher(Path, "path", latched=True)
+    """The way that it follows: of each lap, and a little of the next one. Empty when there is none."""
+    state = Publisher(DiagnosticStatus, "follower_state", latched=True)
+    """What it does and why, which waypoint is next, how far it is: on every change, and once a second."""
+    transforms = TransformListener()
+
+    def on_start(self) -> None:
+        """Begin the course that parameters name."""
+        p = self.parameters
+        self._arrivals = Arrivals(unstamped=p.unstamped)
+        self._wall = self.clock.wall
+        self._odometry: Newest[Odometry] = Newest()
+        self._follower: Follower | None = None
+        self._doing, self._why = "idle", "no course so far"
+        self._told: tuple[object, ...] = ()
+        self._told_at = self._stepped = self.clock.monotonic()
+        self._commanding = False
+        if p.file:
+            self._begin(courses.load(p.file, p.laps))
+        elif p.waypoints:
+            self._begin(Course(courses.waypoints_of_rows(p.waypoints), p.frame.removeprefix("/"), p.laps))
+
+    @subscribe("odom", depth=1)
+    def on_odometry(self, odometry: Odometry, info: MessageInfo) -> None:
+        """Remember where the robot is; what is not finite counts as silence."""
+        if fix_of(odometry, 0.0) is not None and is_finite(odometry.twist.twist):
+            now = self.clock.monotonic()
+            self._odometry.take(odometry, self._arrivals.sent(info, now, self._wall.monotonic()), now)
+        else:
+            self.logger.warning("ignored odometry that holds NaN or an infinity", throttle=5.0)
+
+    @subscribe("waypoints")
+    def on_waypoints(self, path: Path) -> None:
+        """Follow this course from now on; one without poses ends that before it."""
+        if not path.poses:
+            self._end("idle", "told to follow no course any more")
+            return
+        try:
+            course = self._course_of(path.poses, path.header.frame_id)
+        except CourseError as error:
+            self.logger.warning("waypoints are refused, and all stays as it was: %s", error, throttle=1.0)
+        else:
+            self._begin(course)
+
+    def check_goal(self, goal: FollowWaypoints.Goal) -> None:
+        """Refuse what cannot be followed; CourseError is a ValueError."""
+        self._course_of(goal.poses, "", goal.number_of_loops + 1, goal.goal_index)
+
+    @action("follow_waypoints", rate="control_frequency", policy="preempt", accept=check_goal)
+    def follow_waypoints(
+        self, goal: FollowWaypoints.Goal
+    ) -> Generator[FollowWaypoints.Feedback | None, None, FollowWaypoints.Result]:
+        """Follow the poses of a goal, in the place of any other course."""
+        follower = self._begin(self._course_of(goal.poses, "", goal.number_of_loops + 1, goal.goal_index))
+        told = None
+        try:
+            while self._follower is follower:
+                yield FollowWaypoints.Feedback(follower.waypoint) if follower.waypoint != told else None
+                told = follower.waypoint
+        except GoalCanceled:
+            if self._follower is follower:
+                self._end("idle", "the goal of follow_waypoints was canceled")
+            return _result(goal, follower)
+        if not follower.finished:
+            raise GoalCanceled(self._why)  # it was given up, or a path has taken its place
+        return _result(goal, follower)
+
+    @timer(rate="control_frequency")
+    def control(self) -> None:
+        """Command the next step of the course."""
+        now, p = self.clock.monotonic(), self.parameters
+        period = 1.0 / p.control_frequency
+        if not p.use_sim_time:
+            self._arrivals.tick(self._wall.monotonic(), period)
+        elapsed, self._stepped = now - self._stepped, now
+        dt = min(elapsed, 2 * period) if elapsed > 0.0 else period  # simulated time may step back
+        if self._follower is not None:
+            self._follow(self._follower, now, dt)
+        self._tell(now)
+
+    def _follow(self, follower: Follower, now: float, dt: float) -> None:
+        p, limits = self.parameters, _limits_of(self.parameters)
+        pose = self._pose(follower.course, now)
+        if pose is None:
+            follower.wait(dt)
+            self._stand()
+        else:
+            way, odometry = follower.way, self._odometry.message
+            motion = follower.step(pose, odometry.twist.twist.linear.x if odometry is not None else 0.0, limits, dt)
+            if follower.way is not way:
+                self._show(follower)
+            if follower.finished:
+                self._finish(follower)
+                return
+            self.command.publish(Twist(Vector3(x=motion.linear), Vector3(z=motion.angular)))
+            self._commanding = True
+            self._doing, self._why = "turning" if follower.turning else "driving", "on its way"
+            if follower.idle > HELD_UP:
+                self._doing = "held_up"
+                self._why = f"has not got on for {int(follower.idle)} s, though it commands"
+                self.logger.warning("%s", self._why, throttle=10.0)
+        if p.patience and follower.idle > p.patience:
+            self._give_up(follower, limits)
+
+    def _give_up(self, follower: Follower, limits: Limits) -> None:
+        """Leave out a waypoint, and by choice all that follow."""
+        text = f"gave up waypoint {follower.waypoint} after {follower.idle:.1f} s: {self._why}"
+        self.logger.warning("%s", text)
+        follower.give_up(limits)
+        if self.parameters.stop_on_failure:
+            self._end("failed", text)
+        elif follower.finished:
+            self._finish(follower)
+
+    def _finish(self, follower: Follower) -> None:
+        missed = f"; missed {', '.join(map(str, follower.missed))}" if follower.missed else ""
+        self._end("finished", f"is at the end of its course of {len(follower.course.waypoints)} waypoints{missed}")
+
+    def _pose(self, course: Course, now: float) -> Pose2 | None:
+        """Where the robot is in the frame of a course; None where that is not known, which is told."""
+        p, odometry = self.parameters, self._odometry.message
+        if odometry is None:
+            self._doing, self._why = "no_odometry", f"no odometry so far on {self.resolve('odom')}"
+            return None
+        age = self._odometry.age(now)
+        if age > p.odom_timeout:
+            self._doing, self._why = "stale_odometry", f"the last odometry on {self.resolve('odom')} is too old"
+            self.logger.warning("%s: %.2f s", self._why, age, throttle=10.0)
+            return None
+        fix, frame = fix_of(odometry, 0.0), _frame_of(odometry)
+        assert fix is not None  # others are not remembered
+        pose = Pose2(fix.x, fix.y, fix.yaw)
+        if course.frame in ("", frame):
+            return pose
+        try:
+            there = self.transforms.lookup(course.frame, frame)
+        except TransformError as error:
+            self._doing, self._why = "no_transform", f"{error}"
+            self.logger.warning("where the robot is in %s is not known: %s", course.frame, error, throttle=10.0)
+            return None
+        x, y, _ = there.apply(pose.x, pose.y, 0.0)
+        return Pose2(x, y, normalize_angle(pose.yaw + there.rpy()[2]))
+
+    def _course_of(self, poses: list[PoseStamped], frame: str, laps: int = 1, first: int = 0) -> Course:
+        """The course of a message, which can be followed now.
+
+        Raises:
+            CourseError: says why not.
+        """
+        course = courses.course_of_poses(
+            poses, frame or self.parameters.frame, self.parameters.orientations, laps, first
+        )
+        odometry = self._odometry.message
+        if odometry is None:
+            raise CourseError(f"where the robot is is not known: no odometry so far on {self.resolve('odom')}")
+        if course.frame not in ("", _frame_of(odometry)):
+            why = self.transforms.buffer.why_not(course.frame, _frame_of(odometry))
+            if why is not None:
+                raise CourseError(f"where the robot is in {course.frame} is not known: {why}")
+        return course
+
+    def _begin(self, course: Course) -> Follower:
+        """Follow a course from now on; what the robot does changes gently."""
+        before = self._follower
+        follower = self._follower = Follower(course, before.motion) if before is not None else Follower(course)
+        self._doing, self._why = "driving", "has just begun"
+        self.logger.info("follows a course of %d waypoints", len(course.waypoints))
+        return follower
+
+    def _end(self, doing: str, why: str) -> None:
+        """Follow no course any more: the robot stands."""
+        if self._follower is not None:
+            self.logger.info("%s", why)
+            self._follower = None
+            self.path.publish(Path(Header(self.now())))
+        self._doing, self._why = doing, why
+        self._stand()
+
+    def _stand(self) -> None:
+        """Send one 0, and be silent then."""
+        if self._commanding:
+            self._commanding = False
+            self.command.publish(Twist())
+
+    def _show(self, follower: Follower) -> None:
+        """Publish the way."""
+        odometry = self._odometry.message
+        if follower.way is not None and odometry is not None:
+            header = Header(self.now(), follower.course.frame or _frame_of(odometry))
+            poses = [Pose(Point(at.x, at.y), quaternion_from_yaw(at.yaw)) for at in follower.way.route.poses()]
+            self.path.publish(Path(header, [PoseStamped(header, pose) for pose in poses]))
+
+    def _tell(self, now: float) -> None:
+        """Publish the state on every change and once a second."""
+        follower = self._follower
+        values = [KeyValue("state", self._doing), KeyValue("reason", self._why)]
+        if follower is not None:
+            values += [
+                KeyValue("waypoint", str(follower.waypoint)),
+                KeyValue("waypoints", str(len(follower.course.waypoints))),
+                KeyValue("lap", str(follower.lap)),
+                KeyValue("distance_left", f"{follower.left:.2f} m"),
+                KeyValue("missed", ", ".join(map(str, follower.missed))),
+            ]
+        told = self._doing, follower.waypoint if follower is not None else -1
+        if told != self._told or not 0.0 <= now - self._told_at < 1.0:  # simulated time may step back
+            self._told, self._told_at = told, now
+            text = f"{self._doing}: {self._why}"
+            self.state.publish(DiagnosticStatus(_level_of(self._doing), self.full_name, text, values=values))
+
+    def on_stop(self) -> None:
+        """Leave the robot standing, if it is this node that drives it."""
+        self._stand()
+
+
+def _level_of(doing: str) -> int:
+    if doing in ("idle", "driving", "turning", "finished"):
+        return DiagnosticStatus.OK
+    return DiagnosticStatus.ERROR if doing == "failed" else DiagnosticStatus.WARN
+
+
+def _frame_of(odometry: Odometry) -> str:
+    return odometry.header.frame_id.removeprefix("/")
+
+
+def _result(goal: FollowWaypoints.Goal, follower: Follower) -> FollowWaypoints.Result:
+    """How a goal ended."""
+    missed = [
+        WaypointStatus(WaypointStatus.FAILED, index, goal.poses[index], FollowWaypoints.Result.UNKNOWN, "no headway")
+        for index in follower.missed
+    ]
+    return FollowWaypoints.Result(missed)
+
+
+def _limits_of(p: WaypointFollower.Parameters) -> Limits:
+    return Limits(
+        max_velocity=p.speed,
+        min_velocity=min(p.min_speed, p.speed),
+        max_angular_velocity=p.turn_speed,
+        max_acceleration=p.max_acceleration,
+        max_deceleration=p.max_deceleration,
+        max_angular_acceleration=p.max_angular_acceleration,
+        max_lateral_acceleration=p.max_lateral_acceleration,
+        reaction_time=p.reaction_time,
+        lookahead_time=p.lookahead_time,
+        min_lookahead=p.min_lookahead,
+        max_lookahead=p.max_lookahead,
+        tolerance=p.tolerance,
+        goal_tolerance=p.goal_tolerance,
+        yaw_tolerance=p.yaw_tolerance,
+        turn_angle=p.turn_angle,
+    )
+
+
+if __name__ == "__main__":
+    robo.run(WaypointFollower)
