@@ -181,7 +181,8 @@ class Follower:
             dt: since the last step, s.
         """
         lap = self._started(pose, limits)
-        lap = self._reach(lap, pose, limits)
+        if not self.finished:
+            lap = self._reach(lap, pose, limits)
         if self.finished:
             self.motion = STAND
             return STAND

@@ -169,11 +169,11 @@ class WaypointFollower(Node):
     ) -> Generator[FollowWaypoints.Feedback | None, None, FollowWaypoints.Result]:
         """Follow the poses of a goal, in the place of any other course."""
         follower = self._begin(self._course_of(goal.poses, "", goal.number_of_loops + 1, goal.goal_index))
-        told = None
+        told = -1
         try:
             while self._follower is follower:
-                yield FollowWaypoints.Feedback(follower.waypoint) if follower.waypoint != told else None
-                told = follower.waypoint
+                before, told = told, follower.waypoint
+                yield FollowWaypoints.Feedback(told) if told != before else None
         except GoalCanceled:
             if self._follower is follower:
                 self._end("idle", "the goal of follow_waypoints was canceled")
