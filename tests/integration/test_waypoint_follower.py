@@ -29,8 +29,6 @@ from robo_services.safety_monitor import SafetyMonitor
 from robo_services.waypoint_follower import WaypointFollower
 
 CONFIG = Path(__file__).parents[2] / "config"
-NOWHERE = {"laser": False}
-"""Of the simulated base: nobody looks at its scans."""
 
 Follower = NodeUnderTest[WaypointFollower]
 Base = NodeUnderTest[DiffDriveSim]
@@ -73,7 +71,7 @@ def odometry(x: float = 0.0, frame: str = "odom") -> Odometry:
 
 
 def test_a_course_from_parameters_is_driven_told_and_ends_in_silence(run_node: RunNode, clock: Clock) -> None:
-    base = run_node(DiffDriveSim, **NOWHERE)
+    base = run_node(DiffDriveSim, laser=False)
     follower = run_node(WaypointFollower, waypoints=[[1.0, 0.0], [2.0, 1.0, 1.57]])
     clock.advance(1.0)
     assert said(follower) == "driving"
@@ -148,7 +146,7 @@ def test_it_stops_when_it_does_not_know_where_it_is(
 
 
 def test_a_path_takes_the_place_of_the_course_and_an_empty_one_ends_it(run_node: RunNode, clock: Clock) -> None:
-    base = run_node(DiffDriveSim, **NOWHERE)
+    base = run_node(DiffDriveSim, laser=False)
     follower = run_node(WaypointFollower, waypoints=[[9.0, 0.0]])
     clock.advance(2.0)
     before = follower.published(WaypointFollower.command)[-1].linear.x
@@ -195,7 +193,7 @@ def test_courses_that_cannot_be_followed_are_refused_and_nothing_changes(
 
 
 def test_a_goal_is_followed_and_tells_how_far_it_is(run_node: RunNode, clock: Clock) -> None:
-    base = run_node(DiffDriveSim, **NOWHERE)
+    base = run_node(DiffDriveSim, laser=False)
     follower = run_node(WaypointFollower)
     clock.advance(0.1)
     way = poses((1.0, 0.0), (2.0, 0.5), (1.0, 1.0, 3.0))
@@ -208,7 +206,7 @@ def test_a_goal_is_followed_and_tells_how_far_it_is(run_node: RunNode, clock: Cl
 
 
 def test_a_goal_that_is_canceled_or_replaced_stops_the_robot(run_node: RunNode, clock: Clock) -> None:
-    run_node(DiffDriveSim, **NOWHERE)
+    run_node(DiffDriveSim, laser=False)
     follower = run_node(WaypointFollower)
     clock.advance(0.1)
     far = FollowWaypoints.Goal(poses=poses((9.0, 0.0)))
@@ -224,8 +222,7 @@ def test_a_goal_that_is_canceled_or_replaced_stops_the_robot(run_node: RunNode, 
     clock.advance(1.0)
     third = follower.send_goal("follow_waypoints", FollowWaypoints.Goal(poses=poses((1.5, 0.0))))
     clock.advance(1.0)
-    assert second.status == GoalState.ABORTED
-    assert third.status == GoalState.EXECUTING
+    assert [second.status, third.status] == [GoalState.ABORTED, GoalState.EXECUTING]
     follower.send("waypoints", PathMessage(poses=poses((1.0, 1.0))))
     clock.advance(0.2)
     assert third.status == GoalState.ABORTED
@@ -267,14 +264,14 @@ def test_a_robot_that_was_held_up_goes_on_by_itself_and_does_not_jump(run_node: 
         clock.advance(0.05)
     assert said(follower) == "held_up"
     assert follower.published(WaypointFollower.command)[-1].linear.x < 0.3
-    base = run_node(DiffDriveSim, **NOWHERE)
+    base = run_node(DiffDriveSim, laser=False)
     until(clock, follower, "finished")
     assert where(base).position.x == pytest.approx(4.0, abs=0.1)
 
 
 def test_waypoints_in_another_frame_follow_that_frame(run_node: RunNode, clock: Clock) -> None:
     """The map turns by a right angle, and later on its place is known better."""
-    base = run_node(DiffDriveSim, **NOWHERE)
+    base = run_node(DiffDriveSim, laser=False)
     follower = run_node(WaypointFollower, waypoints=[[2.0, -1.0]], frame="map")
     clock.advance(0.5)
     assert said(follower) == "no_transform"
