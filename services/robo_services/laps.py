@@ -4,7 +4,6 @@ import math
 from typing import NamedTuple
 
 from robo_services.courses import Course, Waypoint
-from robo_services.kinematics import Pose2
 from robo_services.routes import Goal, Route, route_through
 
 ROUNDED = 0.5
@@ -24,13 +23,13 @@ class Lap(NamedTuple):
     """How many goals belong to this lap; those behind them to the next one."""
 
 
-def lap_of(course: Course, lap: int, begin: Pose2, tolerance: float) -> Lap:
+def lap_of(course: Course, lap: int, begin: tuple[float, float], tolerance: float) -> Lap:
     """The way of a lap: the first one begins where the robot is, another one at the last waypoint.
 
     Args:
         course: to be driven.
         lap: its number, from 0.
-        begin: where the robot is.
+        begin: where the robot is, m; of no matter but for the first lap.
         tolerance: of waypoints that have none of their own, m.
     """
     total = len(course.waypoints)
@@ -48,7 +47,7 @@ def lap_of(course: Course, lap: int, begin: Pose2, tolerance: float) -> Lap:
     goals = tuple(course.waypoints[number] for number in numbers)
     ends = size - 1 if last else -1
     before = course.waypoints[total - 2 if total > 1 else 0]
-    start = (begin.x, begin.y) if lap == 0 else (before.x, before.y)
+    start = begin if lap == 0 else (before.x, before.y)
     route = route_through(
         start,
         [

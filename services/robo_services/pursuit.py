@@ -22,7 +22,6 @@ from robo_services.kinematics import Pose2
 from robo_services.laps import Lap, lap_of
 from robo_services.limits import clamp, ramp
 from robo_services.planar import angle_difference
-from robo_services.routes import Route
 
 MARGIN = 0.8
 """How much of a waypoint's tolerance is used on purpose: the rest is for a base that does not follow its arc."""
@@ -180,7 +179,7 @@ class Follower:
             limits: of the drive.
             dt: since the last step, s.
         """
-        lap = self._started(pose, limits)
+        lap = self.way = self.way or lap_of(self.course, 0, (pose.x, pose.y), limits.tolerance)
         if not self.finished:
             lap = self._reach(lap, pose, limits)
         if self.finished:
@@ -207,16 +206,15 @@ class Follower:
         self.motion = STAND
         self.idle += dt
 
-    def give_up(self, limits: Limits) -> None:
-        """Leave out the waypoint that is next; it counts as missed."""
+    def give_up(self, tolerance: float) -> None:
+        """Leave out the waypoint that is next: it counts as missed.
+
+        Args:
+            tolerance: as in `Limits`, m.
+        """
         if self.way is not None and not self.finished:
             self.missed.append(self.waypoint)
-            self._advance(self.way, self._last or Pose2(), limits)
-
-    def _started(self, pose: Pose2, limits: Limits) -> Lap:
-        if self.way is None:
-            self.way = lap_of(self.course, 0, pose, limits.tolerance)
-        return self.way
+            self._advance(self.way, tolerance)
 
     def _reach(self, lap: Lap, pose: Pose2, limits: Limits) -> Lap:
         """Count what has been reached. At most a lap is ended by one step."""
@@ -231,11 +229,11 @@ class Follower:
                     break
             elif _distance(goal, before, pose) > (goal.tolerance or limits.tolerance):
                 break
-            lap = self._advance(lap, pose, limits)
+            lap = self._advance(lap, limits.tolerance)
             if self.finished:
                 return lap
             if self._next <= 1 and lap.size > 1:
-                break
+                break  # a lap has just begun
         route = lap.route
         low = route.marks[self._next - 1] if self._next else 0.0
         high = min(route.marks[self._next], self._along + max(limits.max_lookahead, JUMP))
@@ -258,7 +256,7 @@ class Follower:
             return False
         return abs(error) <= EXACT_YAW or (abs(error) <= limits.yaw_tolerance and error * self.motion.angular <= 0.0)
 
-    def _advance(self, lap: Lap, pose: Pose2, limits: Limits) -> Lap:
+    def _advance(self, lap: Lap, tolerance: float) -> Lap:
         """Go on to the next waypoint, and lap."""
         self._along = max(self._along, lap.route.marks[self._next])
         self._next += 1
@@ -270,7 +268,7 @@ class Follower:
             self.finished = True
             return lap
         self.lap += 1
-        self.way = lap_of(self.course, self.lap, pose, limits.tolerance)
+        self.way = lap_of(self.course, self.lap, (0.0, 0.0), tolerance)
         self._next, self._along = 1, self.way.route.marks[0]
         return self.way
 
@@ -280,7 +278,7 @@ class Follower:
         here = route.marks[self._next]
         lookahead = max(limits.min_lookahead, min(limits.max_lookahead, self.motion.linear * limits.lookahead_time))
         # An arc to a point that is nearer than the way is to the robot would be sharp.
-        furthest = min(self._along + lookahead, _next_stand(route, self._next))
+        furthest = min(self._along + lookahead, route.halts[self._next])
         for share in (1.0, 0.75, 0.5, 0.25):
             along = here + share * (furthest - here)
             if furthest <= here:
@@ -319,7 +317,7 @@ class Follower:
     def _speed_ahead(self, lap: Lap, limits: Limits) -> float:
         """The most here, for what comes on the way, m/s."""
         route, here = lap.route, self._along
-        until = min(_next_stand(route, self._next), route.length)
+        until = min(route.halts[self._next], route.length)
         speed = speed_before(until - here, 0.0, limits.max_deceleration, limits.reaction_time)
         for piece in route.pieces[route.number(here) :]:
             distance = piece.start - here
@@ -357,11 +355,6 @@ def _distance(goal: Waypoint, a: Pose2, b: Pose2) -> float:
     square = dx * dx + dy * dy
     share = max(0.0, min(1.0, ((goal.x - a.x) * dx + (goal.y - a.y) * dy) / square)) if square else 0.0
     return math.hypot(goal.x - a.x - share * dx, goal.y - a.y - share * dy)
-
-
-def _next_stand(route: Route, index: int) -> float:
-    """Where the way's next stand is, from a goal on; infinite where there is none."""
-    return next((route.marks[i] for i in range(index, len(route.marks)) if route.stands[i]), math.inf)
 
 
 def _speed_of(curvature: float, limits: Limits) -> float:

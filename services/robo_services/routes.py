@@ -85,6 +85,8 @@ class Route(NamedTuple):
     """Where the way is nearest to each goal, m."""
     stands: tuple[bool, ...]
     """At which goals the robot stands, those included where the way turns back."""
+    halts: tuple[float, ...]
+    """Where it stands next, for who goes to each goal, m; infinite where it does not any more."""
 
     @property
     def length(self) -> float:
@@ -168,7 +170,11 @@ def route_through(begin: tuple[float, float], goals: Sequence[Goal]) -> Route:
     for corner in corners:
         for number in corner.goals:
             stands[number] |= corner.stands
-    return Route(tuple(pieces), tuple(piece.start for piece in pieces), tuple(marks), tuple(stands))
+    halts = [math.inf] * len(goals)
+    for number in reversed(range(len(goals))):
+        later = halts[number + 1] if number + 1 < len(goals) else math.inf
+        halts[number] = marks[number] if stands[number] else later
+    return Route(tuple(pieces), tuple(piece.start for piece in pieces), tuple(marks), tuple(stands), tuple(halts))
 
 
 def _corners(begin: tuple[float, float], goals: Iterable[Goal]) -> list[_Corner]:

@@ -18,7 +18,7 @@ from robo import (
     subscribe,
     timer,
 )
-from robo.tf import TransformError, TransformListener
+from robo.tf import TransformListener
 from robo_messages import (
     DiagnosticStatus,
     FollowWaypoints,
@@ -34,16 +34,16 @@ from robo_messages import (
     WaypointStatus,
 )
 from robo_services import courses
-from robo_services.arrivals import Arrivals, Newest, Unstamped
+from robo_services.arrivals import Arrivals, Unstamped
 from robo_services.courses import Course, CourseError, Orientations
-from robo_services.kinematics import Pose2
-from robo_services.odometry import fix_of
-from robo_services.planar import normalize_angle, quaternion_from_yaw
-from robo_services.pursuit import EXACT_YAW, Follower, Limits
-from robo_services.safety import is_finite
+from robo_services.planar import quaternion_from_yaw
+from robo_services.pursuit import EXACT_YAW, STAND, Follower, Limits
+from robo_services.whereabouts import Lost, Whereabouts
 
 HELD_UP = 2.0
 """Who has not got on for so long says so, s."""
+MOST_SHOWN = 20
+"""Of the waypoints that were given up the last so many are told."""
 
 Tolerance = Annotated[float, Meta(ge=courses.LEAST_TOLERANCE, le=100), Unit("m")]
 Acceleration = Annotated[float, Meta(ge=0.01, le=100), Unit("m/s²")]
@@ -126,12 +126,12 @@ class WaypointFollower(Node):
         p = self.parameters
         self._arrivals = Arrivals(unstamped=p.unstamped)
         self._wall = self.clock.wall
-        self._odometry: Newest[Odometry] = Newest()
+        self._robot = Whereabouts(self.resolve("odom"), self.transforms.buffer)
         self._follower: Follower | None = None
         self._doing, self._why = "idle", "no course so far"
-        self._told: tuple[object, ...] = ()
+        self._told = "", -1
         self._told_at = self._stepped = self.clock.monotonic()
-        self._commanding = False
+        self._commanding, self._motion = False, STAND
         if p.file:
             self._begin(courses.load(p.file, p.laps))
         elif p.waypoints:
@@ -140,10 +140,8 @@ class WaypointFollower(Node):
     @subscribe("odom", depth=1)
     def on_odometry(self, odometry: Odometry, info: MessageInfo) -> None:
         """Remember where the robot is; what is not finite counts as silence."""
-        if fix_of(odometry, 0.0) is not None and is_finite(odometry.twist.twist):
-            now = self.clock.monotonic()
-            self._odometry.take(odometry, self._arrivals.sent(info, now, self._wall.monotonic()), now)
-        else:
+        now = self.clock.monotonic()
+        if not self._robot.take(odometry, self._arrivals.sent(info, now, self._wall.monotonic()), now):
             self.logger.warning("ignored odometry that holds NaN or an infinity", throttle=5.0)
 
     @subscribe("waypoints")
@@ -168,15 +166,18 @@ class WaypointFollower(Node):
         self, goal: FollowWaypoints.Goal
     ) -> Generator[FollowWaypoints.Feedback | None, None, FollowWaypoints.Result]:
         """Follow the poses of a goal, in the place of any other course."""
-        follower = self._begin(self._course_of(goal.poses, "", goal.number_of_loops + 1, goal.goal_index))
+        try:
+            follower = self._begin(self._course_of(goal.poses, "", goal.number_of_loops + 1, goal.goal_index))
+        except CourseError as error:  # it could be followed when it was taken
+            raise GoalCanceled(f"{error}") from None
         told = -1
         try:
             while self._follower is follower:
                 before, told = told, follower.waypoint
                 yield FollowWaypoints.Feedback(told) if told != before else None
-        except GoalCanceled:
+        except GoalCanceled as canceled:
             if self._follower is follower:
-                self._end("idle", "the goal of follow_waypoints was canceled")
+                self._end("idle", f"{canceled}" or "the goal of follow_waypoints was canceled", stand=not f"{canceled}")
             return _result(goal, follower)
         if not follower.finished:
             raise GoalCanceled(self._why)  # it was given up, or a path has taken its place
@@ -193,70 +194,47 @@ class WaypointFollower(Node):
         dt = min(elapsed, 2 * period) if elapsed > 0.0 else period  # simulated time may step back
         if self._follower is not None:
             self._follow(self._follower, now, dt)
+        else:
+            self._stand()  # unless another course has followed the one before at once
         self._tell(now)
 
     def _follow(self, follower: Follower, now: float, dt: float) -> None:
-        p, limits = self.parameters, _limits_of(self.parameters)
-        pose = self._pose(follower.course, now)
-        if pose is None:
+        p, way = self.parameters, follower.way
+        try:
+            pose = self._robot.pose(follower.course.frame, now, p.odom_timeout)
+        except Lost as why:
+            self._doing, self._why = why.reason, f"{why}"
             follower.wait(dt)
             self._stand()
         else:
-            way, odometry = follower.way, self._odometry.message
-            motion = follower.step(pose, odometry.twist.twist.linear.x if odometry is not None else 0.0, limits, dt)
+            motion = follower.step(pose, self._robot.speed, _limits_of(p), dt)
             if follower.way is not way:
                 self._show(follower)
             if follower.finished:
                 self._finish(follower)
                 return
             self.command.publish(Twist(Vector3(x=motion.linear), Vector3(z=motion.angular)))
-            self._commanding = True
+            self._commanding, self._motion = True, motion
             self._doing, self._why = "turning" if follower.turning else "driving", "on its way"
             if follower.idle > HELD_UP:
-                self._doing = "held_up"
-                self._why = f"has not got on for {int(follower.idle)} s, though it commands"
-                self.logger.warning("%s", self._why, throttle=10.0)
-        if p.patience and follower.idle > p.patience:
-            self._give_up(follower, limits)
+                self._doing, self._why = "held_up", f"has not got on for {int(follower.idle)} s, though it commands"
+        if p.patience and follower.idle > p.patience and follower.way is not None:
+            self._give_up(follower)
 
-    def _give_up(self, follower: Follower, limits: Limits) -> None:
+    def _give_up(self, follower: Follower) -> None:
         """Leave out a waypoint, and by choice all that follow."""
         text = f"gave up waypoint {follower.waypoint} after {follower.idle:.1f} s: {self._why}"
-        self.logger.warning("%s", text)
-        follower.give_up(limits)
+        follower.give_up(self.parameters.tolerance)
         if self.parameters.stop_on_failure:
             self._end("failed", text)
-        elif follower.finished:
+            return
+        self.logger.warning("%s", text)
+        if follower.finished:
             self._finish(follower)
 
     def _finish(self, follower: Follower) -> None:
-        missed = f"; missed {', '.join(map(str, follower.missed))}" if follower.missed else ""
+        missed = f"; missed {_missed(follower)}" if follower.missed else ""
         self._end("finished", f"is at the end of its course of {len(follower.course.waypoints)} waypoints{missed}")
-
-    def _pose(self, course: Course, now: float) -> Pose2 | None:
-        """Where the robot is in the frame of a course; None where that is not known, which is told."""
-        p, odometry = self.parameters, self._odometry.message
-        if odometry is None:
-            self._doing, self._why = "no_odometry", f"no odometry so far on {self.resolve('odom')}"
-            return None
-        age = self._odometry.age(now)
-        if age > p.odom_timeout:
-            self._doing, self._why = "stale_odometry", f"the last odometry on {self.resolve('odom')} is too old"
-            self.logger.warning("%s: %.2f s", self._why, age, throttle=10.0)
-            return None
-        fix, frame = fix_of(odometry, 0.0), _frame_of(odometry)
-        assert fix is not None  # others are not remembered
-        pose = Pose2(fix.x, fix.y, fix.yaw)
-        if course.frame in ("", frame):
-            return pose
-        try:
-            there = self.transforms.lookup(course.frame, frame)
-        except TransformError as error:
-            self._doing, self._why = "no_transform", f"{error}"
-            self.logger.warning("where the robot is in %s is not known: %s", course.frame, error, throttle=10.0)
-            return None
-        x, y, _ = there.apply(pose.x, pose.y, 0.0)
-        return Pose2(x, y, normalize_angle(pose.yaw + there.rpy()[2]))
 
     def _course_of(self, poses: list[PoseStamped], frame: str, laps: int = 1, first: int = 0) -> Course:
         """The course of a message, which can be followed now.
@@ -267,61 +245,52 @@ class WaypointFollower(Node):
         course = courses.course_of_poses(
             poses, frame or self.parameters.frame, self.parameters.orientations, laps, first
         )
-        odometry = self._odometry.message
-        if odometry is None:
-            raise CourseError(f"where the robot is is not known: no odometry so far on {self.resolve('odom')}")
-        if course.frame not in ("", _frame_of(odometry)):
-            why = self.transforms.buffer.why_not(course.frame, _frame_of(odometry))
-            if why is not None:
-                raise CourseError(f"where the robot is in {course.frame} is not known: {why}")
+        try:
+            self._robot.pose(course.frame, self.clock.monotonic(), self.parameters.odom_timeout)
+        except Lost as why:
+            raise CourseError(f"{why}") from None
         return course
 
     def _begin(self, course: Course) -> Follower:
         """Follow a course from now on; what the robot does changes gently."""
-        before = self._follower
-        follower = self._follower = Follower(course, before.motion) if before is not None else Follower(course)
+        follower = self._follower = Follower(course, self._motion)
         self._doing, self._why = "driving", "has just begun"
         self.logger.info("follows a course of %d waypoints", len(course.waypoints))
         return follower
 
-    def _end(self, doing: str, why: str) -> None:
-        """Follow no course any more: the robot stands."""
+    def _end(self, doing: str, why: str, *, stand: bool = True) -> None:
+        """Follow no course any more; the robot stands now, or unless another course begins at once."""
         if self._follower is not None:
-            self.logger.info("%s", why)
+            log = self.logger.warning if doing == "failed" else self.logger.info
+            log("%s", why)
             self._follower = None
             self.path.publish(Path(Header(self.now())))
         self._doing, self._why = doing, why
-        self._stand()
+        if stand:
+            self._stand()
 
     def _stand(self) -> None:
         """Send one 0, and be silent then."""
         if self._commanding:
-            self._commanding = False
+            self._commanding, self._motion = False, STAND
             self.command.publish(Twist())
 
     def _show(self, follower: Follower) -> None:
         """Publish the way."""
-        odometry = self._odometry.message
-        if follower.way is not None and odometry is not None:
-            header = Header(self.now(), follower.course.frame or _frame_of(odometry))
+        if follower.way is not None:
+            header = Header(self.now(), follower.course.frame or self._robot.frame)
             poses = [Pose(Point(at.x, at.y), quaternion_from_yaw(at.yaw)) for at in follower.way.route.poses()]
             self.path.publish(Path(header, [PoseStamped(header, pose) for pose in poses]))
 
     def _tell(self, now: float) -> None:
         """Publish the state on every change and once a second."""
         follower = self._follower
-        values = [KeyValue("state", self._doing), KeyValue("reason", self._why)]
-        if follower is not None:
-            values += [
-                KeyValue("waypoint", str(follower.waypoint)),
-                KeyValue("waypoints", str(len(follower.course.waypoints))),
-                KeyValue("lap", str(follower.lap)),
-                KeyValue("distance_left", f"{follower.left:.2f} m"),
-                KeyValue("missed", ", ".join(map(str, follower.missed))),
-            ]
         told = self._doing, follower.waypoint if follower is not None else -1
+        if told[0] != self._told[0] and _level_of(self._doing) == DiagnosticStatus.WARN:
+            self.logger.warning("stands: %s", self._why)
         if told != self._told or not 0.0 <= now - self._told_at < 1.0:  # simulated time may step back
             self._told, self._told_at = told, now
+            values = [KeyValue("state", self._doing), KeyValue("reason", self._why), *_values_of(follower)]
             text = f"{self._doing}: {self._why}"
             self.state.publish(DiagnosticStatus(_level_of(self._doing), self.full_name, text, values=values))
 
@@ -336,8 +305,22 @@ def _level_of(doing: str) -> int:
     return DiagnosticStatus.ERROR if doing == "failed" else DiagnosticStatus.WARN
 
 
-def _frame_of(odometry: Odometry) -> str:
-    return odometry.header.frame_id.removeprefix("/")
+def _values_of(follower: Follower | None) -> list[KeyValue]:
+    """How far it is."""
+    if follower is None:
+        return []
+    return [
+        KeyValue("waypoint", str(follower.waypoint)),
+        KeyValue("waypoints", str(len(follower.course.waypoints))),
+        KeyValue("lap", str(follower.lap)),
+        KeyValue("distance_left", f"{follower.left:.2f} m" if follower.way is not None else ""),
+        KeyValue("missed", _missed(follower)),
+    ]
+
+
+def _missed(follower: Follower) -> str:
+    """The numbers of the last waypoints that were given up."""
+    return ", ".join(map(str, follower.missed[-MOST_SHOWN:]))
 
 
 def _result(goal: FollowWaypoints.Goal, follower: Follower) -> FollowWaypoints.Result:

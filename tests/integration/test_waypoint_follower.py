@@ -173,13 +173,13 @@ def test_courses_that_cannot_be_followed_are_refused_and_nothing_changes(
     assert reason(follower) == "idle: no course so far"
     follower.send("waypoints", PathMessage(poses=poses((1, 0))))
     assert "no odometry so far on odom" in caplog.messages[-1]
-    follower.send("odom", odometry())
     for wrong, why in (
         (poses((math.nan, 0)), "poses[0]: expected a finite number"),
         (poses((1, 0), frame="map") + poses((1, 0), frame="odom"), "in one frame, and these are in map, odom"),
         (poses((1, 0), frame="map"), "where the robot is in map is not known: "),
     ):
         clock.advance(2.0)
+        follower.send("odom", odometry())
         follower.send("waypoints", PathMessage(poses=wrong))
         assert why in caplog.messages[-1]
         with pytest.raises(ActionError, match="refuses the goal"):
@@ -220,8 +220,10 @@ def test_a_goal_that_is_canceled_or_replaced_stops_the_robot(run_node: RunNode, 
 
     second = follower.send_goal("follow_waypoints", far)
     clock.advance(1.0)
-    third = follower.send_goal("follow_waypoints", FollowWaypoints.Goal(poses=poses((1.5, 0.0))))
+    follower.clear()
+    third = follower.send_goal("follow_waypoints", FollowWaypoints.Goal(poses=poses((2.5, 0.0))))
     clock.advance(1.0)
+    assert min(one.linear.x for one in follower.published(WaypointFollower.command)) > 0.2, "it does not stop for it"
     assert [second.status, third.status] == [GoalState.ABORTED, GoalState.EXECUTING]
     follower.send("waypoints", PathMessage(poses=poses((1.0, 1.0))))
     clock.advance(0.2)
