@@ -60,7 +60,7 @@ class WaypointFollower(Node):
         """Where to, and how."""
 
         waypoints: Annotated[
-            list[list[float]], Meta(description="[x, y] or [x, y, yaw] of each; empty: none"), Unit("m, rad"), READ_ONLY
+            list[list[float]], Meta(description="[x, y] or [x, y, yaw] of each, m and rad; empty: none"), READ_ONLY
         ] = field(default_factory=list)
         file: Annotated[str, Meta(description="YAML file of waypoints, in their place"), READ_ONLY] = ""
         frame: Annotated[

@@ -26,6 +26,7 @@ from robo_services.courses import CourseError, load
 from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.planar import quaternion_from_yaw, yaw_from_quaternion
 from robo_services.safety_monitor import SafetyMonitor
+from robo_services.velocity_smoother import VelocitySmoother
 from robo_services.waypoint_follower import WaypointFollower
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -96,17 +97,23 @@ def test_a_course_from_parameters_is_driven_told_and_ends_in_silence(run_node: R
     assert follower.published(WaypointFollower.command) == [], "not even at its end: it does not drive"
 
 
-def test_the_whole_chain_drives_the_course_and_the_monitor_has_nothing_to_say(run_node: RunNode, clock: Clock) -> None:
+@pytest.mark.parametrize(("name", "speed", "seconds"), [("course.yaml", 0.8, 90.0), ("dock.yaml", 0.5, 40.0)])
+def test_the_whole_chain_drives_the_courses_and_the_monitor_has_nothing_to_say(
+    run_node: RunNode, clock: Clock, name: str, speed: float, seconds: float
+) -> None:
     base = run_node(DiffDriveSim, world=str(CONFIG / "hall.yaml"), command_source="safety_monitor")
     monitor = run_node(SafetyMonitor)
-    follower = run_node(WaypointFollower, remap={"cmd_vel": "cmd_vel_raw"}, file=str(CONFIG / "course.yaml"), speed=1.0)
+    smoother = {"cmd_vel": "cmd_vel_nav", "cmd_vel_smoothed": "cmd_vel_raw"}
+    run_node(VelocitySmoother, remap=smoother, parameters={"linear.max_velocity": speed})
+    file = str(CONFIG / name)
+    follower = run_node(WaypointFollower, remap={"cmd_vel": "cmd_vel_nav"}, file=file, speed=speed)
     clock.advance(1.0)
     monitor.clear()
-    until(clock, follower, "finished", seconds=90.0)
+    until(clock, follower, "finished", seconds=seconds)
     track = [one.pose.pose.position for one in base.published("odom")]
-    misses = [min(math.hypot(p.x - w.x, p.y - w.y) for p in track) for w in load(str(CONFIG / "course.yaml")).waypoints]
-    assert len(misses) == 20
+    misses = [min(math.hypot(p.x - w.x, p.y - w.y) for p in track) for w in load(file).waypoints]
     assert max(misses) <= 0.25
+    assert misses[-1] <= 0.03, "where it stands"
     assert {state.values[1].value for state in monitor.published("safety_state")} == {"clear"}
 
 
