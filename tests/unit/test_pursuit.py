@@ -248,6 +248,28 @@ def test_odometry_that_jitters_changes_nothing(noise: float) -> None:
     assert follower.finished
 
 
+@few
+@given(st.lists(waypoints, min_size=2, max_size=6), st.integers(0, 2**32), st.sampled_from([0, 2, 4]))
+def test_it_comes_to_its_end_however_it_is_pushed_and_held(way: list[Waypoint], seed: int, delay: int) -> None:
+    chance, follower, pose, held, pushes = random.Random(seed), Follower(Course(tuple(way))), Pose2(), 0, 0
+    motions = [STAND] * (delay + 1)
+    for _ in range(20_000):
+        seen = Pose2(*(value + chance.gauss(0, 0.01) for value in pose))
+        motions.append(follower.step(seen, motions[-1 - delay].linear, LIMITS, DT))
+        assert all(map(math.isfinite, motions[-1]))
+        if follower.finished:
+            break
+        if pushes < 3 and chance.random() < 0.01:
+            pushes += 1
+            held = chance.choice([0, 0, 100])
+            pose = Pose2(pose.x + chance.uniform(-2, 2), pose.y + chance.uniform(-2, 2), chance.uniform(-3, 3))
+        held -= 1
+        if held <= 0:
+            pose = advance(pose, *motions[-1 - delay], DT)
+    assert follower.finished
+    assert follower.missed == []
+
+
 # -- formulas --------------------------------------------------------------------------------------------------------
 
 
