@@ -14,6 +14,7 @@ from robo_services.carmen_player import CarmenPlayer
 from robo_services.diff_drive_controller import DiffDriveController
 from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.position_tracker import PositionTracker
+from robo_services.robot_state_publisher import RobotStatePublisher
 from robo_services.safety_monitor import SafetyMonitor
 from robo_services.twist_mux import TwistMux
 from robo_services.velocity_controller import VelocityController
@@ -26,6 +27,7 @@ SHIPPED = [
     DiffDriveController,
     DiffDriveSim,
     PositionTracker,
+    RobotStatePublisher,
     SafetyMonitor,
     TwistMux,
     VelocityController,
@@ -53,7 +55,10 @@ def ends_of(cls: type[Node], *, read_only: bool) -> list[tuple[ParameterInfo, fl
 def given(tmp_path: Path) -> dict[type[Node], dict[str, object]]:
     """What nodes need to run at all."""
     (tmp_path / "log").write_text("ODOM 1 2 0 0 0 0 100.0 robot 0.1\nODOM 1 2 0 0 0 0 100.2 robot 0.2\n")
-    return {CarmenPlayer: {"log": str(tmp_path / "log"), "delay": 3600}}
+    return {
+        CarmenPlayer: {"log": str(tmp_path / "log"), "delay": 3600},
+        RobotStatePublisher: {"robot_description": '<robot name="r"><link name="base_link"/></robot>'},
+    }
 
 
 def runs(node: Node) -> None:

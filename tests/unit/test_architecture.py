@@ -38,6 +38,7 @@ def modules_after(code: str) -> set[str]:
         "import robo_services.waypoint_follower, robo.process.node",
         "import robo_services.carmen_player, robo.process.node",
         "import robo_services.diff_drive_controller, robo.process.node",
+        "import robo_services.robot_state_publisher, robo.process.node",
         "import robo.process.router",
     ],
 )

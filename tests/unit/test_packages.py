@@ -291,6 +291,7 @@ def test_robo_announces_the_nodes_that_ship() -> None:
         "diff_drive_controller",
         "diff_drive_sim",
         "position_tracker",
+        "robot_state_publisher",
         "safety_monitor",
         "twist_mux",
         "velocity_controller",
