@@ -1,5 +1,6 @@
 """CARMEN logs: reading them line by line, keeping what is good and naming what is not.
 
+PARAM name value host timestamp
 ODOM x y theta tv rv accel ipc_timestamp host logger_timestamp
 FLASER n r1 … rn x y theta odom_x odom_y odom_theta ipc_timestamp host logger_timestamp
 """
@@ -7,9 +8,10 @@ FLASER n r1 … rn x y theta odom_x odom_y odom_theta ipc_timestamp host logger_
 import gzip
 import math
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 
@@ -67,6 +69,15 @@ class Scan(msgspec.Struct, frozen=True):
     """m, over 180° from right to left."""
 
 
+class LaserOffset(msgspec.Struct, frozen=True):
+    """A PARAM record that says where the laser in front stands on the base."""
+
+    line: int
+    part: Literal["x", "y", "yaw"]
+    value: float
+    """m, or rad."""
+
+
 class MalformedLog(msgspec.Struct, frozen=True):
     """A line that is cut short or makes no sense."""
 
@@ -80,7 +91,13 @@ class Rewritten(msgspec.Struct, frozen=True):
     line: int
 
 
-Record = Motion | Scan | MalformedLog | Rewritten
+Record = Motion | Scan | LaserOffset | MalformedLog | Rewritten
+
+_OFFSETS: dict[bytes, Literal["x", "y", "yaw"]] = {
+    b"robot_frontlaser_offset": "x",
+    b"robot_frontlaser_side_offset": "y",
+    b"robot_frontlaser_angular_offset": "yaw",
+}
 
 
 def read(path: str | Path) -> Iterator[Record]:
@@ -110,17 +127,18 @@ def records(lines: Iterable[bytes | MalformedLog]) -> Iterator[Record]:
             yield line
             continue
         fields = line.split()
-        if not fields or fields[0] not in (b"ODOM", b"FLASER"):
+        read_one = _reader_of(fields)
+        if read_one is None:
             continue
         record: Record
         try:
-            record = _odom(number, fields) if fields[0] == b"ODOM" else _flaser(number, fields)
+            record = read_one(number, fields)
         except _Bad as reason:
             record = MalformedLog(number, str(reason))
         # Exactly 0: real logs also hold times like 1e-42, which rounding would turn into 0 as well.
         if isinstance(record, Motion) and float(fields[7]) == 0.0 and not first:
             record = Rewritten(number)
-        first = False
+        first = first and isinstance(record, LaserOffset)
         yield record
 
 
@@ -159,6 +177,25 @@ def _lines(stream: Iterable[bytes]) -> Iterator[bytes | MalformedLog]:
             yield line
     except (EOFError, zlib.error, gzip.BadGzipFile, OSError) as error:
         yield MalformedLog(number + 1, f"the file is cut short or damaged here ({error})")
+
+
+def _reader_of(fields: list[bytes]) -> Callable[[int, list[bytes]], Record] | None:
+    """What reads a record of this kind; None where it is passed over."""
+    match fields:
+        case [b"ODOM", *_]:
+            return _odom
+        case [b"FLASER", *_]:
+            return _flaser
+        case [b"PARAM", name, *_] if name in _OFFSETS:
+            return _laser_offset
+    return None
+
+
+def _laser_offset(line: int, fields: list[bytes]) -> LaserOffset:
+    if len(fields) < 3:
+        raise _Bad(f"PARAM {fields[1].decode()} has no value")
+    (value,) = _numbers(fields[2:3])
+    return LaserOffset(line, _OFFSETS[fields[1]], value)
 
 
 def _odom(line: int, fields: list[bytes]) -> Motion:

@@ -3,11 +3,13 @@
 from collections.abc import Iterable
 from typing import Annotated
 
+import msgspec
 from msgspec import Meta
 
 import robo
 from robo import KEEP_ALL, READ_ONLY, Node, ParameterError, Publisher, Unit
-from robo_messages import Clock, LaserScan, Odometry, Time
+from robo.tf import StaticTransformBroadcaster, Transform3
+from robo_messages import Clock, Header, LaserScan, Odometry, TFMessage, Time
 from robo_services import carmen
 
 MOST_NAMED = 20
@@ -15,7 +17,11 @@ MOST_NAMED = 20
 
 
 class CarmenPlayer(Node):
-    """Play a CARMEN log, plain or .gz, in file order, and end with it."""
+    """Play a CARMEN log, plain or .gz, in file order, and end with it.
+
+    A log says where the laser stands by the parameters robot_frontlaser_offset, robot_frontlaser_side_offset and
+    robot_frontlaser_angular_offset of its robot. One that does not has it in the middle of the base.
+    """
 
     class Parameters(robo.Parameters):
         """What to play, and how fast."""
@@ -38,9 +44,19 @@ class CarmenPlayer(Node):
             Meta(description="publish /clock: time is that of the records, for nodes with use_sim_time"),
             READ_ONLY,
         ] = False
-        odom_frame: Annotated[str, Meta(description="the frame of odometry's poses")] = "odom"
-        base_frame: Annotated[str, Meta(description="the frame of odometry's velocities")] = "base_link"
-        laser_frame: Annotated[str, Meta(description="the frame of scans")] = "base_laser"
+        odom_frame: Annotated[str, Meta(min_length=1, description="the frame of odometry's poses"), READ_ONLY] = "odom"
+        base_frame: Annotated[str, Meta(min_length=1, description="the frame of odometry's velocities"), READ_ONLY] = (
+            "base_link"
+        )
+        laser_frame: Annotated[str, Meta(min_length=1, description="the frame of scans"), READ_ONLY] = "base_laser"
+        laser_pose: Annotated[
+            list[float],
+            Meta(description="where the laser stands on the base, x and y in m, yaw in rad; empty: as the log says"),
+            READ_ONLY,
+        ] = msgspec.field(default_factory=list)
+        publish_laser_tf: Annotated[
+            bool, Meta(description="say that on tf_static; false where a robot_state_publisher does"), READ_ONLY
+        ] = True
 
     parameters: Parameters
 
@@ -48,13 +64,18 @@ class CarmenPlayer(Node):
     """The odometry of the log."""
     scans = Publisher(LaserScan, "scan", depth=KEEP_ALL)
     """The laser scans of the log."""
+    transforms = Publisher(TFMessage, "tf", depth=KEEP_ALL)
+    """Where the base stands in the frame of its odometry."""
+    fixed_frames = StaticTransformBroadcaster()
 
     def on_start(self) -> None:
         """Open the log, so that a wrong name is told at once."""
+        self._check_frames()
         if not self.parameters.log:
             raise ParameterError(f"{self.full_name}: log names no file; give it with -p log:=FILE (robo up: log:=FILE)")
         self._records = carmen.read(self.parameters.log)
-        self._first = next(self._records, None)
+        self._laser = dict.fromkeys(("x", "y", "yaw"), 0.0)
+        self._first = self._after_offsets()
         self.clock = self.clock.wall  # who says the time does not wait for it
         if self.parameters.publish_clock:
             self._clock_topic = self.create_publisher(Clock, "/clock", depth=KEEP_ALL)
@@ -63,6 +84,7 @@ class CarmenPlayer(Node):
         self._scans = 0
         self._rewritten: list[int] = []
         self._malformed: list[int] = []
+        self._say_where_laser_is()
 
     def main(self) -> None:
         """Play everything, then say what was played."""
@@ -88,13 +110,47 @@ class CarmenPlayer(Node):
                     self.logger.warning("line %d is skipped: %s", line, reason)
             case carmen.Motion():
                 self._wait_for(record.time, begin)
-                p = self.parameters
-                self.odometry.publish(carmen.odometry(record, p.odom_frame, p.base_frame))
-                self._odometry += 1
+                self._publish_odometry(record)
             case carmen.Scan():
                 self._wait_for(record.time, begin)
                 self.scans.publish(carmen.laser_scan(record, self.parameters.laser_frame, self.parameters.range_max))
                 self._scans += 1
+
+            case carmen.LaserOffset():
+                self._take(record)
+                self._say_where_laser_is()
+
+    def _publish_odometry(self, record: carmen.Motion) -> None:
+        odometry = carmen.odometry(record, self.parameters.odom_frame, self.parameters.base_frame)
+        # The transform goes first: who is called with the odometry of a moment may look up where that was.
+        moved = Transform3.from_message(odometry.pose.pose)
+        self.transforms.publish(TFMessage([moved.to_stamped(odometry.header, odometry.child_frame_id)]))
+        self.odometry.publish(odometry)
+        self._odometry += 1
+
+    def _check_frames(self) -> None:
+        p = self.parameters
+        if len({p.odom_frame, p.base_frame, p.laser_frame}) < 3:
+            raise ParameterError(f"{self.full_name}: odom_frame, base_frame and laser_frame have to be three")
+        if len(p.laser_pose) not in (0, 3):
+            raise ParameterError(f"{self.full_name}: laser_pose takes x, y and yaw, not {len(p.laser_pose)} numbers")
+
+    def _after_offsets(self) -> carmen.Record | None:
+        """The first record behind those that say where the laser stands."""
+        for record in self._records:
+            if not isinstance(record, carmen.LaserOffset):
+                return record
+            self._take(record)
+        return None
+
+    def _take(self, offset: carmen.LaserOffset) -> None:
+        self._laser[offset.part] = offset.value
+
+    def _say_where_laser_is(self) -> None:
+        p = self.parameters
+        if p.publish_laser_tf:
+            where = Transform3.planar(*(p.laser_pose or self._laser.values()))
+            self.fixed_frames.send(where.to_stamped(Header(self.now(), p.base_frame), p.laser_frame))
 
     def _wait_for(self, stamp: int, begin: float) -> None:
         """Wait until a record is due. One whose stamp steps back is due at once: file order is kept."""

@@ -1,7 +1,7 @@
 """A simulated base with a laser: the default robot, for a desk without one."""
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 from functools import partial
 from typing import Annotated, Literal, NamedTuple
 
@@ -149,9 +149,16 @@ class DiffDriveSim(Node):
         real_time_factor: Annotated[
             float, Meta(ge=0.01, le=100, description="how fast the published time runs, 1 is real time"), READ_ONLY
         ] = 1.0
-        odom_frame: Annotated[str, Meta(description="the frame of odometry's poses")] = "odom"
-        base_frame: Annotated[str, Meta(description="the frame of odometry's velocities")] = "base_link"
-        laser_frame: Annotated[str, Meta(description="the frame of scans")] = "base_laser"
+        odom_frame: Annotated[str, Meta(min_length=1, description="the frame of odometry's poses"), READ_ONLY] = "odom"
+        base_frame: Annotated[str, Meta(min_length=1, description="the frame of odometry's velocities"), READ_ONLY] = (
+            "base_link"
+        )
+        laser_frame: Annotated[str, Meta(min_length=1, description="the frame of scans"), READ_ONLY] = "base_laser"
+        publish_laser_tf: Annotated[
+            bool,
+            Meta(description="say on tf_static where the laser stands; false where a robot_state_publisher does"),
+            READ_ONLY,
+        ] = True
 
     parameters: Parameters
 
@@ -205,8 +212,12 @@ class DiffDriveSim(Node):
             self.clock = wall
             self.create_timer(1.0 / p.odom_rate, self.advance)
         self._begin = self.clock.monotonic()
-        if p.laser:  # it stands in the middle of the base
-            self.fixed_frames.send(TransformStamped(Header(self.now(), p.base_frame), p.laser_frame))
+        self._say_where_laser_is()
+
+    def on_parameters_changed(self, names: Set[str]) -> None:
+        """Say where a laser stands that is there now."""
+        if "laser" in names:
+            self._say_where_laser_is()
 
     @subscribe("cmd_vel", qos=QoS.COMMAND, sole_source="command_source")
     def on_command(self, twist: Twist, info: MessageInfo) -> None:
@@ -278,6 +289,11 @@ class DiffDriveSim(Node):
                 ranges=laser.scan(self._base.pose),
             )
         )
+
+    def _say_where_laser_is(self) -> None:
+        p = self.parameters
+        if p.laser and p.publish_laser_tf:  # it stands in the middle of the base
+            self.fixed_frames.send(TransformStamped(Header(self.now(), p.base_frame), p.laser_frame))
 
     def _odometry(self) -> Odometry:
         base, p = self._base, self.parameters

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo_services import carmen
-from robo_services.carmen import LogError, MalformedLog, Motion, Record, Rewritten, Scan
+from robo_services.carmen import LaserOffset, LogError, MalformedLog, Motion, Record, Rewritten, Scan
 from robo_services.carmen_player import line_ranges
 from robo_services.planar import yaw_from_quaternion
 from tests import room_log
@@ -30,6 +30,24 @@ def test_records_are_read_as_they_stand() -> None:
 def test_other_lines_are_passed_over_but_counted() -> None:
     records = read("# comment", "PARAM x 1 nohost 0", "", "NEFF 15", ODOM)
     assert [r.line for r in records] == [5]
+
+
+def test_where_the_laser_stands_is_read() -> None:
+    offset, side, turn, bad, worse, motion = read(
+        "PARAM robot_frontlaser_offset 0.25 nohost 0",
+        "PARAM robot_frontlaser_side_offset -0.1",
+        "PARAM robot_frontlaser_angular_offset 0.5 nohost 0",
+        "PARAM robot_rearlaser_offset 0.3 nohost 0",
+        "PARAM",
+        "PARAM robot_frontlaser_offset",
+        "PARAM robot_frontlaser_offset nan nohost 0",
+        "ODOM 1 2 0 0 0 0 0 host 0",
+    )
+    assert [offset, side, turn] == [LaserOffset(1, "x", 0.25), LaserOffset(2, "y", -0.1), LaserOffset(3, "yaw", 0.5)]
+    assert bad == MalformedLog(6, "PARAM robot_frontlaser_offset has no value")
+    assert worse == MalformedLog(7, "'nan' is no finite number")
+    assert isinstance(motion, Rewritten), "a malformed line was there before"
+    assert isinstance(read("PARAM robot_frontlaser_offset 0", "ODOM 1 2 0 0 0 0 0 host 0")[1], Motion)
 
 
 def test_time_zero_is_kept_at_the_start_only() -> None:
@@ -132,6 +150,7 @@ def test_the_log_of_a_real_robot(intel_log: Path) -> None:
     assert len(motions) == 13_700
     assert sum(isinstance(r, Rewritten) for r in records) == 841
     assert sum(isinstance(r, Scan) for r in records) == 910
+    assert [r for r in records if isinstance(r, LaserOffset)] == [LaserOffset(3, "x", 0.0)]
     assert sum(isinstance(r, MalformedLog) for r in records) == 0
     driven = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(motions))
     assert driven == pytest.approx(534.082, abs=0.001)
