@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import zenoh
@@ -9,8 +10,8 @@ import zenoh
 from robo.node.declare import timer
 from robo.node.node import Node
 from robo.tf import StaticTransformBroadcaster, Transform3, TransformBroadcaster
-from robo_messages import Header, TransformStamped
-from tests.support import PATIENCE, robo, run_robo
+from robo_messages import Header, JointState, TransformStamped
+from tests.support import PATIENCE, eventually, robo, run_robo
 
 pytestmark = pytest.mark.timeout(120)
 
@@ -91,3 +92,69 @@ def test_nobody_says_where_frames_stand(endpoint: str, session: zenoh.Session) -
         none = run_robo("tf", "tree", "--connect", endpoint)
     assert none.returncode == 1
     assert none.stderr == "error: no node publishes transforms (tf2/TFMessage on tf or tf_static)\n"
+
+
+URDF = """<robot name="mast">
+  <link name="base_link"/>
+  <link name="mast"/>
+  <link name="camera"/>
+  <joint name="mast_joint" type="fixed">
+    <parent link="base_link"/>
+    <child link="mast"/>
+  </joint>
+  <joint name="pan_joint" type="revolute">
+    <parent link="mast"/>
+    <child link="camera"/>
+    <axis xyz="0 0 1"/>
+  </joint>
+</robot>
+"""
+STATE_PUBLISHER = "robo_services.robot_state_publisher"
+
+
+def test_the_frames_of_a_urdf(endpoint: str, base: Base, tmp_path: Path) -> None:
+    (tmp_path / "mast.urdf").write_text(URDF)
+    words = ("--robot-name", "r1", "-p", f"urdf:={tmp_path / 'mast.urdf'}", "--connect", endpoint)
+    with robo("run", STATE_PUBLISHER, *words) as publisher:
+        publisher.wait_for("mast has 3 links from base_link on, 1 joints move")
+        joints = base.create_publisher(JointState, "joint_states")
+        eventually(lambda: joints.has_subscribers, "they have met")
+        joints.publish(JointState(Header(base.now()), ["pan_joint"], [0.5]))
+        text = run_robo("tf", "tree", "--connect", endpoint).stdout.splitlines()
+        assert [line.split("  ")[0] for line in text[:2]] == ["odom", "└─ base_link"]
+        said_by = "by /r1/robot_state_publisher"
+        assert [(line.strip("├└│─ ").partition(" ")[0], line.endswith(said_by)) for line in text[2:]] == [
+            ("laser", False),
+            ("mast", True),
+        ], "who comes later does not know how the camera moved"
+        with robo("tf", "monitor", "--json", "--interval", "0.2", "--connect", endpoint) as monitor:
+            monitor.wait_for('"child"')
+            joints.publish(JointState(Header(base.now()), ["pan_joint"], [0.5]))
+            monitor.wait_for('"camera"')
+        publisher.interrupt()
+        assert publisher.wait() == 0
+
+
+def test_a_urdf_with_mistakes_is_no_robot(endpoint: str, tmp_path: Path) -> None:
+    file = tmp_path / "mast.urdf"
+    file.write_text(URDF.replace('"mast"/>\n  <link', '"mats"/>\n  <link').replace("0 0 1", "0 0 0"))
+    run = run_robo("run", STATE_PUBLISHER, "-p", f"urdf:={file}", "--listen", endpoint)
+    assert run.returncode == 1
+    assert run.stderr.splitlines() == [
+        f"error: {file}:5:3: joint 'mast_joint': its child 'mast' is no link; did you mean mats?",
+        f"{file}:9:3: joint 'pan_joint': its parent 'mast' is no link; did you mean mats?",
+        f"{file}:12:5: joint 'pan_joint' has an axis of length 0, which has no direction",
+    ]
+
+
+def test_the_frames_of_a_replay(endpoint: str) -> None:
+    with robo("up", "replay.yaml", "--robot-name", "r1", "--listen", endpoint) as replay:
+        replay.wait_for(" at tcp/")
+        with robo("tf", "monitor", "--json", "--interval", "0.2", "--connect", endpoint) as monitor:
+            monitor.wait_for('"base_link"')
+            monitor.wait_for('"base_laser"')
+        text = run_robo("tf", "tree", "--connect", endpoint).stdout.splitlines()
+        assert [line.split("  ")[0] for line in text[:2]] == ["odom", "└─ base_link"]
+        assert text[2].endswith("static, by /r1/carmen_player")
+        replay.interrupt()
+        assert replay.wait() == 130

@@ -8,7 +8,7 @@ import pytest
 from robo.cli import ros2_words
 from tests.pages import PAGES, ROOT, blocks
 
-LANGUAGES = {"sh", "console", "text", "python", "yaml", "json", "toml", "dockerfile"}
+LANGUAGES = {"sh", "console", "text", "python", "yaml", "json", "toml", "dockerfile", "xml"}
 MARKS = {"", "not run", "file", "beside", "Ctrl-C after each"}
 
 every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
