@@ -52,5 +52,6 @@ def _expanded(path: str, arguments: Sequence[str]) -> str:
     try:
         text = xacro.process_file(path, mappings=mappings).toprettyxml(indent="  ")
     except Exception as error:  # xacro raises what the expressions of the file raise
-        raise UrdfError(f"{path}: xacro: {error or type(error).__name__}; `xacro {path}` says where") from None
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise UrdfError(f"{path}: xacro: {reason}; `xacro {path}` says where") from None
     return str(text)
