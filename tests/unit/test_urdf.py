@@ -138,6 +138,7 @@ def test_whatever_positions_come_transforms_are_finite(told: dict[str, float]) -
             joint("follow", "b", "c", f'{far}<mimic joint="slide" multiplier="-{MOST}" offset="{MOST}"/>', "prismatic"),
         )
     )
+    assert all(map(is_position, model.positions(told).values())), "also of what follows"
     placed = model.transforms(told)
     for name, value in told.items():
         assert (name in placed) == (name != "other" and is_position(value)) or name == "follow"
