@@ -1,6 +1,7 @@
 """No value that a shipped node accepts ends one of its threads."""
 
 import math
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,9 +14,12 @@ from robo.parameters.hints import ParameterInfo
 from robo_services.carmen_player import CarmenPlayer
 from robo_services.diff_drive_controller import DiffDriveController
 from robo_services.diff_drive_sim import DiffDriveSim
+from robo_services.joy import Joy
 from robo_services.position_tracker import PositionTracker
 from robo_services.robot_state_publisher import RobotStatePublisher
 from robo_services.safety_monitor import SafetyMonitor
+from robo_services.teleop_joy import TeleopJoy
+from robo_services.teleop_keyboard import TeleopKeyboard
 from robo_services.twist_mux import TwistMux
 from robo_services.velocity_controller import VelocityController
 from robo_services.velocity_smoother import VelocitySmoother
@@ -26,9 +30,12 @@ SHIPPED = [
     CarmenPlayer,
     DiffDriveController,
     DiffDriveSim,
+    Joy,
     PositionTracker,
     RobotStatePublisher,
     SafetyMonitor,
+    TeleopJoy,
+    TeleopKeyboard,
     TwistMux,
     VelocityController,
     VelocitySmoother,
@@ -52,13 +59,26 @@ def ends_of(cls: type[Node], *, read_only: bool) -> list[tuple[ParameterInfo, fl
 
 
 @pytest.fixture
-def given(tmp_path: Path) -> dict[type[Node], dict[str, object]]:
+def given(tmp_path: Path) -> Iterator[dict[type[Node], dict[str, object]]]:
     """What nodes need to run at all."""
+    screen, terminal = os.openpty()
+    pad = tmp_path / "pad"
+    os.mkfifo(pad)
     (tmp_path / "log").write_text("ODOM 1 2 0 0 0 0 100.0 robot 0.1\nODOM 1 2 0 0 0 0 100.2 robot 0.2\n")
+<<<<<<< HEAD
     return {
         CarmenPlayer: {"log": str(tmp_path / "log"), "delay": 3600},
         RobotStatePublisher: {"robot_description": '<robot name="r"><link name="base_link"/></robot>'},
     }
+=======
+    yield {
+        CarmenPlayer: {"log": str(tmp_path / "log"), "delay": 3600},
+        Joy: {"device": str(pad)},
+        TeleopKeyboard: {"terminal": os.ttyname(terminal)},
+    }
+    os.close(screen)
+    os.close(terminal)
+>>>>>>> c73466a (Teleoperation by game pads: joy reads them, teleop_joy drives; tests of the pure parts and of the nodes)
 
 
 def runs(node: Node) -> None:

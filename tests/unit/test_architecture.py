@@ -39,6 +39,9 @@ def modules_after(code: str) -> set[str]:
         "import robo_services.carmen_player, robo.process.node",
         "import robo_services.diff_drive_controller, robo.process.node",
         "import robo_services.robot_state_publisher, robo.process.node",
+        "import robo_services.teleop_keyboard, robo.process.node",
+        "import robo_services.teleop_joy, robo.process.node",
+        "import robo_services.joy, robo.process.node",
         "import robo.process.router",
     ],
 )
