@@ -111,7 +111,7 @@ def lines_of(view: View, width: int, height: int) -> list[Line]:
         _nearest_line(view),
     ]
     keys = [Line(""), *map(Line, HELP if width >= _NARROW else SHORT_HELP)]
-    notes = [Line(text, colours.YELLOW) for text in view.notes]
+    notes = [Line(text) for text in view.notes]
     room = height - len(state)
     # The newest note goes before the keys, which one may know by now; the others have what is left.
     kept = keys[: max(0, room - (2 if notes else 0))]

@@ -1,0 +1,405 @@
+"""Somebody sits at a terminal and drives the simulated robot by keys; whatever ends it, the robot stands."""
+
+import fcntl
+import os
+import pty
+import re
+import select
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+from robo.testing import Launch, Robot
+from robo_messages import Odometry
+from tests.support import PATIENCE, eventually, plain_environment, run_robo
+
+pytestmark = pytest.mark.timeout(180)
+
+KEY_TIMEOUT, FIRST_KEY_TIMEOUT = 0.25, 0.7
+"""Of teleop_keyboard, s."""
+SPEED = 0.5
+"""m/s."""
+BRAKING = SPEED / 5.0
+"""With the base's deceleration, s."""
+SLACK = 0.25
+"""Steps of all nodes on the way, and a machine that is busy with other things, s."""
+
+MANIFEST = """\
+groups:
+  base:
+    namespace: r1
+    nodes:
+      diff_drive_sim:
+        service: robo_services.diff_drive_sim
+        params: {command_source: safety_monitor, rays: 90}
+      safety_monitor:
+        service: robo_services.safety_monitor
+        remap: {cmd_vel_raw: cmd_vel_key}
+"""
+
+LOUD = """\
+import robo
+from robo_messages import Odometry
+from robo_services.teleop_keyboard import TeleopKeyboard
+
+class Loud(TeleopKeyboard):
+    def _draw(self, *what: object) -> None:
+        super()._draw(*what)
+        if self._said.angular.z:
+            self.logger.warning("it turns", throttle=60.0)
+        if self._said.linear.x < 0:
+            raise ValueError("it backs up")
+"""
+
+IN_ITS_TERMINAL = (
+    "import fcntl, os, sys, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); os.execv(sys.argv[1], sys.argv[1:])"
+)
+"""What makes a terminal the one that sends the signals of its keys."""
+
+SUSPENDED = ("T", "t")
+
+
+@pytest.fixture(scope="module")
+def robot(module_launch: Launch, tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    folder = tmp_path_factory.mktemp("desk")
+    (folder / "desk.yaml").write_text(MANIFEST)
+    return module_launch("desk.yaml", folder=folder)
+
+
+class Typist:
+    """A node that runs in a terminal, and somebody at the keys of it."""
+
+    def __init__(self, robot: Robot, *service: str, cwd: Path | None = None, columns: int = 80) -> None:
+        self._leader, follower = pty.openpty()
+        fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+        self.mode = termios.tcgetattr(follower)
+        words = ["-m", "robo", "run", *service, "--robot-name", "r1", "--connect", robot.endpoint]
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", IN_ITS_TERMINAL, sys.executable, *words, "-r", "cmd_vel:=cmd_vel_key"],
+            stdin=follower, stdout=follower, stderr=follower, start_new_session=True, cwd=cwd,
+            env={**plain_environment(), "TERM": "xterm"},
+        )  # fmt: skip
+        self._follower = follower  # else the terminal's mode goes with the process
+        self._changed = threading.Condition()
+        self._data = b""
+        self._over = threading.Event()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        while not self._over.is_set():
+            if select.select([self._leader], [], [], 0.05)[0]:
+                with suppress(OSError):
+                    data = os.read(self._leader, 65536)
+                    with self._changed:
+                        self._data += data
+                        self._changed.notify_all()
+
+    @property
+    def output(self) -> str:
+        return self._data.decode(errors="replace").replace("\r\n", "\n")
+
+    @property
+    def screen(self) -> str:
+        """What it has drawn last."""
+        return re.sub("\x1b\\[[0-9;?]*[a-zA-Z]", "", self.output.rpartition("\x1b[H")[2])
+
+    def sees(self, text: str) -> None:
+        with self._changed:
+            assert self._changed.wait_for(lambda: text in self.screen, PATIENCE), self.output[-3000:]
+
+    def type(self, keys: bytes) -> float:
+        """Returns when."""
+        os.write(self._leader, keys)
+        return time.time()
+
+    def hold(self, key: bytes, seconds: float, delay: float = 0.4, period: float = 0.033) -> float:
+        """Hold a key down, as a terminal tells of it. Returns when it was heard last."""
+        begin = last = self.type(key)
+        time.sleep(delay)
+        while time.time() < begin + seconds:
+            last = self.type(key)
+            time.sleep(period)
+        return last
+
+    def has_its_mode_back(self) -> bool:
+        return termios.tcgetattr(self._follower) == self.mode
+
+    def hang_up(self) -> None:
+        """Close the terminal."""
+        self._over.set()
+        self._reader.join()
+        os.close(self._follower)
+        os.close(self._leader)
+        self._leader = -1
+
+    def close(self) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait(PATIENCE)
+        if self._leader >= 0:
+            self.hang_up()
+
+
+@contextmanager
+def at_the_keys(robot: Robot, *service: str, cwd: Path | None = None, columns: int = 80) -> Iterator[Typist]:
+    """The node in a terminal, ready for keys; the robot stands at its start."""
+    robot.call("reset", robot_reset())
+    typist = Typist(robot, *(service or ("robo_services", "teleop_keyboard")), cwd=cwd, columns=columns)
+    try:
+        typist.sees("nearest   ")
+        typist.sees("robot     0.00 m/s")
+        yield typist
+    finally:
+        typist.close()
+
+
+def robot_reset() -> object:
+    from robo_messages import Trigger
+
+    return Trigger.Request()
+
+
+def speed_of(odometry: Odometry) -> float:
+    return odometry.twist.twist.linear.x
+
+
+def drives(robot: Robot, speed: float = SPEED) -> None:
+    robot.wait_for("odom", lambda odometry: speed_of(odometry) == pytest.approx(speed), timeout=PATIENCE, new=True)
+
+
+def stands(robot: Robot) -> None:
+    def does(odometry: Odometry) -> bool:
+        return odometry.twist.twist.linear.x == odometry.twist.twist.angular.z == 0.0
+
+    robot.wait_for("odom", does, timeout=PATIENCE, new=True)
+
+
+def stopped_after(robot: Robot, moment: float) -> float:
+    """How long after a moment the robot has come to a stand, s."""
+    stands(robot)
+    moved = [one.header.stamp.to_nanoseconds() * 1e-9 for one in robot.messages("odom") if speed_of(one) != 0.0]
+    return moved[-1] + 0.02 - moment
+
+
+def stays(robot: Robot, messages: int = 50) -> None:
+    """It does not move for a second."""
+    begun = len(robot.messages("odom"))
+    robot.wait_for_count("odom", begun + messages)
+    assert {speed_of(one) for one in robot.messages("odom")[begun:]} == {0.0}
+
+
+def test_a_key_that_is_held_drives_and_when_it_is_let_go_the_robot_stands(robot: Robot) -> None:
+    with at_the_keys(robot) as typist:
+        robot.clear()
+        last = typist.hold(b"\x1b[A", 1.5)
+        typist.sees("forward 0.50 m/s")
+        assert stopped_after(robot, last) < KEY_TIMEOUT + BRAKING + SLACK
+        speeds = [speed_of(one) for one in robot.messages("odom")]
+        begin = next(index for index, speed in enumerate(speeds) if speed)
+        end = len(speeds) - next(index for index, speed in enumerate(reversed(speeds)) if speed)
+        assert 0.0 not in speeds[begin:end], "without a break"
+        commands = [twist.linear.x for twist in robot.messages("cmd_vel_key")]
+        assert commands.count(0.0) == 1, "one 0, and nothing after it"
+        assert commands[-1] == 0.0
+        typist.sees("stand, no key is held")
+
+
+def test_a_key_that_is_hit_once_is_let_go(robot: Robot) -> None:
+    with at_the_keys(robot) as typist:
+        robot.clear()
+        hit = typist.type(b"w")
+        drives(robot)
+        assert stopped_after(robot, hit) < FIRST_KEY_TIMEOUT + BRAKING + SLACK
+
+
+@pytest.mark.parametrize("key", [b" ", b"k", b"x", b"\x1b", b"\x13", b"\x1c"])
+def test_any_other_key_stops(robot: Robot, key: bytes) -> None:
+    with at_the_keys(robot) as typist:
+        typist.hold(b"w", 0.6)
+        robot.clear()
+        assert stopped_after(robot, typist.type(key)) < 0.05 + BRAKING + SLACK
+        stays(robot, 20)
+
+
+def test_keys_change_how_fast_it_is(robot: Robot) -> None:
+    with at_the_keys(robot) as typist:
+        typist.type(b"+rt")
+        typist.sees("0.61 m/s, 1.21 rad/s")
+        typist.hold(b"u", 0.6)
+        drives(robot, 0.605)
+        typist.type(b"-")
+        typist.sees("0.54 m/s, 1.09 rad/s")
+        typist.type(30 * b"+")
+        typist.sees("1.00 m/s, 2.00 rad/s")
+
+
+def test_a_narrow_terminal(robot: Robot) -> None:
+    with at_the_keys(robot, columns=40) as typist:
+        typist.sees("w s a d, arrows  drive")
+        assert max(map(len, typist.screen.splitlines())) <= 40
+
+
+def interrupt(typist: Typist) -> None:
+    typist.type(b"\x03")
+
+
+def quit_it(typist: Typist) -> None:
+    typist.type(b"q")
+
+
+def terminate(typist: Typist) -> None:
+    typist.process.terminate()
+
+
+@pytest.mark.parametrize("end", [interrupt, quit_it, terminate])
+def test_its_end_leaves_the_robot_standing_and_the_terminal_as_it_was(
+    robot: Robot, end: Callable[[Typist], None]
+) -> None:
+    with at_the_keys(robot) as typist:
+        typist.hold(b"w", 0.6)
+        robot.clear()
+        moment = time.time()
+        end(typist)
+        assert stopped_after(robot, moment) < 0.05 + BRAKING + SLACK
+        assert typist.process.wait(PATIENCE) == 0
+        assert typist.has_its_mode_back()
+        assert typist.output.rstrip().endswith("\x1b[?7h\x1b[?25h\x1b[?1049l")
+        stays(robot)
+
+
+def test_a_terminal_that_is_closed_leaves_the_robot_standing(robot: Robot) -> None:
+    with at_the_keys(robot) as typist:
+        typist.hold(b"w", 0.6)
+        robot.clear()
+        moment = time.time()
+        typist.hang_up()
+        assert stopped_after(robot, moment) < 0.05 + BRAKING + SLACK
+        assert typist.process.wait(PATIENCE) == 0
+        stays(robot)
+
+
+def state_of(pid: int) -> str:
+    return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes as Linux shows them")
+def test_ctrl_z_leaves_the_robot_standing_and_keys_typed_meanwhile_are_old(robot: Robot) -> None:
+    with at_the_keys(robot) as typist:
+        for _ in range(2):
+            typist.hold(b"w", 0.6)
+            robot.clear()
+            moment = typist.type(b"\x1a")
+            assert stopped_after(robot, moment) < 0.1 + BRAKING + SLACK
+            eventually(lambda: state_of(typist.process.pid) in SUSPENDED, "it is suspended")
+            assert typist.has_its_mode_back()
+            typist.type(20 * b"w")
+            os.kill(typist.process.pid, signal.SIGCONT)
+            eventually(lambda: not typist.has_its_mode_back(), "keys come at once again")
+            stays(robot)
+            typist.sees("stand, no key is held")
+        typist.type(b"w")
+        drives(robot)
+
+
+def test_what_was_typed_while_it_stood_still_is_old(robot: Robot) -> None:
+    with at_the_keys(robot) as typist:
+        typist.hold(b"w", 0.6)
+        os.kill(typist.process.pid, signal.SIGSTOP)
+        robot.clear()
+        stands(robot)  # by the timeout of the monitor
+        typist.type(20 * b"w")
+        os.kill(typist.process.pid, signal.SIGCONT)
+        stays(robot)
+        typist.type(b"w")
+        drives(robot)
+
+
+def test_lines_of_the_log_stand_below_and_an_exception_gives_the_terminal_back(robot: Robot, tmp_path: Path) -> None:
+    (tmp_path / "loud.py").write_text(LOUD)
+    with at_the_keys(robot, "loud.py", cwd=tmp_path) as typist:
+        typist.type(b"a")
+        typist.sees("it turns")
+        typist.sees("commands r1/cmd_vel_key")
+        typist.type(b"s")
+        assert typist.process.wait(PATIENCE) == 1
+        assert typist.has_its_mode_back()
+        behind = typist.output.rpartition("\x1b[?1049l")[2]
+        assert "it turns" in behind, "what was warned of is told again"
+        assert "ValueError: it backs up" in behind
+        stands(robot)
+
+
+@pytest.mark.parametrize("words", [(), ("-p", "terminal:=/dev/null"), ("-p", "terminal:=/dev/nowhere")])
+def test_without_a_terminal_it_says_what_it_needs(endpoint: str, words: Sequence[str]) -> None:
+    done = run_robo("run", "robo_services", "teleop_keyboard", "--robot-name", "r1", "--listen", endpoint, *words)
+    assert done.returncode == 1
+    reason = {(): "its input is none", ("-p", "terminal:=/dev/null"): "/dev/null is none"}.get(
+        tuple(words), "/dev/nowhere cannot be opened: No such file or directory"
+    )
+    advice = "run it in one: robo run robo_services teleop_keyboard --robot-name r1"
+    assert done.stderr == f"error: /r1/teleop_keyboard needs a terminal: {reason}; {advice}\n"
+
+
+def test_what_is_launched_has_no_terminal(endpoint: str, tmp_path: Path) -> None:
+    nodes = "{teleop_keyboard: {service: robo_services.teleop_keyboard, required: true}}"
+    (tmp_path / "one.yaml").write_text(f"groups: {{g: {{namespace: r1, nodes: {nodes}}}}}\n")
+    done = run_robo("up", str(tmp_path / "one.yaml"), "--listen", endpoint, cwd=str(tmp_path))
+    assert "/r1/teleop_keyboard needs a terminal, and what is launched has none; run it in one:" in done.stdout
+    assert "Traceback" not in done.stdout
+
+
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")
+def test_in_tmux(robot: Robot, tmp_path: Path) -> None:
+    robot.call("reset", robot_reset())
+    server = ["tmux", "-S", str(tmp_path / "tmux"), "-f", "/dev/null"]
+
+    def tmux(*words: str) -> str:
+        return subprocess.run(
+            [*server, *words], capture_output=True, text=True, check=True, env=plain_environment(), timeout=PATIENCE
+        ).stdout
+
+    def sees(text: str) -> None:
+        eventually(lambda: text in tmux("capture-pane", "-p"), text)
+
+    command = f"{sys.executable} -m robo run robo_services teleop_keyboard --robot-name r1 --connect {robot.endpoint}"
+    try:
+        tmux("new-session", "-d", "-x", "80", "-y", "24", "env", "PS1=desk$ ", "bash", "--norc", "--noprofile")
+        sees("desk$")
+        tmux("send-keys", f"{command} -r cmd_vel:=cmd_vel_key", "Enter")
+        sees("robot     0.00 m/s")
+        robot.clear()
+        last, end = 0.0, time.monotonic() + 1.5
+        while time.monotonic() < end:
+            tmux("send-keys", "Up")
+            last = time.time()
+        sees("forward 0.50 m/s")
+        assert stopped_after(robot, last) < KEY_TIMEOUT + BRAKING + SLACK
+        tmux("send-keys", "w")
+        drives(robot)
+        robot.clear()
+        tmux("send-keys", "C-z")
+        assert stopped_after(robot, time.time()) < 0.1 + BRAKING + SLACK
+        sees("Stopped")
+        tmux("send-keys", "fg", "Enter")
+        sees("stand, no key is held")
+        tmux("send-keys", "w")
+        drives(robot)
+        robot.clear()
+        tmux("send-keys", "C-c")
+        assert stopped_after(robot, time.time()) < 0.05 + BRAKING + SLACK
+        tmux("send-keys", "stty -a", "Enter")
+        sees(" icanon ")
+        stays(robot)
+    finally:
+        subprocess.run([*server, "kill-server"], check=False, capture_output=True)
