@@ -22,6 +22,7 @@ WITHOUT_UNIT = {
     "diff_drive_controller.right_wheel_radius_multiplier",
     "diff_drive_controller.wheel_separation_multiplier",
     "diff_drive_sim.real_time_factor",
+    "joy.deadzone",
 }
 """Numbers with a point that are ratios; all others have a unit."""
 

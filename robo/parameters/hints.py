@@ -4,12 +4,12 @@ import enum
 import math
 import typing
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from robo_messages import Message
-from robo_messages import type_name as type_of
+if TYPE_CHECKING:
+    from robo_messages import Message
 
 
 class Unit(str):
@@ -32,11 +32,20 @@ class Subscribes:
     The node itself subscribes it, by `create_subscription` in `on_start`.
     """
 
-    __slots__ = ("type",)
+    __slots__ = ("_message_type",)
 
-    def __init__(self, message_type: type[Message] | None = None) -> None:
+    def __init__(self, message_type: "type[Message] | None" = None) -> None:
         """`message_type`: what the topic carries; None where another parameter says that."""
-        self.type = type_of(message_type) if message_type is not None else ""
+        self._message_type = message_type
+
+    @property
+    def type(self) -> str:
+        """The name of the type, empty where it is not known."""
+        if self._message_type is None:
+            return ""
+        from robo_messages import type_name  # parameters are read where no message type is
+
+        return type_name(self._message_type)
 
 
 class _Mark:

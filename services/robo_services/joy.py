@@ -48,7 +48,6 @@ class Joy(Node):
         sticky_buttons: Annotated[
             bool, Meta(description="a button stays pressed until it is pressed again"), READ_ONLY
         ] = False
-        joy_frame: Annotated[str, Meta(description="the frame of the messages")] = "joy"
 
     parameters: Parameters
 
@@ -125,8 +124,7 @@ class Joy(Node):
             events = device.read() if device.fd in ready else []
 
     def _publish(self, pad: Pad, moved: Time) -> None:
-        p = self.parameters
-        self.pad.publish(sensor.Joy(Header(moved, p.joy_frame), pad.axes(p.deadzone), pad.buttons))
+        self.pad.publish(sensor.Joy(Header(moved), pad.axes(self.parameters.deadzone), pad.buttons))
 
     def _waits_for(self, fds: list[int], timeout: float) -> list[int]:
         """Wait until one can be read, or the node is told to stop."""

@@ -17,7 +17,7 @@ from robo.text import colours
 from robo_messages import DiagnosticStatus, LaserScan, Message, Odometry, Twist
 from robo_services.arrivals import Arrivals, Newest
 from robo_services.keyboard_terminal import KeyboardTerminal, NoTerminal
-from robo_services.teleop import SPEEDS, Decoder, Kind, Operator, Said, Speeds, Timing, adjusted, kind_of
+from robo_services.teleop import SPEEDS, Decoder, Kind, Operator, Speeds, Timing, adjusted, kind_of
 from robo_services.teleop_screen import View, drawn, lines_of, nearest_of
 
 M = TypeVar("M", bound=Message)
@@ -187,7 +187,7 @@ class TeleopKeyboard(Node):
                 now = self._wall.monotonic()
             elif heard.continued or now - begun > DRAWN_EVERY + HELD_UP:
                 # This process stood still: nobody knows how old what was typed is, nor whether the key is held still.
-                self._forget_keys(terminal)
+                self._forget_keys(terminal, heard.data)
             elif self._hear(heard.data, now):
                 command_due = now
             if now >= command_due or not self._is_held(now):
@@ -206,31 +206,33 @@ class TeleopKeyboard(Node):
         if self._keys.pending and now - self._typed >= ESCAPE_TIMEOUT:
             keys += self._keys.flush()
         for key in keys:
-            kind = kind_of(key)
-            if kind is Kind.END:
-                self.shutdown(self.exit_code)
-            elif kind is Kind.SPEED:
-                self._change_speeds(*SPEEDS[key])
-            self._operator.take(key, now, self._timing())
+            self._take_key(key, now)
         held = self._operator.held
         return bool(keys) and (held is None or before is None or held.key != before.key)
 
+    def _take_key(self, key: str, now: float) -> None:
+        kind = kind_of(key)
+        if kind is Kind.END:
+            self.shutdown(self.exit_code)
+        elif kind is Kind.SPEED:
+            self._change_speeds(*SPEEDS[key])
+        self._operator.take(key, now, self._timing())
+
     def _say(self, now: float) -> None:
         """Publish what is to be said now, if anything."""
-        p = self.parameters
-        speeds = Speeds(min(p.speed, p.speed_limit), min(p.turn, p.turn_limit))
-        self._publish(self._operator.say(now, self._timing(), speeds))
-
-    def _publish(self, said: Said | None) -> None:
+        said = self._operator.say(now, self._timing(), self._speeds())
         if said is not None:
             self._said = said.twist
             self.command.publish(said.twist, said.age)
 
-    def _forget_keys(self, terminal: KeyboardTerminal) -> None:
-        """Take all keys as let go, and drop what was typed and not read."""
+    def _forget_keys(self, terminal: KeyboardTerminal, typed: bytes = b"") -> None:
+        """Take all keys as let go, and drop what was typed; only what stops or ends holds however old it is."""
         terminal.flush()
-        self._keys = Decoder()
         self._operator.let_go()
+        for key in self._keys.feed(typed):
+            if kind_of(key) in (Kind.STOP, Kind.END):
+                self._take_key(key, self._wall.monotonic())
+        self._keys = Decoder()
 
     def _suspend(self, terminal: KeyboardTerminal) -> None:
         """Leave the robot standing, and stop until somebody lets this process go on."""
@@ -248,6 +250,10 @@ class TeleopKeyboard(Node):
         except ParameterError as error:  # a class that is derived from this one may refuse
             self.logger.warning("%s", error)
 
+    def _speeds(self) -> Speeds:
+        p = self.parameters
+        return Speeds(min(p.speed, p.speed_limit), min(p.turn, p.turn_limit))
+
     def _timing(self) -> Timing:
         return Timing(self.parameters.first_key_timeout, self.parameters.key_timeout)
 
@@ -256,14 +262,14 @@ class TeleopKeyboard(Node):
         return held is not None and held.lasts(now, self._timing())
 
     def _draw(self, terminal: KeyboardTerminal, notes: Notes, now: float) -> None:
-        p, odometry, scan = self.parameters, self._odometry.message, self._scan.message
+        odometry, scan = self._odometry.message, self._scan.message
         size = terminal.size
         view = View(
             name=self.full_name,
             topic=self.command.topic,
             command=self._said,
             held=self._is_held(now),
-            speeds=Speeds(min(p.speed, p.speed_limit), min(p.turn, p.turn_limit)),
+            speeds=self._speeds(),
             robot=None if odometry is None else odometry.twist.twist,
             robot_age=self._odometry.age(now),
             safety=self._safety.message,

@@ -4,7 +4,7 @@ from robo.tf import Buffer, TransformError
 from robo_messages import Odometry
 from robo_services.arrivals import Newest
 from robo_services.kinematics import Pose2
-from robo_services.odometry import fix_of
+from robo_services.odometry_check import fix_of
 from robo_services.planar import normalize_angle
 from robo_services.safety import is_finite
 

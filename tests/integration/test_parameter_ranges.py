@@ -65,20 +65,14 @@ def given(tmp_path: Path) -> Iterator[dict[type[Node], dict[str, object]]]:
     pad = tmp_path / "pad"
     os.mkfifo(pad)
     (tmp_path / "log").write_text("ODOM 1 2 0 0 0 0 100.0 robot 0.1\nODOM 1 2 0 0 0 0 100.2 robot 0.2\n")
-<<<<<<< HEAD
-    return {
-        CarmenPlayer: {"log": str(tmp_path / "log"), "delay": 3600},
-        RobotStatePublisher: {"robot_description": '<robot name="r"><link name="base_link"/></robot>'},
-    }
-=======
     yield {
         CarmenPlayer: {"log": str(tmp_path / "log"), "delay": 3600},
         Joy: {"device": str(pad)},
+        RobotStatePublisher: {"robot_description": '<robot name="r"><link name="base_link"/></robot>'},
         TeleopKeyboard: {"terminal": os.ttyname(terminal)},
     }
     os.close(screen)
     os.close(terminal)
->>>>>>> c73466a (Teleoperation by game pads: joy reads them, teleop_joy drives; tests of the pure parts and of the nodes)
 
 
 def runs(node: Node) -> None:

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from robo_services import world
 from robo_services.courses import Course, CourseError, Waypoint, load
-from robo_services.diff_drive import BaseLimits, DiffDrive
 from robo_services.kinematics import Pose2, advance
 from robo_services.planar import angle_difference
 from robo_services.pursuit import STAND, Follower, Limits, Motion, curvature_to, passes, speed_before
+from robo_services.simulated_base import BaseLimits, SimulatedBase
 
 CONFIG = Path(__file__).parents[2] / "config"
 LIMITS = Limits(
@@ -316,7 +316,7 @@ class Hall:
         self.clearance: Callable[[float, float], float] = lambda x, y: world.clearance(
             surroundings.segments(), surroundings.circles, x, y
         )
-        self.base = DiffDrive(surroundings, BASE, Pose2())
+        self.base = SimulatedBase(surroundings, BASE, Pose2())
 
     def drive(self, course: Course, limits: Limits = LIMITS) -> tuple[float, float, list[float]]:
         """How long it takes, s, how near it comes to anything, m, and how far it passes each waypoint, m."""
