@@ -141,7 +141,12 @@ class KeyboardTerminal:
         return Heard(data or b"", signal.SIGTSTP in told, signal.SIGCONT in told, closed)
 
     def suspend(self) -> None:
-        """Give the terminal back, stop this process as Ctrl-Z does, and take the terminal again once it goes on."""
+        """Give the terminal back, stop this process as Ctrl-Z does, and take the terminal again once it goes on.
+
+        Where no shell is there to let it go on, it does nothing, as the system does by itself.
+        """
+        if not _may_be_continued():
+            return
         self.leave()
         self._drain()
         os.kill(os.getpid(), signal.SIGSTOP)
@@ -203,6 +208,11 @@ class KeyboardTerminal:
 
 def _ignore(_number: int, _frame: FrameType | None) -> None:
     """A handler, so that the signal does not do what it does by itself."""
+
+
+def _may_be_continued() -> bool:
+    """Whether a shell with job control has started this process: it gives each job a process group of its own."""
+    return os.getpgid(0) != os.getsid(0)
 
 
 def _own_path() -> str:
