@@ -1,5 +1,6 @@
 """Drives a robot by a game pad."""
 
+import math
 from typing import Annotated
 
 import msgspec
@@ -7,7 +8,7 @@ from msgspec import Meta
 
 import robo
 from robo import MessageInfo, Node, Publisher, QoS, Unit, subscribe
-from robo_messages import Joy, Twist
+from robo_messages import Joy, Time, Twist
 from robo_services.arrivals import Arrivals, Newest, Unstamped
 from robo_services.joy_driving import DeadMan, Mapping, Scales, missing, mode_of, twist_of
 
@@ -73,6 +74,11 @@ class TeleopJoy(Node):
         joy_timeout: Annotated[
             float, Meta(ge=0.02, le=10, description="a pad that is silent for so long is let go"), Unit("s")
         ] = 0.3
+        still_timeout: Annotated[
+            float,
+            Meta(ge=0, le=3600, description="a pad of which nothing has moved for so long is let go; 0: never"),
+            Unit("s"),
+        ] = 0.0
         unstamped: Unstamped = True
 
     parameters: Parameters
@@ -87,6 +93,8 @@ class TeleopJoy(Node):
         self._newest: Newest[Joy] = Newest()
         self._dead_man = DeadMan()
         self._unclear = 0
+        self._moved: Time | None = None
+        self._still_since = -math.inf
         self.create_timer(LOOKED_AT, self.look, self._wall)
 
     @subscribe("joy", qos=QoS.COMMAND)
@@ -100,6 +108,8 @@ class TeleopJoy(Node):
             self.logger.warning("left out what a pad said %.2g s ago", age, throttle=5.0)
             return
         self._newest.take(joy, sent, now)
+        if joy.header.stamp != self._moved:
+            self._moved, self._still_since = joy.header.stamp, now
         mapping = _mapping_of(p)
         lacks = missing(joy, mapping)
         if lacks:
@@ -126,13 +136,18 @@ class TeleopJoy(Node):
         """Let the robot stand when the pad is silent."""
         now = self._wall.monotonic()
         self._arrivals.tick(now, LOOKED_AT)
-        if self._newest.message is None or self._newest.age(now) <= self.parameters.joy_timeout:
-            return
-        self._newest = Newest()
+        p = self.parameters
+        if self._newest.message is not None and self._newest.age(now) > p.joy_timeout:
+            self._newest = Newest()
+            self._lose(f"nothing on {self.resolve('joy')} for {p.joy_timeout:g} s")
+        elif p.still_timeout and self._dead_man.driving and now - self._still_since > p.still_timeout:
+            self._lose(f"nothing of the pad has moved for {p.still_timeout:g} s")
+
+    def _lose(self, why: str) -> None:
+        """Take the button as let go, and as one that has to be before it counts again."""
         self._dead_man.lose()
         if self._dead_man.driving:
-            text = "nothing on %s for %g s: the robot stands; let the button go to drive on"
-            self.logger.warning(text, self.resolve("joy"), self.parameters.joy_timeout)
+            self.logger.warning("%s: the robot stands; let the button go to drive on", why)
         self._stand()
 
     def _stand(self) -> None:

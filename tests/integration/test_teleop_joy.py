@@ -6,7 +6,7 @@ import pytest
 
 from robo import MessageInfo, Node, subscribe
 from robo.testing import Clock, NodeUnderTest, RunNode
-from robo_messages import Joy, Twist, Vector3
+from robo_messages import Joy, Time, Twist, Vector3
 from robo_services.teleop_joy import TeleopJoy
 
 PERIOD = 0.05
@@ -60,6 +60,28 @@ def test_a_pad_that_is_silent_is_let_go_and_has_to_be(
     repeat(teleop, clock, joy(), 0.1)
     repeat(teleop, clock, joy(4, x=1.0), 0.1)
     assert said(teleop)[1:] == 2 * [(0.5, 0.0)]
+
+
+def test_a_pad_that_nobody_touches_may_be_let_go(
+    run_node: RunNode, clock: Clock, caplog: pytest.LogCaptureFixture
+) -> None:
+    """One without wire that is out of reach: the system repeats the last that it has said."""
+    node = run_node(TeleopJoy, still_timeout=2.0)
+    node.send("joy", joy())
+    for second in range(1, 5):
+        moved = joy(4, x=1.0)
+        moved.header.stamp = Time(sec=second)
+        repeat(node, clock, moved, 1.0)
+    assert (0.0, 0.0) not in said(node)
+    node.clear()
+    repeat(node, clock, moved, 3.0)
+    assert said(node)[-1] == (0.0, 0.0)
+    assert len(said(node)) == pytest.approx(1.0 / PERIOD, abs=2.0)
+    assert caplog.messages[0] == "nothing of the pad has moved for 2 s: the robot stands; let the button go to drive on"
+    node.clear()
+    repeat(node, clock, joy(), 0.1)
+    repeat(node, clock, joy(4, x=1.0), 0.1)
+    assert said(node) == 2 * [(0.5, 0.0)]
 
 
 def test_a_button_that_is_held_from_the_start_does_not_count(
