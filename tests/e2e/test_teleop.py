@@ -61,6 +61,9 @@ class Loud(TeleopKeyboard):
             raise ValueError("it backs up")
 """
 
+ALONE = plain_environment() | {"ROBO_MODE": "client"}
+"""As a router, which a node is by itself, it would meet the robots of other tests at robo's usual port."""
+
 SHELL = """\
 import fcntl, os, signal, sys, termios
 
@@ -96,7 +99,7 @@ class Typist:
         self.shell = subprocess.Popen(
             [sys.executable, "-c", SHELL, sys.executable, *words, "-r", "cmd_vel:=cmd_vel_key"],
             stdin=follower, stdout=follower, stderr=follower, start_new_session=True, cwd=cwd,
-            env={**plain_environment(), "TERM": "xterm"},
+            env={**ALONE, "TERM": "xterm"},
         )  # fmt: skip
         self._follower = follower  # else the terminal's mode goes with the process
         self._changed = threading.Condition()
@@ -389,11 +392,14 @@ def test_in_tmux(robot: Robot, tmp_path: Path) -> None:
 
     def tmux(*words: str) -> str:
         return subprocess.run(
-            [*server, *words], capture_output=True, text=True, check=True, env=plain_environment(), timeout=PATIENCE
+            [*server, *words], capture_output=True, text=True, check=True, env=ALONE, timeout=PATIENCE
         ).stdout
 
     def sees(text: str) -> None:
-        eventually(lambda: text in tmux("capture-pane", "-p"), text)
+        try:
+            eventually(lambda: text in tmux("capture-pane", "-p"), text)
+        except AssertionError as error:
+            raise AssertionError(f"{error}, in\n{tmux('capture-pane', '-p')}") from None
 
     command = f"{sys.executable} -m robo run robo_services teleop_keyboard --robot-name r1 --connect {robot.endpoint}"
     try:
