@@ -265,6 +265,7 @@ def test_a_node_that_stops_aborts_its_goals(session: zenoh.Session, caller: Call
     ends = Inbox(caller.session, "r1/ends")
     with slow(session) as counter:
         goal = caller.fibonacci.send_goal(Fibonacci.Goal(LONG))
+        assert counter.begun.wait(PATIENCE)
         assert not goal.done()
         settle(caller)
     with pytest.raises(ActionError, match="aborted: its node is stopping") as error:
