@@ -39,7 +39,7 @@ class Resolution(msgspec.Struct, frozen=True, kw_only=True):
     remaps: dict[str, dict[str, Origin]]
     """By full name and left side, where a remapping is written."""
     unmatched: tuple[ParameterEntry, ...]
-    """Entries of parameter files that mean no node."""
+    """Entries of parameter files that mean no node, not even one that a condition leaves out."""
     paths: tuple[args.PathArgument, ...]
     """What paths the arguments of the manifest and of its includes name."""
     stood_in: tuple[str, ...]
@@ -117,7 +117,9 @@ def resolve(
         contracts=settled.contracts,
         positions={draft.plan.full_name: draft.position for draft in settled.drafts},
         remaps={draft.plan.full_name: draft.remap_at for draft in settled.drafts},
-        unmatched=tuple(unfolded.files.unmatched()),
+        unmatched=tuple(
+            entry for entry in unfolded.files.unmatched() if entry.pattern.rpartition("/")[2] not in unfolded.left_out
+        ),
         paths=tuple(unfolded.paths),
         stood_in=tuple(args.missing(manifest, given) if manifest is not None else ()),
     )

@@ -270,6 +270,7 @@ _PAIRS: tuple[tuple[EndpointKind, EndpointKind], ...] = (("pub", "sub"), ("srv",
 def between(a: str, b: str, ends: Mapping[str, Sequence[EndpointToken]]) -> list[Reason]:
     """Nodes by which one of two reaches the other: they read what it publishes, and publish what the other reads.
 
+    Or several, each of which passes on what the one before it says.
     Such nodes are there on purpose, as a safety monitor is: that the two share no topic is no fault.
     """
     found = []
@@ -280,7 +281,30 @@ def between(a: str, b: str, ends: Mapping[str, Sequence[EndpointToken]]) -> list
                 for written in sorted(wanted & _topics(ends, middle, "pub")):
                     way = f"{x} publishes {read}, {middle} subscribes it and publishes {written}, {y} subscribes that"
                     found.append(Reason(True, f"{way}: {middle} stands between them"))
-    return found
+    return found or [reason for x, y in ((a, b), (b, a)) if (reason := _chained(x, y, ends)) is not None]
+
+
+def _chained(x: str, y: str, ends: Mapping[str, Sequence[EndpointToken]]) -> Reason | None:
+    """The shortest chain of nodes that pass on messages of one type from one node to another."""
+    ways = [[(x, end)] for end in ends[x] if end.kind == "pub" and end.type_name not in SYSTEM_TYPES]
+    seen = {end.topic for way in ways for _, end in way}
+    while ways:
+        longer = []
+        for way in ways:
+            last = way[-1][1]
+            for node, theirs in sorted(ends.items()):
+                if not any((e.kind, e.topic, e.type_name) == ("sub", last.topic, last.type_name) for e in theirs):
+                    continue
+                if node == y:
+                    said = [f"{one} publishes {end.topic}" for one, end in way]
+                    chain = ", ".join(one for one, _ in way[1:])
+                    return Reason(True, f"{', '.join(said)}, {y} subscribes that: {chain} stand between them")
+                for end in theirs:
+                    if end.kind == "pub" and end.type_name == last.type_name and end.topic not in seen:
+                        seen.add(end.topic)
+                        longer.append([*way, (node, end)])
+        ways = longer
+    return None
 
 
 def _topics(ends: Mapping[str, Sequence[EndpointToken]], node: str, kind: EndpointKind) -> set[str]:

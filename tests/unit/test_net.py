@@ -35,6 +35,28 @@ def test_a_node_between_two_is_named_whichever_is_named_first() -> None:
         ]  # fmt: skip
 
 
+def test_a_chain_of_nodes_that_pass_on_one_type_is_named() -> None:
+    chain = ends(
+        "controller pub nav geometry/Twist",
+        "mux sub nav geometry/Twist",
+        "mux pub muxed geometry/Twist",
+        "smoother sub muxed geometry/Twist",
+        "smoother pub raw geometry/Twist",
+        "smoother pub muxed geometry/Twist",
+        "monitor sub raw geometry/Twist",
+        "monitor pub cmd_vel geometry/Twist",
+        "base sub cmd_vel geometry/Twist",
+        "base pub odom nav/Odometry",
+        "tracker sub odom nav/Odometry",
+        "tracker pub place geometry/Point",
+    )
+    for pair in (("/r1/controller", "/r1/base"), ("/r1/base", "/r1/controller")):
+        (reason,) = between(*pair, chain)
+        assert reason.text.startswith("/r1/controller publishes r1/nav, /r1/mux publishes r1/muxed, ")
+        assert reason.text.endswith("/r1/base subscribes that: /r1/mux, /r1/smoother, /r1/monitor stand between them")
+    assert between("/r1/controller", "/r1/tracker", chain) == []
+
+
 def test_what_every_node_publishes_connects_nobody() -> None:
     without = {name: found for name, found in CHAIN.items() if name != "/r1/monitor"}
     assert between("/r1/controller", "/r1/base", without) == []
