@@ -1,13 +1,12 @@
 #!/bin/sh
 # Drive a robot with JSON from a shell: drive.sh [ROBOT] [SPEED in m/s]
 #
-# One drives at a time: `robo stop velocity_controller` before, `robo start velocity_controller` after it. A command
-# holds for half a second, then the robot stands again.
+# It comes before what the robot does by itself, which goes on when no command has come for half a second.
 #
 # With a router that has Zenoh's REST plugin (zenohd, the eclipse/zenoh image), ZENOH_REST=http://HOST:8000 is enough:
 # curl alone does it. Without one, python3 with eclipse-zenoh puts the same bytes.
 set -eu
-key="${1:-r1}/cmd_vel_raw"
+key="${1:-r1}/cmd_vel_key"
 command="{\"linear\": {\"x\": ${2:-0.2}}}"
 if [ -n "${ZENOH_REST:-}" ]; then
   exec curl --fail --silent --show-error -X PUT -H 'content-type: application/json' -d "$command" "$ZENOH_REST/$key"

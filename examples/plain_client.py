@@ -1,7 +1,7 @@
 """A robot from any Zenoh client: pip install eclipse-zenoh msgpack; python plain_client.py [ROBOT [ENDPOINT]].
 
-Reads where the robot is, resets its odometer, and has its controller drive slower. To drive it without the controller,
-stop that first, then publish on cmd_vel_raw, as drive.sh does: two who publish there would fight.
+Reads where the robot is, resets its odometer, and has it drive its course more slowly. To drive it yourself, publish on
+cmd_vel_key, as drive.sh does: the robot's mux puts that first.
 """
 
 import json
@@ -40,9 +40,9 @@ def main() -> None:
             print("number   ", number, "published at", time.ctime(published / 1e9))
 
         print("reset    ", ask(session, f"{robot}/reset_distance", {}))
-        print("set      ", ask(session, f"{robot}/velocity_controller/parameters/set", {"linear_velocity": 0.3}))
-        print("refused  ", ask(session, f"{robot}/velocity_controller/parameters/set", {"linear_velocity": 99}))
-        print("get      ", ask(session, f"{robot}/velocity_controller/parameters/get", {"names": ["linear_velocity"]}))
+        print("set      ", ask(session, f"{robot}/waypoint_follower/parameters/set", {"speed": 0.3}))
+        print("refused  ", ask(session, f"{robot}/waypoint_follower/parameters/set", {"speed": 999}))
+        print("get      ", ask(session, f"{robot}/waypoint_follower/parameters/get", {"names": ["speed"]}))
 
 
 if __name__ == "__main__":

@@ -19,8 +19,8 @@ VERBS: dict[str, str] = {
     "rviz": "robo has no viewer yet; robo topic plot, robo top and robo graph show what runs in a terminal",
     "security": "TLS and access control are Zenoh's: robo up --network-config FILE, see docs/hosts.md",
     "srv": "robo interface list shows all types, robo interface show TYPE one",
-    "teleop": "robo run robo_services teleop_keyboard --robot-name r1 drives by keys, teleop_joy with a game pad; see"
-    " docs/driving.md",
+    "teleop": "robo run robo_services teleop_keyboard --robot-name r1 -r cmd_vel:=cmd_vel_key drives by keys,"
+    " teleop_joy with a game pad; see docs/driving.md",
     "tf2": "robo tf tree, robo tf echo TARGET SOURCE and robo tf monitor",
     "wtf": "robo doctor checks this machine, robo why NODE tells why a node is as it is",
 }

@@ -148,7 +148,7 @@ def test_the_robot_drives_in_containers_and_heals(project: Project, client: zeno
     odometry = Heard(client, "r1/odom")
     wait_until_it_drives(odometry)
 
-    changed = run_robo("param", "set", "velocity_controller", "linear_velocity", "0.3", "--connect", project.endpoint)
+    changed = run_robo("param", "set", "waypoint_follower", "speed", "0.3", "--connect", project.endpoint)
     assert changed.returncode == 0, changed.stderr
     odometry.wait_for("r1/odom", lambda one: abs(one.twist.twist.linear.x - 0.3) < 0.01, PATIENCE, anew=True)
 
@@ -180,8 +180,8 @@ def test_the_robot_drives_in_containers_and_heals(project: Project, client: zeno
     # Not after the 10 s that looking up a name takes where there is no internet.
     wait_until_it_drives(odometry, timeout=9)
     listed = run_robo("node", "list", "--json", "--connect", project.endpoint)
-    assert len(listed.stdout.splitlines()) == 4
-    again = run_robo("param", "get", "velocity_controller", "linear_velocity", "--connect", project.endpoint)
+    assert len(listed.stdout.splitlines()) == 6
+    again = run_robo("param", "get", "waypoint_follower", "speed", "--connect", project.endpoint)
     assert again.stdout.strip() == "0.3"
 
     project("down", "--timeout", "3")

@@ -121,7 +121,7 @@ class Lab:
             "two_hosts.yaml": TWO_HOSTS,
             "gripper/pyproject.toml": "[project]\nname = 'gripper'\n",
             "gripper/tests/test_gripper.py": "def test_gripper() -> None:\n    pass\n",
-            "params.yaml": "velocity_controller: {ros__parameters: {linear_velocity: 0.3}}\n",
+            "params.yaml": "waypoint_follower: {ros__parameters: {speed: 0.3}}\n",
         }.items():
             (folder / name).parent.mkdir(exist_ok=True, parents=True)
             (folder / name).write_text(text)
@@ -148,7 +148,7 @@ class Lab:
         try:
             self._type(line)
         finally:
-            if re.search(r"robo stop\b|cmd_vel_raw|robo up .*-d\b", line):  # others find all of it as it was
+            if re.search(r"robo stop\b|cmd_vel_key|robo up .*-d\b", line):  # others find all of it as it was
                 self._runs = True
                 self.robot(runs=False)
 

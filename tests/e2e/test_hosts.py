@@ -116,8 +116,8 @@ def test_a_robot_a_site_and_an_operator(tmp_path: Path) -> None:
         Cable(2, operator, site)
         from_robot, from_operator = "tcp/10.99.1.2:7447", "tcp/10.99.2.2:7447"
         site.start(stack, "router", "--name", "site", "--listen", "tcp/0.0.0.0:7447")
-        up = robot.start(stack, "up", "--robot-name", "r1", "--connect", from_robot)
-        eventually(lambda: len(nodes_seen(operator, from_operator)) == 4, "the operator sees the robot's nodes")
+        up = robot.start(stack, "up", "demo:=arc", "--robot-name", "r1", "--connect", from_robot)
+        eventually(lambda: len(nodes_seen(operator, from_operator)) == 6, "the operator sees the robot's nodes")
 
         eventually(lambda: 40 < rate(operator, from_operator, "r1/odom") < 60, "50 Hz of odometry")
         told = operator.robo(
@@ -126,7 +126,7 @@ def test_a_robot_a_site_and_an_operator(tmp_path: Path) -> None:
         assert told.returncode == 0, told.stderr
         listed = operator.robo("ps", "--json", "--connect", from_operator)
         before = {json.loads(line)["node"]: json.loads(line)["pid"] for line in listed.stdout.splitlines()}
-        assert len(before) == 4
+        assert len(before) == 6
         logs = operator.robo("logs", "position_tracker", "-n", "3", "--json", "--connect", from_operator)
         assert {json.loads(line)["node"] for line in logs.stdout.splitlines()} == {"position_tracker"}
 
@@ -143,7 +143,7 @@ def test_a_robot_a_site_and_an_operator(tmp_path: Path) -> None:
         assert value.stdout.strip() == "0.3"
 
         robot.start(stack, "up", "--robot-name", "r2", "--connect", from_robot)
-        eventually(lambda: len(nodes_seen(operator, from_operator)) == 8, "the one that joins late is seen")
+        eventually(lambda: len(nodes_seen(operator, from_operator)) == 12, "the one that joins late is seen")
 
 
 def test_an_uplink_is_sampled_down(tmp_path: Path) -> None:

@@ -95,9 +95,18 @@ def test_a_manifest_of_a_package_is_started_checked_and_exported(tmp_path: Path)
 
 
 def test_the_plan_as_data_and_as_text() -> None:
-    words = ("up", "robot.yaml", "control", "--robot-name", "r1", "-p", "velocity_controller.linear_velocity:=0.3")
+    words = (
+        "up",
+        "robot.yaml",
+        "demo:=arc",
+        "control",
+        "--robot-name",
+        "r1",
+        "-p",
+        "velocity_controller.linear_velocity:=0.3",
+    )
     plan: dict[str, Any] = json.loads(run_robo(*words, "--dry-run", "--json").stdout)
-    monitor, controller = plan["processes"]
+    _mux, _smoother, monitor, controller = plan["processes"]
     assert monitor["service"] == "robo_services.safety_monitor"
     assert controller["command"][1:] == [
         "-m", "robo.process.node", "robo_services.velocity_controller", "/r1/velocity_controller",
@@ -106,9 +115,11 @@ def test_the_plan_as_data_and_as_text() -> None:
     assert (velocity["value"], velocity["source"]) == (0.3, "command line")
     assert velocity["over"][0]["value"] == 0.5
     assert "params.yaml:4:5" in velocity["over"][0]["source"]
-    assert controller["needs"] == {"/r1/safety_monitor": "ready"}
+    chain = ("/r1/safety_monitor", "/r1/velocity_smoother", "/r1/twist_mux")
+    assert controller["needs"] == dict.fromkeys(chain, "ready")
     text = run_robo(*words, "--dry-run").stdout
-    assert "/r1/velocity_controller  (control; needs /r1/safety_monitor ready)" in text
+    needs = "needs /r1/safety_monitor ready, /r1/velocity_smoother ready, /r1/twist_mux ready"
+    assert f"/r1/velocity_controller  (control; {needs})" in text
     assert "linear_velocity  = 0.3  # command line" in text
 
 

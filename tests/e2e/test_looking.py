@@ -32,7 +32,7 @@ from tests.support import PATIENCE, eventually, robo, run_robo
 @pytest.fixture(scope="module")
 def running(module_launch: Launch) -> Robot:
     """The reference robot."""
-    return module_launch("robot.yaml")
+    return module_launch("robot.yaml", demo="arc")
 
 
 @pytest.fixture(scope="module")
@@ -75,9 +75,12 @@ def test_one_topic(robot: str) -> None:
     assert {end["node"]: end["qos"]["depth"] for end in info["subscribers"]} == {
         "/r1/position_tracker": 0,
         "/r1/safety_monitor": 1,
+        "/r1/velocity_smoother": 1,
     }
     assert ask(robot, "topic", "type", "/r1/odom") == "nav/Odometry\n"
-    assert ask(robot, "topic", "find", "geometry/Twist").split() == ["r1/cmd_vel", "r1/cmd_vel_raw"]
+    assert ask(robot, "topic", "find", "geometry/Twist").split() == [
+        f"r1/cmd_vel{one}" for one in ("", "_joy", "_key", "_mux", "_nav", "_raw")
+    ]
     assert ask(robot, "topic", "find", "nav/Path", code=1) == ""
     assert "did you mean r1/odom?" in run_robo("topic", "info", "r1/odm", "--connect", robot).stderr
 
@@ -270,8 +273,8 @@ def test_pub_waits_and_repeats(session: zenoh.Session, endpoint: str) -> None:
 
 def test_pub_does_not_fight_with_a_publisher_unasked(robot: str, running: Robot, client: zenoh.Session) -> None:
     running.clear()
-    words = ("topic", "pub", "r1/cmd_vel_raw", "geometry/Twist")
-    record = '{"key": "r1/cmd_vel_raw", "type": "geometry/Twist", "time": 1, "sequence_number": 1, "message": {}}'
+    words = ("topic", "pub", "r1/cmd_vel_nav", "geometry/Twist")
+    record = '{"key": "r1/cmd_vel_nav", "type": "geometry/Twist", "time": 1, "sequence_number": 1, "message": {}}'
     for command, text in (
         ((*words, "{}", "-r", "10"), ""),
         ((*words, "{}"), ""),
@@ -284,12 +287,12 @@ def test_pub_does_not_fight_with_a_publisher_unasked(robot: str, running: Robot,
         )  # fmt: skip
         assert (result.returncode, result.stdout) == (1, "")
         assert result.stderr == (
-            "error: /r1/velocity_controller publishes r1/cmd_vel_raw already, and receivers would get both in turns: "
+            "error: /r1/velocity_controller publishes r1/cmd_vel_nav already, and receivers would get both in turns: "
             "stop it first (robo stop /r1/velocity_controller), or add --beside\n"
         )
     ask(robot, *words, "{linear: {z: 7}}", "--beside")
-    running.wait_for("cmd_vel_raw", lambda twist: twist.linear.z == 7)  # beside the others
-    assert [twist.linear.z for twist in running.messages("cmd_vel_raw")].count(7) == 1
+    running.wait_for("cmd_vel_nav", lambda twist: twist.linear.z == 7)  # beside the others
+    assert [twist.linear.z for twist in running.messages("cmd_vel_nav")].count(7) == 1
     foreign = client.declare_publisher("q10/x")
     assert f"zenoh:{client.zid()} publishes q10/x already" in run_robo(
         "topic", "pub", "q10/x", "std/Empty", "--connect", robot
@@ -394,7 +397,8 @@ def test_health_of_several_nodes_and_of_a_robot(robot: str) -> None:
 def test_nodes(robot: str) -> None:
     found = {node["node"]: node for node in lines(ask(robot, "node", "list", "--json"))}
     assert set(found) == {
-        f"/r1/{n}" for n in ("diff_drive_sim", "position_tracker", "safety_monitor", "velocity_controller")
+        *(f"/r1/{n}" for n in ("diff_drive_sim", "position_tracker", "safety_monitor", "velocity_controller")),
+        *("/r1/twist_mux", "/r1/velocity_smoother"),
     }
     info = json.loads(ask(robot, "node", "info", "position_tracker", "--json"))
     assert info["pid"] == found["/r1/position_tracker"]["pid"]
@@ -422,7 +426,7 @@ def test_a_node_that_does_not_answer_is_told(robot: str, client: zenoh.Session) 
 
 def test_the_graph_is_what_check_computed(robot: str) -> None:
     running = json.loads(ask(robot, "graph", "--format", "json", "--robot-name", "r1"))
-    planned = json.loads(run_robo("check", "robot.yaml", "--robot-name", "r1", "--graph", "json").stdout)
+    planned = json.loads(run_robo("check", "robot.yaml", "demo:=arc", "--robot-name", "r1", "--graph", "json").stdout)
     assert running == planned
     text = ask(robot, "graph")
     listed = lines(ask(robot, "topic", "list", "--json")) + lines(ask(robot, "service", "list", "--json"))
@@ -447,7 +451,7 @@ def test_the_network(robot: str) -> None:
     ("pair", "code", "words"),
     [
         (("diff_drive_sim", "position_tracker"), 0, ["linked directly", "r1/odom: /r1/diff_drive_sim publishes"]),
-        (("velocity_controller", "diff_drive_sim"), 0, [": /r1/safety_monitor stands between them"]),
+        (("velocity_controller", "diff_drive_sim"), 0, ["/r1/velocity_smoother, /r1/safety_monitor stand between"]),
         (("velocity_controller", "position_tracker"), 1, ["they have no topic and no service in common"]),
         (("diff_drive_sim", "position_traker"), 1, ["no node position_traker", "did you mean position_tracker?"]),
     ],
@@ -637,12 +641,12 @@ def test_ps_has_straight_columns_and_fits(robot: str) -> None:
     [
         ("robo topic echo r1/od", {"r1/odom"}),
         ("robo node info pos", {"position_tracker"}),
-        ("robo node info /r1/v", {"/r1/velocity_controller"}),
+        ("robo node info /r1/v", {"/r1/velocity_controller", "/r1/velocity_smoother"}),
         ("robo param get velocity_controller linear_v", {"linear_velocity"}),
         ("robo service call r1/reset_d", {"r1/reset_distance"}),
         ("robo topic pub r1/x geometry/TwistS", {"geometry/TwistStamped"}),
         ("robo topic list --robot-name ", {"r1"}),
-        ("robo restart velo", {"velocity_controller"}),
+        ("robo restart velo", {"velocity_controller", "velocity_smoother"}),
         ("robo up sim", {"simulation.yaml"}),
         ("robo up fl", {"fleet.yaml"}),
         ("robo export compose rep", {"replay.yaml"}),

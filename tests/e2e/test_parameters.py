@@ -22,6 +22,10 @@ velocity_controller:
     linear_velocity: 0.25
     angular_velocity: 0.0
     publish_rate: 20.0
+twist_mux:
+  ros__parameters:
+    topics:
+      autonomy: {topic: cmd_vel_nav, priority: 10}
 safety_monitor:
   ros__parameters:
     min_distance: 0.2
@@ -44,7 +48,7 @@ def refused(endpoint: str, *words: str) -> str:
 
 def test_parameters_of_a_running_robot(launch: Launch, tmp_path: Path) -> None:
     (tmp_path / "classic.yaml").write_text(ROS_FILE)
-    robot = launch("robot.yaml", folder=tmp_path, params_file="classic.yaml")
+    robot = launch("robot.yaml", demo="arc", folder=tmp_path, params_file="classic.yaml")
     endpoint = robot.endpoint
     listed = json.loads(ask(endpoint, "param", "list", "--json"))
     assert listed["/r1/velocity_controller"]["linear_velocity"] == 0.25
@@ -79,12 +83,12 @@ def test_parameters_of_a_running_robot(launch: Launch, tmp_path: Path) -> None:
     ask(endpoint, "param", "dump", "--all", "-o", str(dumped))
     tree = yaml.safe_load(dumped.read_text())
     assert tree["/r1/velocity_controller"]["ros__parameters"]["linear_velocity"] == 0.1
-    again = launch("robot.yaml", folder=tmp_path, params_file="dump.yaml")
+    again = launch("robot.yaml", demo="arc", folder=tmp_path, params_file="dump.yaml")
     assert ask(again.endpoint, "param", "dump", "--all") == dumped.read_text()
 
 
 def test_changes_are_watched(launch: Launch) -> None:
-    endpoint = launch("robot.yaml", "control").endpoint
+    endpoint = launch("robot.yaml", "control", demo="arc").endpoint
     with robo("param", "watch", "--json", "--connect", endpoint) as watch:
         for _ in range(200):  # until it watches
             rate = f"{10 + time.monotonic() % 1:.6f}"
@@ -115,7 +119,7 @@ def test_a_node_that_hangs_is_named(launch: Launch, tmp_path: Path) -> None:
 
 
 def test_services_of_a_running_robot(launch: Launch) -> None:
-    robot = launch("robot.yaml")
+    robot = launch("robot.yaml", demo="arc")
     endpoint = robot.endpoint
     listed = [json.loads(line) for line in ask(endpoint, "service", "list", "--json").splitlines()]
     assert {one["key"] for one in listed} == {

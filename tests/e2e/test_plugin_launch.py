@@ -251,7 +251,9 @@ def test_a_run_that_is_killed_takes_its_robots_along(pytester: pytest.Pytester) 
 
 
 def test_a_robot_can_be_watched_asked_and_set(launch: Launch) -> None:
-    robot = launch("simulation.yaml", robot_name="r2", options=["-p", "velocity_controller.linear_velocity:=0.3"])
+    robot = launch(
+        "simulation.yaml", robot_name="r2", demo="arc", options=["-p", "velocity_controller.linear_velocity:=0.3"]
+    )
     there = robot.wait_for("odom", lambda odometry: odometry.pose.pose.position.x > 0.05)
     assert isinstance(there, Odometry)
     assert robot.get("velocity_controller", "linear_velocity") == 0.3
@@ -270,7 +272,7 @@ def test_a_robot_can_be_watched_asked_and_set(launch: Launch) -> None:
 
 
 def test_nodes_are_killed_paused_and_cut_off(launch: Launch) -> None:
-    robot = launch("robot.yaml")
+    robot = launch("robot.yaml", demo="arc")
     robot.pause("position_tracker")
     robot.resume("position_tracker")
     robot.kill("position_tracker")

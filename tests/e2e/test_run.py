@@ -114,7 +114,7 @@ def test_a_checkout_of_robo_does_not_hide_it(tmp_path: Path, endpoint: str) -> N
     words = [str(Path(sys.executable).with_name("robo")), "up", "--robot-name", "r1", "--listen", endpoint]
     launch = Running(words, cwd=str(tmp_path), env=plain_environment())
     try:
-        launch.wait_for("r1 is ready: 4 nodes")
+        launch.wait_for("r1 is ready: 6 nodes")
     finally:
         launch.close()
 

@@ -28,7 +28,7 @@ SLACK = 0.03
 
 def driving(launch: Launch, **options: Any) -> Robot:
     """The reference robot, once it drives."""
-    robot = launch("robot.yaml", **options)
+    robot = launch("robot.yaml", demo="arc", **options)
     drives(robot)
     return robot
 

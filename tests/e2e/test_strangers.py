@@ -24,7 +24,7 @@ GARBAGE = [b"", b"\xc1", b"\x93\x01\x02\x03", b"\x81\xa4node\xa1\xff", b"\x91" *
 
 @pytest.fixture
 def robot(launch: Launch) -> Robot:
-    return launch("robot.yaml")
+    return launch("robot.yaml", demo="arc")
 
 
 @pytest.fixture

@@ -367,18 +367,17 @@ def background(endpoint: str) -> Iterator[str]:
 def test_commands_from_another_terminal(background: str) -> None:
     endpoint = background
     words = ("--robot-name", "r1", "--listen", endpoint)
-    started = run_robo("up", "robot.yaml", "tracking", "control", "-d", "--wait", *words)
+    started = run_robo("up", "robot.yaml", "demo:=arc", "tracking", "control", "-d", "--wait", *words)
     assert started.returncode == 0, started.stderr
     assert "r1 is ready" in started.stdout
-    assert tell(endpoint, "stop", "control").split() == [
-        "stopped", "/r1/safety_monitor", "stopped", "/r1/velocity_controller",
-    ]  # fmt: skip
+    control = ("twist_mux", "velocity_smoother", "safety_monitor", "velocity_controller")
+    assert tell(endpoint, "stop", "control").splitlines() == [f"stopped /r1/{node}" for node in control]
     found = processes(endpoint)
     assert {status["state"] for status in found.values()} == {"ready", "stopped"}
     said = tell(endpoint, "logs", "robo", "control", "--json").splitlines()
     nodes = {json.loads(line)["node"] for line in said}
-    assert {"robo"} < nodes <= {"robo", "velocity_controller", "safety_monitor"}
-    assert tell(endpoint, "start", "velocity_controller", "safety_monitor").count("started /r1/") == 2
+    assert {"robo"} < nodes <= {"robo", *control}
+    assert tell(endpoint, "start", "control").count("started /r1/") == 4
     before = processes(endpoint)["/r1/position_tracker"]["pid"]
     assert tell(endpoint, "restart", "/r1/position_tracker") == "restarted /r1/position_tracker\n"
     assert processes(endpoint)["/r1/position_tracker"]["pid"] != before
@@ -387,7 +386,7 @@ def test_commands_from_another_terminal(background: str) -> None:
     assert "robot r1 has no node or group 'nobody'; it has position_tracker" in refused.stderr
     with robo("up", "robot.yaml", "tracking", "--robot-name", "r2", "--listen", endpoint) as second:
         second.wait_for("r2 is ready")
-        eventually(lambda: len(processes(endpoint)) == 4, "both robots are seen")
+        eventually(lambda: len(processes(endpoint)) == 6, "both robots are seen")
         refused = run_robo("stop", "tracking", "--connect", endpoint)
         assert refused.returncode == 2
         assert "several robots run: r1, r2; say --robot-name" in refused.stderr
@@ -399,7 +398,7 @@ def test_commands_from_another_terminal(background: str) -> None:
     kept = run_robo("logs", "--robot-name", "r1", "robo", "-n", "1").stdout
     assert "stopping, as robo down asks" in kept
     of_group = run_robo("logs", "--robot-name", "r1", "control", "--json").stdout
-    assert {json.loads(line)["node"] for line in of_group.splitlines()} <= {"safety_monitor", "velocity_controller"}
+    assert {json.loads(line)["node"] for line in of_group.splitlines()} <= set(control)
     assert of_group
     nobody = run_robo("logs", "--robot-name", "r1", "position_traker")
     assert nobody.returncode == 1
@@ -412,7 +411,8 @@ def test_a_robot_of_a_fleet_can_be_asked_and_told_by_its_own_name(endpoint: str)
     try:
         own = ("--robot-name", "r2")
         assert {line.split()[2] for line in tell(endpoint, "ps", *own).splitlines()[1:]} == {
-            *("/r2/diff_drive_sim", "/r2/position_tracker", "/r2/safety_monitor", "/r2/velocity_controller")
+            *("/r2/diff_drive_sim", "/r2/position_tracker"),
+            *("/r2/twist_mux", "/r2/velocity_smoother", "/r2/safety_monitor", "/r2/waypoint_follower"),
         }
         assert tell(endpoint, "restart", "position_tracker", *own) == "restarted /r2/position_tracker\n"
         assert tell(endpoint, "stop", "/r2/position_tracker") == "stopped /r2/position_tracker\n"
@@ -431,7 +431,7 @@ def test_a_robot_of_a_fleet_can_be_asked_and_told_by_its_own_name(endpoint: str)
         assert "`robo start r2` starts it; `robo down --robot-name my_robot` ends the run" in down.stderr
         states = {name: status["state"] for name, status in processes(endpoint).items()}
         assert {name for name, state in states.items() if state == "ready"} == {n for n in states if "/r1/" in n}
-        assert len(tell(endpoint, "start", "r2").splitlines()) == 4
+        assert len(tell(endpoint, "start", "r2").splitlines()) == 6
         wrong = run_robo("ps", "--robot-name", "r7", "--connect", endpoint)
         assert "no supervisor runs a robot r7; there is my_robot, r1, r2" in wrong.stderr
     finally:

@@ -32,7 +32,7 @@ def test_a_second_run_of_a_name_is_refused_before_anything_starts(
             assert "stop it with `robo down` or choose another --robot-name" in second.output
             assert len(lines_of_its_own(second.output)) == 1  # nothing of it has even begun
         logged = run_robo("logs", "--robot-name", "r1").stdout
-        assert "is ready: 4 nodes" in logged  # the run that lives is the one whose logs are shown
+        assert "is ready: 6 nodes" in logged  # the run that lives is the one whose logs are shown
         assert first.process.poll() is None
 
 
@@ -74,7 +74,7 @@ def test_a_node_alone_and_a_run_respect_each_other(endpoint: str) -> None:
 
 
 def test_twins_are_shown(launch: Launch) -> None:
-    robot = launch("robot.yaml")
+    robot = launch("robot.yaml", demo="arc")
     twin = NodeToken("r1", "safety_monitor", "mine:Monitor", 17, "elsewhere")
     token = robot.session.liveliness().declare_token(twin.key())
     robot.wait_for_line("another /r1/safety_monitor has come up (process 17 on elsewhere)")

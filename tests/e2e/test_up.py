@@ -34,14 +34,14 @@ def client(endpoint: str) -> Iterator[zenoh.Session]:
 @pytest.fixture(scope="module")
 def standing(module_launch: Launch) -> Robot:
     """The reference robot, for tests that only look."""
-    return module_launch("robot.yaml")
+    return module_launch("robot.yaml", demo="arc")
 
 
 def test_the_reference_robot_comes_alive_and_stops_cleanly(endpoint: str, tmp_path: Path) -> None:
     with robo("up", "--robot-name", "r1", "--listen", endpoint, cwd=str(tmp_path)) as robot:
-        robot.wait_for("r1 is ready: 4 nodes")
+        robot.wait_for("r1 is ready: 6 nodes")
         children = robot.children()
-        assert len(children) == 7  # four nodes, the router, the template of both, and the watchdog
+        assert len(children) == 9  # six nodes, the router, the template of both, and the watchdog
         robot.interrupt()
         assert robot.wait() == 130
         assert "SIGKILL" not in robot.output, "all have ended by themselves"
@@ -119,20 +119,20 @@ def test_two_robots_share_a_network_and_either_may_leave(endpoint: str) -> None:
 
 
 def test_a_killed_controller_leaves_a_robot_that_others_can_drive(launch: Launch) -> None:
-    robot = launch("robot.yaml")
+    robot = launch("robot.yaml", demo="arc")
     robot.kill("velocity_controller")
     robot.wait_for_line("velocity_controller was killed by SIGKILL")
     before = robot.wait_for("odom", lambda odometry: odometry.twist.twist.linear.x == 0.0, new=True).pose.pose.position
 
     def moved() -> bool:
-        robot.session.put("r1/cmd_vel_raw", '{"linear": {"x": 0.3}}')
+        robot.session.put("r1/cmd_vel_key", '{"linear": {"x": 0.3}}')
         here = robot.messages("odom")[-1].pose.pose.position
         return bool(abs(here.x - before.x) + abs(here.y - before.y) > 0.05)
 
     robot.clear()
     robot.wait_for("odom")
     eventually(moved, "JSON commands move it")
-    for key in ("r1/odom", "r1/scan", "r1/cmd_vel_raw", "r1/cmd_vel"):
+    for key in ("r1/odom", "r1/scan", "r1/cmd_vel_key", "r1/cmd_vel_raw", "r1/cmd_vel"):
         for _ in range(50):
             robot.session.put(key, b"\xc1garbage")
     robot.wait_for_line("dropped a malformed message on r1/cmd_vel ")
@@ -144,7 +144,7 @@ def test_a_killed_controller_leaves_a_robot_that_others_can_drive(launch: Launch
 
 
 def test_a_killed_base_makes_the_monitor_stop(launch: Launch) -> None:
-    robot = launch("robot.yaml")
+    robot = launch("robot.yaml", demo="arc")
     robot.wait_for("cmd_vel", lambda twist: twist.linear.x > 0.4)
     robot.kill("diff_drive_sim")
     robot.clear()

@@ -250,7 +250,7 @@ def test_files_of_installed_packages_are_those_of_the_image(
     assert "configs" not in tree, "the image has what ships with robo"
     base, tracker = tree["services"]["diff_drive_sim"], tree["services"]["position_tracker"]
     shipped = "/opt/robo/site-packages/robo/share/config"
-    assert f"world:={shipped}/room.yaml" in base["command"]
+    assert f"world:={shipped}/hall.yaml" in base["command"]
     assert f"{shipped}/params.yaml" in tracker["command"]
     mounted = [volume for service in tree["services"].values() for volume in service.get("volumes", [])]
     assert set(mounted) == {MEMORY}, "nothing of this machine"

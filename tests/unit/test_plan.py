@@ -47,14 +47,35 @@ def shipped(name: str, *, robot: str | None = "r1", **arguments: object) -> Plan
 def test_robot_yaml() -> None:
     found = shipped("robot.yaml")
     assert [p.full_name for p in found.processes] == [
-        "/r1/diff_drive_sim", "/r1/position_tracker", "/r1/safety_monitor", "/r1/velocity_controller",
+        "/r1/diff_drive_sim", "/r1/position_tracker", "/r1/twist_mux", "/r1/velocity_smoother", "/r1/safety_monitor",
+        "/r1/waypoint_follower",
     ]  # fmt: skip
-    controller = found.processes[-1]
-    assert controller.remap == {"cmd_vel": "cmd_vel_raw"}
-    assert controller.needs == {"/r1/safety_monitor": "ready"}
-    assert controller.parameters["publish_rate"] == 10.0
-    assert controller.settings["publish_rate"][-1].source == f"{ROOT}/config/params.yaml:6:5"
-    assert found.processes[0].parameters["world"] == f"{ROOT}/config/room.yaml"
+    *_, mux, smoother, monitor, follower = found.processes
+    assert follower.remap == {"cmd_vel": "cmd_vel_nav"}
+    assert mux.parameters["topics.autonomy.topic"] == "cmd_vel_nav"
+    assert mux.remap["cmd_vel_out"] == smoother.remap["cmd_vel"]
+    assert smoother.remap["cmd_vel_smoothed"] == "cmd_vel_raw"
+    assert monitor.remap == {}
+    assert follower.needs == dict.fromkeys(("/r1/safety_monitor", "/r1/velocity_smoother", "/r1/twist_mux"), "ready")
+    assert follower.parameters["file"] == f"{ROOT}/config/course.yaml"
+    assert found.processes[0].parameters["world"] == f"{ROOT}/config/hall.yaml"
+
+
+@pytest.mark.parametrize(
+    ("demo", "driver", "parameters"),
+    [
+        ("dock", "waypoint_follower", {"file": f"{ROOT}/launch/../config/dock.yaml"}),
+        ("arc", "velocity_controller", {"linear_velocity": 0.5, "angular_velocity": 0.2}),
+        ("rotate", "velocity_controller", {"linear_velocity": 0.0, "angular_velocity": 0.5}),
+        ("none", "safety_monitor", {"max_speed": 1.0}),
+    ],
+)
+def test_each_demo_is_one_argument(demo: str, driver: str, parameters: dict[str, object]) -> None:
+    last = shipped("robot.yaml", demo=Word(demo)).processes[-1]
+    assert last.name == driver
+    assert parameters.items() <= last.parameters.items()
+    if driver == "velocity_controller":
+        assert last.settings["publish_rate"][-1].source == f"{ROOT}/config/params.yaml:6:5"
 
 
 def test_robot_yaml_without_the_simulated_base() -> None:
@@ -65,7 +86,8 @@ def test_simulation_yaml_is_the_robot_with_other_values() -> None:
     robot, simulation = shipped("robot.yaml"), shipped("simulation.yaml")
     assert [p.full_name for p in simulation.processes] == [p.full_name for p in robot.processes]
     assert simulation.processes[0].parameters["world"] == f"{ROOT}/config/hall.yaml"
-    assert simulation.processes[-1].parameters["linear_velocity"] == 0.4
+    arc = shipped("simulation.yaml", demo=Word("arc")).processes[-1]
+    assert arc.parameters["linear_velocity"] == 0.4
     viewer = by_name(shipped("simulation.yaml", viewer="rates"))["/r1/rates"]
     assert viewer.command() == ("robo", "topic", "hz", "r1/*")
 
@@ -101,7 +123,7 @@ def test_replay_yaml_has_a_log_and_takes_a_path_from_the_current_folder(tmp_path
 
 def test_fleet_yaml_starts_as_many_robots_as_are_asked_for() -> None:
     names = [p.full_name for p in shipped("fleet.yaml", robots=Word("5")).processes]
-    assert len(names) == len(set(names)) == 20
+    assert len(names) == len(set(names)) == 30
     assert {name.split("/")[1] for name in names} == {"r1", "r2", "r3", "r4", "r5"}
 
 

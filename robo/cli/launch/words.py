@@ -51,5 +51,5 @@ def assignment(text: str) -> Assignment:
     """
     left, value = sides_of(text) or ("", "")
     if not left:
-        raise UsageError(f"-p {text}: write NODE.NAME:=VALUE, for example velocity_controller.linear_velocity:=0.3")
+        raise UsageError(f"-p {text}: write NODE.NAME:=VALUE, for example waypoint_follower.speed:=0.3")
     return Assignment(left, Word(value))

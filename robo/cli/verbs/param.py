@@ -21,7 +21,7 @@ Names = Annotated[
 ]
 
 
-@verb(verbs, "list", "robo param list", "robo param list velocity_controller --json")
+@verb(verbs, "list", "robo param list", "robo param list waypoint_follower --json")
 def param_list(reach: Reach, node: OptionalNode = None, json: Json = False) -> None:
     """List parameters and their values, of one node or of all."""
     from robo.cli.views.param import print_list
@@ -29,7 +29,7 @@ def param_list(reach: Reach, node: OptionalNode = None, json: Json = False) -> N
     print_list(node, reach, json=json)
 
 
-@verb(verbs, "get", "robo param get /r1/velocity_controller linear_velocity")
+@verb(verbs, "get", "robo param get /r1/waypoint_follower speed")
 def param_get(
     reach: Reach,
     node: NodeName,
@@ -47,8 +47,8 @@ def param_get(
 @verb(
     verbs,
     "set",
-    "robo param set /r1/velocity_controller linear_velocity 0.3",
-    "robo param set velocity_controller linear_velocity:=0.3 angular_velocity:=-0.1",
+    "robo param set /r1/waypoint_follower speed 0.3",
+    "robo param set waypoint_follower speed:=0.3 tolerance:=0.2",
     context_settings={"ignore_unknown_options": True},
 )
 def param_set(
@@ -79,7 +79,7 @@ def param_describe(reach: Reach, node: NodeName, names: Names = None, json: Json
     print_descriptions(node, names or [], reach, json=json)
 
 
-@verb(verbs, "dump", "robo param dump velocity_controller", "robo param dump --all -o params.yaml")
+@verb(verbs, "dump", "robo param dump waypoint_follower", "robo param dump --all -o params.yaml")
 def param_dump(
     reach: Reach,
     node: OptionalNode = None,
@@ -92,7 +92,7 @@ def param_dump(
     dump(node, reach, every=every, file=file)
 
 
-@verb(verbs, "load", "robo param load velocity_controller params.yaml")
+@verb(verbs, "load", "robo param load waypoint_follower params.yaml")
 def param_load(
     reach: Reach,
     node: NodeName,
@@ -104,7 +104,7 @@ def param_load(
     load(node, file, reach)
 
 
-@verb(verbs, "explain", "robo param explain velocity_controller linear_velocity")
+@verb(verbs, "explain", "robo param explain waypoint_follower speed")
 def param_explain(reach: Reach, node: NodeName, names: Names = None, json: Json = False) -> None:
     """Print everything that was said of parameters, from the weakest to what holds, each with its place."""
     from robo.cli.views.param import explain
@@ -112,7 +112,7 @@ def param_explain(reach: Reach, node: NodeName, names: Names = None, json: Json 
     explain(node, names or [], reach, json=json)
 
 
-@verb(verbs, "watch", "robo param watch", "robo param watch velocity_controller --json")
+@verb(verbs, "watch", "robo param watch", "robo param watch waypoint_follower --json")
 def param_watch(reach: Reach, node: OptionalNode = None, json: JsonLines = False) -> None:
     """Print changes of parameters as they come."""
     from robo.cli.views.param import watch

@@ -26,7 +26,7 @@ Names = Annotated[
     "robo up simulation.yaml --robot-name r2",
     "robo up replay.yaml log:=run.log.gz rate:=2.0",
     "robo up robot.yaml control tracking use_sim:=false",
-    "robo up -p velocity_controller.linear_velocity:=0.3",
+    "robo up -p waypoint_follower.speed:=0.3",
     "robo up fleet.yaml robots:=5 --dry-run",
     "robo up -d --wait --robot-name r1",
     "robo up mine.yaml --watch",
@@ -95,15 +95,15 @@ def _commanding(what: Literal["stop", "start", "restart"], about: str, *examples
 _commanding(
     "stop",
     "Stop nodes or groups of a running robot, until `robo start`.",
-    "robo stop velocity_controller",
+    "robo stop waypoint_follower",
     "robo stop control --robot-name r1",
     short_help="Stop nodes or groups, until `robo start`.",
 )
 _commanding(
     "start",
     "Start nodes or groups of a running robot that have stopped or failed.",
-    "robo start velocity_controller",
-    "robo start /r1/velocity_controller",
+    "robo start waypoint_follower",
+    "robo start /r1/waypoint_follower",
     short_help="Start what has stopped or failed.",
 )
 _commanding(

@@ -114,7 +114,7 @@ def topic_echo(
 @verb(
     verbs,
     "pub",
-    "robo stop velocity_controller && robo topic pub r1/cmd_vel_raw geometry/Twist '{linear: {x: 0.2}}' -r 10",
+    "robo topic pub r1/cmd_vel_key geometry/Twist '{linear: {x: 0.2}}' -r 10",
     "robo topic pub r1/chatter std/String '{data: hello}' --once --wait-for-subscriber",
     "robo topic pub r1/goal geometry/PoseStamped '{header: {stamp: now, frame_id: map}, pose: {position: {x: 1}}}'",
     "robo topic pub r1/floor std/String '{data: second}' --latched",
