@@ -23,6 +23,7 @@ WITHOUT_UNIT = {
     "diff_drive_controller.wheel_separation_multiplier",
     "diff_drive_sim.real_time_factor",
     "joy.deadzone",
+    "safety_monitor.zones.*.share",
 }
 """Numbers with a point that are ratios; all others have a unit."""
 

@@ -15,7 +15,15 @@ from robo.text.terminal import visible
 SYSTEM_TYPES = frozenset({"system/Log", "system/ParameterEvent", "system/Clock"})
 """Types of the topics that every node has; nobody needs to be at their other end."""
 
-BROADCAST_TYPES = frozenset({"tf2/TFMessage", "diagnostic/DiagnosticStatus", "diagnostic/DiagnosticArray"})
+BROADCAST_TYPES = frozenset(
+    {
+        "tf2/TFMessage",
+        "diagnostic/DiagnosticStatus",
+        "diagnostic/DiagnosticArray",
+        "visualization/Marker",
+        "visualization/MarkerArray",
+    }
+)
 """Types of what is said for whoever wants to know: that nobody does is worth no word."""
 
 

@@ -4,13 +4,21 @@ Whatever is unknown counts as dangerous. Distances are measured from the laser's
 """
 
 import math
+from collections.abc import Sequence
 from typing import Literal
 
 import msgspec
 
 from robo_messages import LaserScan, Twist, Vector3
+from robo_services.collision import Body, Sighting, free_share
+from robo_services.contact import STANDING, Velocity
+from robo_services.zones import Zone, ZoneAction, verdicts
 
-Action = Literal["clear", "slow", "stop"]
+Action = Literal["clear", "slow", "limit", "approach", "stop"]
+_ACTIONS: dict[ZoneAction, Action] = {"stop": "stop", "slow_down": "slow", "limit": "limit", "approach": "approach"}
+
+FOOTPRINT = "footprint"
+"""What is said for a zone where the robot could not stop in time."""
 
 
 class Limits(msgspec.Struct, frozen=True, kw_only=True):
@@ -29,7 +37,12 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True):
     command_timeout: float
     """A command older than this is as good as none, s."""
     laser: bool = True
-    """Whether there is one. False says that nobody is to look for obstacles; everything else still counts."""
+    """Whether there is one on `scan`. False says that it is not waited for; everything else still counts."""
+    body: Body | None = None
+    """The robot, which is to stop before it touches anything; None where that is not looked at."""
+    zones: tuple[Zone, ...] = ()
+    timeouts: tuple[tuple[str, float], ...] = ()
+    """Of all sources of obstacles by name, s: one whose last word is older stops the robot."""
 
 
 class Situation(msgspec.Struct, frozen=True, kw_only=True):
@@ -39,8 +52,16 @@ class Situation(msgspec.Struct, frozen=True, kw_only=True):
     command_age: float = math.inf
     scan: LaserScan | None = None
     scan_age: float = math.inf
+    scan_yaw: float = 0.0
+    """Where the laser looks, in the base's frame, rad."""
     speed: float | None = None
     """Measured, m/s; None before the first odometry."""
+    velocity: Velocity = STANDING
+    """How the base moves, as far as it is known."""
+    sightings: Sequence[Sighting] = ()
+    """What sources of obstacles have said; one that is silent so far is missing."""
+    rival: str = ""
+    """Who commands the base too, where that is to stop the robot."""
     emergency_stop: bool = False
     """Whether somebody has called for it and nobody has released it."""
 
@@ -55,19 +76,54 @@ class Decision(msgspec.Struct, frozen=True):
     """The cause with its figures."""
     twist: Twist
     """What to pass on."""
+    zone: str = ""
+    """Which zone says so; empty where it is none."""
+    source: str = ""
+    """Which source has seen what is in the way; empty where it is none."""
+    distance: float = math.inf
+    """How far that is, m: from the laser, for a zone from its shape; infinite where nothing is in the way."""
+    time_to_collision: float = math.inf
+    """In which a zone's shape, or the footprint, would touch it if the command were obeyed, s."""
 
 
 SLOWEST = 0.05
 """Below this share of the wanted speed the robot stops: a crawl to the last millimetre helps nobody."""
 OVERSPEED = 1.1
 """A measured speed beyond this multiple of `max_speed` means that the base does not obey."""
+MOST_TURNS = 4
+"""A scan that goes round more often is looked at ray by ray."""
+LEAST_STEP = 1e-6
+"""Likewise one whose rays are nearer to each other, rad."""
+ROUNDING = 1e-9
+"""Of a ray's number."""
 
 
 def decide(situation: Situation, limits: Limits) -> Decision:
-    """Pass a command on, slow it down, or stop."""
-    scan, command = situation.scan, situation.command
+    """Pass a command on, slow it down, or stop: whatever restricts it the most."""
+    command = situation.command
+    doubt = _doubt_of_sensors(situation, limits) or _doubt_of_command(situation, limits)
+    if doubt is not None or command is None:
+        return doubt or _stop("no_command", "no command so far")
+    speed = math.hypot(command.linear.x, command.linear.y)
+    if speed > limits.max_speed:
+        command = _scaled(command, limits.max_speed / speed)
+    found = [*_by_distance(command, situation, limits), *_by_zones(command, situation, limits)]
+    if found:
+        share, decision = min(found, key=lambda each: each[0])
+        if share == 0.0:
+            return decision
+        return msgspec.structs.replace(decision, twist=_scaled(command, share))
+    if not limits.laser and not limits.timeouts:
+        return Decision("clear", "no_laser", "no laser: nobody looks for obstacles", command)
+    return Decision("clear", "clear", "nothing in the way" if speed else "no linear motion", command)
+
+
+def _doubt_of_sensors(situation: Situation, limits: Limits) -> Decision | None:
+    scan = situation.scan
     if situation.emergency_stop:
         return _stop("emergency_stop", "emergency stop, until reset_emergency_stop is called")
+    if situation.rival:
+        return _stop("rival", f"{situation.rival} commands the base too")
     if limits.laser:
         if scan is None:
             return _stop("no_scan", "no laser scan so far")
@@ -75,25 +131,76 @@ def decide(situation: Situation, limits: Limits) -> Decision:
             return _stop("stale_scan", f"the last laser scan is {situation.scan_age:.2f} s old")
         if not is_usable(scan):
             return _stop("invalid_scan", "the laser scan holds no valid range")
-    if command is None:
+    heard = {sighting.source: sighting.age for sighting in situation.sightings}
+    for source, timeout in limits.timeouts:
+        age = heard.get(source)
+        if age is None:
+            return _stop("no_source", f"nothing from the source {source} so far", source)
+        if not age <= timeout:
+            return _stop("stale_source", f"the last word of the source {source} is {age:.2f} s old", source)
+    return None
+
+
+def _doubt_of_command(situation: Situation, limits: Limits) -> Decision | None:
+    if situation.command is None:
         return _stop("no_command", "no command so far")
-    if not is_finite(command):
+    if not is_finite(situation.command):
         return _stop("invalid_command", "the command holds NaN or an infinity")
     if not situation.command_age <= limits.command_timeout:
         return _stop("stale_command", f"the last command is {situation.command_age:.2f} s old")
     if situation.speed is not None and not situation.speed <= limits.max_speed * OVERSPEED:
         return _stop("overspeed", f"measured {situation.speed:.2f} m/s, more than max_speed = {limits.max_speed:g} m/s")
-    speed = math.hypot(command.linear.x, command.linear.y)
-    if speed == 0.0:
-        return Decision("clear", "clear", "no linear motion", command)  # a turn on the spot hits nothing
-    if scan is None or not limits.laser:
-        scale = min(1.0, limits.max_speed / speed)
-        return Decision("clear", "no_laser", "no laser: nobody looks for obstacles", _scaled(command, scale))
-    direction = math.atan2(command.linear.y, command.linear.x)
+    return None
+
+
+def _by_distance(command: Twist, situation: Situation, limits: Limits) -> list[tuple[float, Decision]]:
+    """What the distance of the nearest obstacle in the direction of motion restricts, each with the share left."""
+    scan = situation.scan
+    if scan is None or not limits.laser or (command.linear.x == 0.0 and command.linear.y == 0.0):
+        return []  # a turn on the spot leads nowhere
+    direction = math.atan2(command.linear.y, command.linear.x) - situation.scan_yaw
     nearest = nearest_in_sector(scan, direction, limits.sector)
     if nearest is None:
-        return _stop("blind", "the laser does not see in the direction of motion")
-    return _pass(command, speed, nearest, limits)
+        return [(0.0, _stop("blind", "the laser does not see in the direction of motion"))]
+    if nearest >= limits.warning_distance and nearest > limits.min_distance:
+        return []
+    room = limits.warning_distance - limits.min_distance
+    share = (nearest - limits.min_distance) / room if room > 0 else 0.0
+    text = f"obstacle at {nearest:.2f} m in the direction of motion"
+    if share < SLOWEST:
+        return [(0.0, Decision("stop", "obstacle", text, Twist(), distance=nearest))]
+    text += f", {share:.0%} of the wanted speed"
+    return [(share, Decision("slow", "obstacle_near", text, Twist(), distance=nearest))]
+
+
+def _by_zones(command: Twist, situation: Situation, limits: Limits) -> list[tuple[float, Decision]]:
+    """What the footprint and zones restrict, each with the share that is left."""
+    wanted, found = velocity_of(command), []
+    if limits.body is not None:
+        share, source, distance, time = free_share(wanted, situation.velocity, limits.body, situation.sightings)
+        if share < 1.0:
+            found.append(_restricted("approach", FOOTPRINT, source, share, distance, time))
+    for share, zone, source, distance, time in verdicts(wanted, limits.zones, situation.sightings):
+        found.append(_restricted(_ACTIONS[zone.action], zone.name, source, share, distance, time))
+    return found
+
+
+def _restricted(
+    action: Action, zone: str, source: str, share: float, distance: float, time: float
+) -> tuple[float, Decision]:
+    what = zone if zone == FOOTPRINT else f"zone {zone}"
+    text = f"obstacle {distance:.2f} m from the {what}" if distance > 0.0 else f"obstacle within the {what}"
+    if 0.0 < time < math.inf:
+        text += f", {time:.1f} s ahead"
+    if share == 0.0 or (action == "approach" and share < SLOWEST):
+        return 0.0, Decision("stop", "obstacle", text, Twist(), zone, source, distance, time)
+    text += f", {share:.0%} of the wanted speed"
+    return share, Decision(action, "obstacle_near", text, Twist(), zone, source, distance, time)
+
+
+def velocity_of(twist: Twist) -> Velocity:
+    """The velocity in the plane of a twist."""
+    return Velocity(twist.linear.x, twist.linear.y, twist.angular.z)
 
 
 def nearest_in_sector(scan: LaserScan, direction: float, sector: float) -> float | None:
@@ -106,43 +213,47 @@ def nearest_in_sector(scan: LaserScan, direction: float, sector: float) -> float
         None where no ray in the sector says anything.
     """
     nearest: float | None = None
-    half = sector / 2
-    for index, distance in enumerate(scan.ranges):
-        if distance != distance:  # NaN
-            continue
-        angle = scan.angle_min + index * scan.angle_increment
-        if abs(math.remainder(angle - direction, math.tau)) > half:
-            continue
-        if distance > scan.range_max:
-            distance = math.inf
-        distance = max(distance, 0.0)
-        if nearest is None or distance < nearest:
-            nearest = distance
-    return nearest
+    for part in _in_sector(scan, direction, sector):
+        least = min((distance for distance in part if distance == distance), default=None)  # NaN is not itself
+        if least is not None and (nearest is None or least < nearest):
+            nearest = least
+    if nearest is None:
+        return None
+    return math.inf if nearest > scan.range_max else max(nearest, 0.0)
+
+
+def _in_sector(scan: LaserScan, direction: float, sector: float) -> list[Sequence[float]]:
+    """The ranges of a scan within `sector` rad around a direction, in parts that lie side by side."""
+    ranges, start, step, half = scan.ranges, scan.angle_min, scan.angle_increment, sector / 2
+    if not MOST_TURNS * math.tau >= abs(step) * len(ranges) > 0.0 or abs(step) < LEAST_STEP:
+        angles = (start + index * step for index in range(len(ranges)))
+        off = (abs(math.remainder(angle - direction, math.tau)) for angle in angles)
+        return [[distance for distance, each in zip(ranges, off, strict=True) if each <= half]]
+    if half >= math.pi:
+        return [ranges]
+    # Ray i looks there if start + i·step is within half of direction + k·2π, for some k.
+    ends = sorted((start, start + (len(ranges) - 1) * step))
+    first = math.ceil((ends[0] - half - direction) / math.tau)
+    last = math.floor((ends[1] + half - direction) / math.tau)
+    parts: list[Sequence[float]] = []
+    for k in range(first, last + 1):
+        middle = direction + k * math.tau
+        edges = sorted(((middle - half - start) / step, (middle + half - start) / step))
+        begin, end = math.ceil(edges[0] - ROUNDING), math.floor(edges[1] + ROUNDING) + 1
+        parts.append(ranges[max(0, begin) : max(0, end)])
+    return parts
 
 
 def is_usable(scan: LaserScan) -> bool:
-    """Whether a scan says anything: its angles are numbers and some range is not NaN."""
+    """Whether a scan says anything: its angles are numbers, it says how far it sees, and some range is not NaN."""
     last = scan.angle_min + len(scan.ranges) * scan.angle_increment
-    return math.isfinite(last) and not math.isnan(scan.range_max) and any(r == r for r in scan.ranges)
+    return math.isfinite(last) and scan.range_max > 0.0 and any(r == r for r in scan.ranges)
 
 
 def is_finite(twist: Twist) -> bool:
     """Whether every component of a velocity is a number."""
     a, b = twist.linear, twist.angular
     return all(map(math.isfinite, (a.x, a.y, a.z, b.x, b.y, b.z)))
-
-
-def _pass(command: Twist, speed: float, nearest: float, limits: Limits) -> Decision:
-    scale = min(1.0, limits.max_speed / speed)
-    if nearest >= limits.warning_distance and nearest > limits.min_distance:
-        return Decision("clear", "clear", "nothing in the way", _scaled(command, scale))
-    room = limits.warning_distance - limits.min_distance
-    share = (nearest - limits.min_distance) / room if room > 0 else 0.0
-    if share < SLOWEST:
-        return _stop("obstacle", f"obstacle at {nearest:.2f} m in the direction of motion")
-    text = f"obstacle at {nearest:.2f} m in the direction of motion, {share:.0%} of the wanted speed"
-    return Decision("slow", "obstacle_near", text, _scaled(command, scale * share))
 
 
 def _scaled(twist: Twist, scale: float) -> Twist:
@@ -153,5 +264,5 @@ def _scaled(twist: Twist, scale: float) -> Twist:
     return Twist(Vector3(a.x * scale, a.y * scale, a.z * scale), Vector3(b.x * scale, b.y * scale, b.z * scale))
 
 
-def _stop(reason: str, text: str) -> Decision:
-    return Decision("stop", reason, text, Twist())
+def _stop(reason: str, text: str, source: str = "") -> Decision:
+    return Decision("stop", reason, text, Twist(), source=source)

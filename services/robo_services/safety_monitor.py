@@ -2,17 +2,38 @@
 
 import math
 import threading
-from typing import Annotated, TypeVar
+from collections.abc import Set
+from typing import Annotated, Literal
 
+import msgspec
 from msgspec import Meta
 
 import robo
 from robo import READ_ONLY, MessageInfo, Node, NotKept, Publisher, QoS, Unit, service, subscribe, timer
-from robo_messages import DiagnosticStatus, KeyValue, LaserScan, Message, Odometry, Trigger, Twist
+from robo_messages import (
+    Bool,
+    DiagnosticStatus,
+    Joy,
+    KeyValue,
+    LaserScan,
+    MarkerArray,
+    Odometry,
+    Trigger,
+    Twist,
+)
 from robo_services.arrivals import Arrivals, Newest, Unstamped
-from robo_services.safety import Action, Decision, Limits, Situation, decide
-
-M = TypeVar("M", bound=Message)
+from robo_services.safety import Action, Decision, Situation, decide
+from robo_services.safety_parameters import (
+    LASER,
+    BrakingParameters,
+    FootprintParameters,
+    SourceParameters,
+    ZoneParameters,
+    limits_of,
+    refuse_unknown_sources,
+)
+from robo_services.safety_sources import Motion, Sources
+from robo_services.zone_markers import markers_of
 
 PATIENCE = 3.0
 """Without any scan for so long after the start, it says what may be done, s."""
@@ -20,11 +41,16 @@ PATIENCE = 3.0
 _LEVELS: dict[Action, int] = {
     "clear": DiagnosticStatus.OK,
     "slow": DiagnosticStatus.WARN,
+    "limit": DiagnosticStatus.WARN,
+    "approach": DiagnosticStatus.WARN,
     "stop": DiagnosticStatus.ERROR,
 }
 
 
 _EMERGENCY_STOP = "emergency_stop"
+
+PRESSES = 100
+"""Messages of what may be an emergency stop that wait: what comes after one must not take its place."""
 
 RIVAL_SHOWN = 1.0
 """How long after its last command somebody is named who commands the base too, s."""
@@ -62,20 +88,43 @@ class SafetyMonitor(Node):
         laser: Annotated[
             bool, Meta(description="false for a base without one: obstacles do not stop it, all else does"), READ_ONLY
         ] = True
+        on_rival: Annotated[
+            Literal["warn", "stop"], Meta(description="what is done while somebody else commands the base too")
+        ] = "warn"
+        emergency_button: Annotated[
+            int, Meta(ge=-1, le=1000, description="button of `joy` that is an emergency stop; -1: none"), READ_ONLY
+        ] = -1
+        use_tf: Annotated[
+            bool, Meta(description="sensors stand where tf_static says, instead of their x, y, yaw"), READ_ONLY
+        ] = False
+        base_frame: Annotated[str, Meta(description="the frame of the robot, its footprint and zones"), READ_ONLY] = (
+            "base_link"
+        )
+        footprint: FootprintParameters = FootprintParameters()
+        braking: BrakingParameters = BrakingParameters()
+        sources: dict[str, SourceParameters] = msgspec.field(default_factory=lambda: {LASER: SourceParameters()})
+        zones: dict[str, ZoneParameters] = msgspec.field(default_factory=dict)
+
+        def __post_init__(self) -> None:
+            """Refuse what contradicts itself."""
+            refuse_unknown_sources(self)
 
     parameters: Parameters
 
     command = Publisher(Twist, "cmd_vel", qos=QoS.COMMAND)
     """What the base is to do: a command that is passed on or slowed down, m/s and rad/s; 0 to stand."""
     state = Publisher(DiagnosticStatus, "safety_state", latched=True)
-    """What it has decided and why: on every change of the reason, and once a second."""
+    """What it has decided and why: on every change of action, reason, zone or source, and once a second."""
+    shown = Publisher(MarkerArray, "safety_zones", latched=True)
+    """Footprint and zones, to be looked at: at the start, and when they are changed."""
 
     def on_start(self) -> None:
         """Nothing is known yet, so nothing is safe; what was before a restart still holds."""
         self._arrivals = Arrivals(unstamped=self.parameters.unstamped)
         self._wall = self.clock.wall
         self._command: Newest[Twist] = Newest()
-        self._scan: Newest[LaserScan] = Newest()
+        self._motion = Motion()
+        self._sources = Sources(self, self._arrivals, self._motion)
         self._speed: float | None = None
         self._emergency_stop = self.memory.lost or bool(self.memory.recall(_EMERGENCY_STOP))
         if self.memory.lost:
@@ -89,16 +138,28 @@ class SafetyMonitor(Node):
         self._last_state = -math.inf
         self._begin = self.clock.monotonic()
         self._advised = False
+        self._limits = limits_of(self.parameters)
+        self.shown.publish(markers_of(self._limits, self.parameters.base_frame))
+        # Not declared: a robot on which nobody publishes them lacks nothing.
+        self.create_subscription(Bool, "emergency_stop", self._on_emergency_stop, depth=PRESSES, turn="stop")
+        if self.parameters.emergency_button >= 0:
+            self.create_subscription(Joy, "joy", self._on_joy, depth=PRESSES, turn="stop")
+
+    def on_parameters_changed(self, _names: Set[str]) -> None:
+        """Decide by the new ones from now on, and show the zones anew."""
+        self._limits = limits_of(self.parameters)
+        self.shown.publish(markers_of(self._limits, self.parameters.base_frame))
 
     @subscribe("cmd_vel_raw", qos=QoS.COMMAND)
     def on_command(self, twist: Twist, info: MessageInfo) -> None:
         """Remember the newest command and when it was sent."""
-        self._take(self._command, twist, info)
+        now = self.clock.monotonic()
+        self._command.take(twist, self._arrivals.sent(info, now, self._wall.monotonic()), now)
 
     @subscribe("scan", depth=1)
     def on_scan(self, scan: LaserScan, info: MessageInfo) -> None:
         """Remember the newest scan and when it was sent."""
-        self._take(self._scan, scan, info)
+        self._sources.take(LASER, scan, info)
 
     @subscribe("cmd_vel", qos=QoS.COMMAND)
     def on_passed(self, _twist: Twist, info: MessageInfo) -> None:
@@ -108,20 +169,39 @@ class SafetyMonitor(Node):
             self._rival, self._rival_time = sender, self._wall.monotonic()
 
     @subscribe("odom", depth=1)
-    def on_odometry(self, odometry: Odometry) -> None:
-        """Remember how fast the robot really is."""
-        linear = odometry.twist.twist.linear
-        self._speed = math.hypot(linear.x, linear.y)
+    def on_odometry(self, odometry: Odometry, info: MessageInfo) -> None:
+        """Remember how the robot really moves."""
+        twist, now = odometry.twist.twist, self.clock.monotonic()
+        self._speed = math.hypot(twist.linear.x, twist.linear.y)
+        self._motion.measured(twist, self._arrivals.sent(info, now, self._wall.monotonic()))
 
     # Both in one turn: neither undoes half of the other. Beside the node's turn, which a decision, a large scan or
     # a line of the log may hold: all that they share with it is the flag, and who commands the base.
     @service("emergency_stop", turn="stop")
     def stop_at_once(self, _request: Trigger.Request) -> Trigger.Response:
         """Stop, and stay until `reset_emergency_stop`, whatever is commanded."""
+        return Trigger.Response(message="stopped; call reset_emergency_stop to drive again" + self._latch())
+
+    def _on_emergency_stop(self, pressed: Bool, info: MessageInfo) -> None:
+        if pressed.data:  # false says nothing, and never releases it
+            self._latch_once(f"by {info.sender}")
+
+    def _on_joy(self, joy: Joy, info: MessageInfo) -> None:
+        button = self.parameters.emergency_button
+        if button < len(joy.buttons) and joy.buttons[button]:
+            self._latch_once(f"by button {button} of {info.sender}")
+
+    def _latch_once(self, by: str) -> None:
+        if not self._emergency_stop:
+            self._latch()
+            self.logger.warning("emergency stop %s, until reset_emergency_stop is called", by)
+
+    def _latch(self) -> str:
+        """Stop at once and remember it. Returns what is to be said of it."""
         self._emergency_stop = True
         with self._commanding:
             self.command.publish(Twist())
-        return Trigger.Response(message="stopped; call reset_emergency_stop to drive again" + self._keep(True))
+        return self._keep(True)
 
     @service("reset_emergency_stop", turn="stop")
     def release(self, _request: Trigger.Request) -> Trigger.Response:
@@ -139,10 +219,6 @@ class SafetyMonitor(Node):
             return "; a restart of the safety monitor stops the robot, since this cannot be written down"
         return ""
 
-    def _take(self, newest: Newest[M], message: M, info: MessageInfo) -> None:
-        now = self.clock.monotonic()
-        newest.take(message, self._arrivals.sent(info, now, self._wall.monotonic()), now)
-
     @timer(rate="rate")
     def guard(self) -> None:
         """Decide, and tell the base."""
@@ -150,39 +226,42 @@ class SafetyMonitor(Node):
         p = self.parameters
         if not p.use_sim_time:
             self._arrivals.tick(self._wall.monotonic(), 1.0 / p.rate)
+        laser, rival = self._sources.laser, self._who_else()
+        scan = laser.newest.message
         situation = Situation(
             command=self._command.message,
             command_age=self._command.age(now),
-            scan=self._scan.message,
-            scan_age=self._scan.age(now),
+            scan=scan if isinstance(scan, LaserScan) else None,
+            scan_age=laser.newest.age(now),
+            scan_yaw=laser.yaw,
             speed=self._speed,
+            velocity=self._motion.velocity,
+            sightings=self._sources.sightings(now),
             emergency_stop=self._emergency_stop,
+            rival=rival if p.on_rival == "stop" else "",
         )
-        limits = Limits(
-            min_distance=p.min_distance,
-            warning_distance=p.warning_distance,
-            max_speed=p.max_speed,
-            sector=p.sector,
-            scan_timeout=p.scan_timeout,
-            command_timeout=p.command_timeout,
-            laser=p.laser,
-        )
-        decision = decide(situation, limits)
+        decision = decide(situation, self._limits)
         with self._commanding:
             if decision.action == "stop" or self._emergency_stop:  # which may have come since it was looked at
-                self.command.publish(Twist())
+                passed = Twist()
+                self.command.publish(passed)
             else:
+                passed = decision.twist
                 # Whoever receives it counts its age from when it was commanded: timeouts of a chain do not add up.
-                self.command.publish(decision.twist, situation.command_age)
-        self._report(decision, now)
+                self.command.publish(passed, situation.command_age)
+        self._motion.commanded(passed, now)
+        self._report(decision, rival, now)
 
-    def _report(self, decision: Decision, now: float) -> None:
-        """Publish the state on every change of cause and once a second; log the changes."""
-        changed = self._last is None or decision.reason != self._last.reason
-        if changed:
+    def _who_else(self) -> str:
+        """Who else commands the base of late."""
+        return self._rival if self._wall.monotonic() - self._rival_time < RIVAL_SHOWN else ""
+
+    def _report(self, decision: Decision, rival: str, now: float) -> None:
+        """Publish the state on every change of cause, zone or source and once a second; log the changes of cause."""
+        changed = self._last is None or _cause_of(decision) != _cause_of(self._last)
+        if self._last is None or decision.reason != self._last.reason:
             log = self.logger.warning if decision.action == "stop" else self.logger.info
             log("%s: %s", decision.action, decision.text)
-        rival = self._rival if self._wall.monotonic() - self._rival_time < RIVAL_SHOWN else ""
         if rival != self._last_rival:
             changed, self._last_rival = True, rival
             if rival:
@@ -191,7 +270,7 @@ class SafetyMonitor(Node):
                 self.logger.warning(text, self.command.topic, throttle=60.0)
         if changed or not 0.0 <= now - self._last_state < 1.0:  # simulated time may step back
             self._last_state = now
-            values = [KeyValue("action", decision.action), KeyValue("reason", decision.reason)]
+            values = _values_of(decision)
             level, text = _LEVELS[decision.action], decision.text
             if rival:
                 values.append(KeyValue("rival", rival))
@@ -209,6 +288,26 @@ class SafetyMonitor(Node):
     def on_stop(self) -> None:
         """Leave the robot standing."""
         self.command.publish(Twist())
+
+
+def _cause_of(decision: Decision) -> tuple[str, str, str, str]:
+    return decision.action, decision.reason, decision.zone, decision.source
+
+
+def _values_of(decision: Decision) -> list[KeyValue]:
+    return [
+        KeyValue("action", decision.action),
+        KeyValue("reason", decision.reason),
+        KeyValue("zone", decision.zone),
+        KeyValue("source", decision.source),
+        KeyValue("distance", _figure(decision.distance)),
+        KeyValue("time_to_collision", _figure(decision.time_to_collision)),
+    ]
+
+
+def _figure(value: float) -> str:
+    """In m or s; empty where nothing is in the way."""
+    return f"{value:.3f}" if math.isfinite(value) else ""
 
 
 if __name__ == "__main__":

@@ -45,6 +45,7 @@ DOUBTS = pytest.mark.parametrize(
         ({"scan": scan(rest=math.nan)}, "invalid_scan"),
         ({"scan": LaserScan()}, "invalid_scan"),
         ({"scan": LaserScan(angle_min=math.nan, ranges=[1.0])}, "invalid_scan"),
+        ({"scan": LaserScan(angle_increment=0.1, ranges=[1.0])}, "invalid_scan"),  # it sees no further than 0 m
         ({"command": None}, "no_command"),
         ({"command_age": 0.6}, "stale_command"),
         ({"command": drive(math.nan)}, "invalid_command"),
