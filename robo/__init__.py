@@ -36,7 +36,8 @@ if TYPE_CHECKING:
         UsageError,
     )
     from robo.node.actions import ActionClient, GoalCanceled, action
-    from robo.node.declare import Client, Publisher, service, subscribe, timer
+    from robo.node.declare import Client, Publisher, check, service, subscribe, timer
+    from robo.node.health import Health
     from robo.node.lifecycle import LifecycleState, TransitionCallbackReturn
     from robo.node.managed import LifecycleNode
     from robo.node.message_info import MessageInfo
@@ -62,6 +63,7 @@ __all__ = [
     "ContractError",
     "GoalCanceled",
     "GoalState",
+    "Health",
     "InvalidName",
     "LifecycleError",
     "LifecycleNode",
@@ -89,6 +91,7 @@ __all__ = [
     "Unit",
     "UsageError",
     "action",
+    "check",
     "open_session",
     "run",
     "service",
@@ -98,7 +101,8 @@ __all__ = [
 
 _HOMES = {
     "node.actions": ("ActionClient", "GoalCanceled", "action"),
-    "node.declare": ("Client", "Publisher", "service", "subscribe", "timer"),
+    "node.declare": ("Client", "Publisher", "check", "service", "subscribe", "timer"),
+    "node.health": ("Health",),
     "node.lifecycle": ("LifecycleState", "TransitionCallbackReturn"),
     "node.managed": ("LifecycleNode",),
     "node.message_info": ("MessageInfo",),

@@ -7,10 +7,12 @@ from typing import Any, Final, get_args, get_type_hints
 import msgspec
 from msgspec import inspect as shapes
 
+from docs_tools.reference import messages
 from docs_tools.reference.markdown import code, described, link, paragraphs, prose, table
 from robo.supervisor.commands import Commands
 from robo.text.docstrings import attribute_docs
 from robo.wire import reports
+from robo_messages import Message, type_name
 
 _INTRO = """\
 What answers queries on [the key space](keys.md), and what is published there: MessagePack maps with these fields.
@@ -52,6 +54,8 @@ def _verb(name: str, verb: Callable[..., object]) -> tuple[str, str, str, str]:
 
 
 def _link(struct: type[Any]) -> str:
+    if issubclass(struct, Message):
+        return messages.link_to(type_name(struct))
     return link(struct.__name__, struct.__name__)
 
 

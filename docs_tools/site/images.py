@@ -86,7 +86,11 @@ def graph(terminal: Terminal) -> str:
     """The nodes and topics of the reference robot, drawn by graphviz; what every node has is left out."""
     drawn = terminal.run("robo check robot.yaml robot_name:=r1 --graph dot")
     inner = drawn[drawn.index("digraph") : drawn.rindex("}") + 1].splitlines()
-    kept = [line for line in inner if not re.search(r"r1/(log|parameter_events|reset_?\w*|emergency_stop)\b", line)]
+    kept = [
+        line
+        for line in inner
+        if not re.search(r"r1/(log|parameter_events|diagnostics|reset_?\w*|emergency_stop)\b", line)
+    ]
     look = '  bgcolor="white"; node [fontname="sans-serif", fontsize=11]; edge [color="#666666"];'
     text = "\n".join([kept[0], look, *kept[1:]]).replace("\\nnobody subscribes it", "").replace("color=red", "")
     text = text.replace("shape=box", 'shape=box, style="filled,rounded", fillcolor="#dbe7ff"')

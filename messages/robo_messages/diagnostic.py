@@ -30,7 +30,7 @@ class DiagnosticStatus(Message):
     level: Annotated[int, Meta(ge=0, le=3, extra={"ros": "byte"})] = 0
     """OK, WARN, ERROR or STALE."""
     name: str = ""
-    """The component: a node's full name, for example."""
+    """The component: a node's full name, or one of its checks, `/r1/base: battery`."""
     message: str = ""
     """How it does, in a sentence."""
     hardware_id: str = ""

@@ -17,11 +17,11 @@ from robo.launch.resolve import Resolution
 from robo.node.contract_data import ContractData
 from robo.parameters.shape import ANY_NAME, declared_as
 from robo.text.brief import shown
-from robo.text.graph import BROADCAST_TYPES
+from robo.text.graph import BROADCAST_TYPES, SYSTEM_TYPES
 from robo.text.suggestions import closest, hint, suggest
 from robo.text.tree import Position, Problem
 from robo.wire import names
-from robo.wire.keys import VERBS, EndpointKind
+from robo.wire.keys import SYSTEM_TOPICS, VERBS, EndpointKind
 from robo.wire.qos import QoS, misfit
 
 
@@ -186,6 +186,8 @@ def _unfed(
 ) -> Iterable[Problem]:
     if any(end.kind == "pub" for end in ends) or (key in promised and promised[key].external):
         return
+    if _every_node_publishes(key, resolution):
+        return
     for end in ends:
         candidates = [o for o in all_ends if o.kind == "pub" and o.type == end.type]
         close = closest(key, [other.key for other in candidates], cutoff=0.0)
@@ -195,6 +197,13 @@ def _unfed(
         else:
             advice = "start a node that does, or promise it: topics: {" + end.topic + ": {external: true}}"
         yield Problem(resolution.positions[end.node], f"nothing publishes {key}, which {end}; {advice}")
+
+
+def _every_node_publishes(key: str, resolution: Resolution) -> bool:
+    """Whether it is a topic that the runtime gives every node, of a namespace in which there is one."""
+    namespace, _, topic = key.rpartition("/")
+    nodes = (p for p in resolution.plan.processes if p.service is not None)
+    return topic in SYSTEM_TOPICS and any(p.namespace == namespace for p in nodes)
 
 
 def _may_be_fed(problem: Problem, silent: Sequence[str]) -> Problem:
@@ -208,7 +217,7 @@ def _unread(
     if any(end.kind == "sub" for end in ends) or key in promised:
         return
     for end in ends:
-        if end.type not in BROADCAST_TYPES:
+        if end.type not in BROADCAST_TYPES | SYSTEM_TYPES:
             yield Problem(resolution.positions[end.node], f"nobody reads {key}, which {end}")
 
 

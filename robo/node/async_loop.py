@@ -204,8 +204,7 @@ class _Step:
         # The traceback of what a task has raised holds this frame: a task that nobody awaits would be told of late.
         self.callback, self.args = _nothing, ()
         held = monotonic() - turn.since
-        turn.busy += held
-        turn.running = ""
+        turn.ended(turn.since)
         enter(None)
         turn.release()
         if held > HELD:

@@ -22,6 +22,7 @@ from robo.node.declare import (
     HOOKS,
     LIFECYCLE_HOOKS,
     MARK,
+    CheckMark,
     Client,
     Declares,
     Publisher,
@@ -38,6 +39,7 @@ from robo_messages import Message
 
 if TYPE_CHECKING:
     from robo.node.action_contract import ActionClientDeclaration, ActionDeclaration
+    from robo.node.health import CheckDeclaration
 
 
 class SubscriptionDeclaration(msgspec.Struct, frozen=True):
@@ -115,6 +117,7 @@ class Contract(msgspec.Struct, frozen=True):
     parameters: tuple[hints.ParameterInfo, ...]
     managed: bool = False
     """Whether it is a `LifecycleNode`."""
+    checks: tuple[CheckDeclaration, ...] = ()
 
 
 def check_constructor(cls: type[Declares]) -> None:
@@ -152,9 +155,8 @@ def contract_of(cls: type[Declares]) -> Contract:
     """Collect what a node class declares, its base classes included.
 
     Raises:
-        ContractError: a callback does not say its message type, a timer names a parameter that is
-            not there, a message type has no name, a parameter has no default, a callback yields, a hook is async, or
-            Parameters is no robo.Parameters.
+        ContractError: a callback does not say its message type, a timer names a parameter that is not there, a message
+            type or a check has no name, a parameter no default, a callback yields, a hook is async, or Parameters none.
     """
     publishers: list[PublisherDeclaration] = []
     subscriptions: list[SubscriptionDeclaration] = []
@@ -163,8 +165,7 @@ def contract_of(cls: type[Declares]) -> Contract:
     clients: list[ClientDeclaration] = []
     actions: list[ActionDeclaration] = []
     action_clients: list[ActionClientDeclaration] = []
-    infos = _parameters(cls)
-    members = _members(cls)
+    infos, members = _parameters(cls), _members(cls)
     _check_hooks(cls, members)
     for name, member in members.items():
         mark = getattr(member, MARK, None)
@@ -208,6 +209,7 @@ def contract_of(cls: type[Declares]) -> Contract:
         tuple(action_clients),
         infos,
         cls.IS_MANAGED,
+        _checks(cls, members),
     )
 
 
@@ -298,6 +300,14 @@ def _action_client(cls: type[Declares], name: str, declared: ActionClient[Any, A
     from robo.node.action_contract import action_client_declaration
 
     return action_client_declaration(cls, name, declared)
+
+
+def _checks(cls: type[Declares], members: Mapping[str, Any]) -> tuple[CheckDeclaration, ...]:
+    if not any(isinstance(m, Part) or isinstance(getattr(m, MARK, None), CheckMark) for m in members.values()):
+        return ()
+    from robo.node.health import checks_of  # as for actions
+
+    return checks_of(cls.__name__, members, lambda part: contract_of(type(part)).checks)
 
 
 def _part(cls: type[Declares], name: str, part: Part) -> Contract:

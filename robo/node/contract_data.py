@@ -52,6 +52,14 @@ class TimerData(msgspec.Struct, frozen=True):
     turn: str = ""
 
 
+class CheckData(msgspec.Struct, frozen=True):
+    """What a node class tells of how well it does."""
+
+    check: str
+    """What is checked."""
+    method: str
+
+
 class ActionData(msgspec.Struct, frozen=True):
     """An action that a node class executes."""
 
@@ -89,6 +97,7 @@ class ContractData(msgspec.Struct, frozen=True, kw_only=True):
     """Whether it is a managed node, a `LifecycleNode`."""
     actions: tuple[ActionData, ...] = ()
     action_clients: tuple[ActionClientData, ...] = ()
+    checks: tuple[CheckData, ...] = ()
 
     @property
     def parameter_types(self) -> dict[str, str]:

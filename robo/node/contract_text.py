@@ -7,6 +7,7 @@ from robo.node.contract import ClientDeclaration, ServiceDeclaration, contract_o
 from robo.node.contract_data import (
     ActionClientData,
     ActionData,
+    CheckData,
     ClientData,
     ContractData,
     ServedData,
@@ -41,6 +42,7 @@ def contract_data(cls: type[Declares]) -> ContractData:
         managed=contract.managed,
         actions=tuple(ActionData(a.action, a.types.name, a.policy, a.turn) for a in contract.actions),
         action_clients=tuple(ActionClientData(c.action, c.types.name, c.timeout) for c in contract.action_clients),
+        checks=tuple(CheckData(c.name, c.method) for c in contract.checks),
     )
 
 
@@ -54,6 +56,7 @@ def contract_text(contract: ContractData) -> str:
         "actions": [(a.action, f"{a.type}, {a.policy}{_turn(a.turn)}") for a in contract.actions],
         "sends goals to": [(c.action, c.type) for c in contract.action_clients],
         "timers": [(t.method, _rate(t.rate) + _turn(t.turn)) for t in contract.timers],
+        "checks": [(c.check, c.method) for c in contract.checks],
     }
     lines = ["a managed node, see `robo lifecycle`"] if contract.managed else []
     for title, rows in sections.items():

@@ -1,4 +1,4 @@
-"""What a node declares: `Publisher`, `Client`, `@subscribe`, `@service`, `@timer`. They only declare."""
+"""What a node declares: `Publisher`, `Client`, `@subscribe`, `@service`, `@timer`, `@check`. They only declare."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from robo.wire.qos import DEFAULT_TIMEOUT, Priority, QoS, check_priority, said
 from robo_messages import Message
 
 if TYPE_CHECKING:
+    from robo.node.health import Health
     from robo.node.services import ServiceClient
     from robo.node.topics import TopicPublisher
 
@@ -165,6 +166,12 @@ class ServiceMark(msgspec.Struct):
     turn: str = ""
 
 
+class CheckMark(msgspec.Struct):
+    """What `@check` leaves on a method."""
+
+    name: str
+
+
 class _Subscribing(Protocol):
     """A method that takes a message, or a message and what is known of it."""
 
@@ -273,3 +280,31 @@ def timer(*, rate: float | str, turn: str = "") -> _Ticking:
         return method
 
     return cast(_Ticking, mark)
+
+
+def check(name: str) -> Callable[[Callable[[N], Health]], Callable[[N], Health]]:
+    """Ask this method once a second how well something does; it returns a `Health`.
+
+        @check("battery")
+        def battery(self) -> Health:
+            if self.volts < 11.0:
+                return Health.warn("charge it", volts=self.volts)
+            return Health.ok(volts=self.volts)
+
+    It takes the node's turn, so it looks at what callbacks have found, and waits for nothing. What it says is
+    published on `diagnostics` of the node's namespace, and shown by `robo top`, `robo why` and `robo node info`.
+
+    Args:
+        name: of what is checked, in a word or two: one of its own within the node.
+
+    Raises:
+        ContractError: the name cannot be one.
+    """
+    if not name or not name.isprintable() or name != name.strip() or {*name} & {"/", ":"}:
+        raise ContractError(f"@check({name!r}): name what is checked in a word or two, without / and :")
+
+    def mark(method: Callable[[N], Health]) -> Callable[[N], Health]:
+        setattr(method, MARK, CheckMark(name))
+        return method
+
+    return mark

@@ -12,6 +12,7 @@ from robo.errors import ActionError, ServiceTimeout
 from robo.node import log
 from robo.node.clock import Clock, SimClock
 from robo.node.contract import Contract
+from robo.node.diagnostics import Diagnostics
 from robo.node.ending import NodeStopping
 from robo.node.endpoints import Endpoints
 from robo.node.factory import EndpointFactory
@@ -27,12 +28,12 @@ from robo.node.tuning import Tuning
 from robo.node.turn import taking
 from robo.node.turns import Turns
 from robo.parameters.model import Parameters
-from robo.wire.keys import LOG_TOPIC, PARAMETER_EVENTS_TOPIC
+from robo.wire.keys import DIAGNOSTICS_TOPIC, LOG_TOPIC, PARAMETER_EVENTS_TOPIC
 from robo.wire.network import Network
 from robo.wire.qos import KEEP_ALL, QoS, Quality
 from robo.wire.reports import NodeStatus
 from robo.wire.session import close_session, open_session
-from robo_messages import Log, ParameterEvent, Time
+from robo_messages import DiagnosticArray, Log, ParameterEvent, Time
 
 if TYPE_CHECKING:
     from robo.node.gate import Gate
@@ -108,6 +109,7 @@ class Life:
         """
         self.session = session or open_session(Network.from_environment("router"))
         self.ends = Endpoints()
+        self.diagnostics = Diagnostics(node, self.ends, turns, troubles)
         common = self.session, identity, self.ends, turns, troubles, node.clock, node.qualities
         self._own = EndpointFactory(*common)
         """Makes what every node has, in every state."""
@@ -161,7 +163,7 @@ class Life:
         self._own.timer(period, beat, Clock())
 
     def _join(self, made: ExitStack) -> TopicPublisher[ParameterEvent]:
-        """Make what works without a callback: the log topic, publishers, clients, the status.
+        """Make what works without a callback: what every node publishes, publishers, clients, the status.
 
         Returns:
             The publisher of parameter events.
@@ -174,6 +176,8 @@ class Life:
         made.callback(logger.removeHandler, log_handler)
         changes = self._identity.absolute(PARAMETER_EVENTS_TOPIC)
         events = self._own.publisher(ParameterEvent, changes, QoS(depth=KEEP_ALL))
+        told = self._own.publisher(DiagnosticArray, self._identity.absolute(DIAGNOSTICS_TOPIC), QoS.DEFAULT)
+        self.diagnostics.publish, self.diagnostics.apart = told.publish, {t.topic for t in (log_topic, events, told)}
         for p in node.contract.publishers:
             put_into(node, p.attribute, make.publisher(p.message_type, p.topic, p.qos))
         for c in node.contract.clients:
@@ -206,6 +210,7 @@ class Life:
         if isinstance(clock, SimClock):
             self._own.follow_clock(clock)
         self.ends.begin()
+        self.diagnostics.begin()
         tuning = self._tuning
         answers = Answers(node.full_name, lambda: node.parameters, tuning.explain, tuning.set)
         self.ends.add_other(ParameterServer(self.session, self._identity, answers))

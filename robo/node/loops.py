@@ -170,13 +170,11 @@ class SubscriptionLoop(Generic[M]):
                     except BaseException as error:  # whatever it is, it must not end this thread
                         self._handle(error, sample)
                     if others:
-                        now = monotonic()
-                        turn.busy += now - begun
-                        turn.running = ""
+                        turn.ended(begun)
                         pass_turn()
                         wait_turn()
                         turn.running = name
-                        begun = monotonic()
+                        begun = turn.since = monotonic()
                     more = backlog.popleft() if backlog else try_recv()
                     if more is None:
                         break
@@ -191,8 +189,7 @@ class SubscriptionLoop(Generic[M]):
                         self._cut_back(passed / handled)
                         sample = backlog.popleft()
                         since, handled = since + passed, 0
-                turn.busy += monotonic() - begun
-                turn.running = ""
+                turn.ended(begun)
                 pass_turn()
                 holding = False
         finally:
@@ -322,9 +319,9 @@ class TimerLoop:
                 if self._stopped:
                     return
                 turn.running, turn.since = self.name, monotonic()
+                begun = turn.since
                 try:
                     check_outcome(self._callback())
                 except BaseException as error:
                     self._on_error(error)
-                turn.busy += monotonic() - turn.since
-                turn.running = ""
+                turn.ended(begun)

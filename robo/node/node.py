@@ -202,7 +202,8 @@ class Node(Creating):
     @property
     def status(self) -> NodeStatus:
         """Counters of this node, as a query on its status key would get them."""
-        return self._status.of(self._ends, self._troubles.callback_errors)
+        checks = self._life.diagnostics.last if self._life is not None else ()
+        return self._status.of(self._ends, self._troubles.callback_errors, checks)
 
     def flush(self, timeout: float = 5.0) -> None:
         """Wait until the nodes in this namespace have received all that was published so far.

@@ -1,7 +1,7 @@
 """What a node has seen so far: its counters as a `NodeStatus`, and the key on which anybody may ask for it."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import msgspec
 import zenoh
@@ -13,6 +13,7 @@ from robo.node.turns import Turns
 from robo.wire import keys, shared_memory
 from robo.wire.queries import QueryLoop, reply
 from robo.wire.reports import NodeStatus, TurnStatus
+from robo_messages import DiagnosticStatus
 
 
 class Status:
@@ -30,8 +31,8 @@ class Status:
         self._now = now
         self._begun = now()
 
-    def of(self, ends: Endpoints, callback_errors: int) -> NodeStatus:
-        """What there is to say just now."""
+    def of(self, ends: Endpoints, callback_errors: int, checks: Sequence[DiagnosticStatus] = ()) -> NodeStatus:
+        """What there is to say just now; `checks` is what was said last of how well the node does."""
         subscriptions = list(ends.subscriptions)
         now, callbacks = self._now(), self._turns.callbacks
         own = _look(self._turns.own, [], now)
@@ -52,6 +53,7 @@ class Status:
             running=longest.running,
             running_for=longest.running_for,
             turns=others,
+            checks=list(checks),
         )
 
 

@@ -75,6 +75,11 @@ class Endpoint:
         """The topic's key expression, after namespace and remapping."""
         return self._info.topic
 
+    @property
+    def qos(self) -> QoS:
+        """What holds of it, what its launch says included."""
+        return self._info.qos
+
     def undeclare(self) -> None:
         """Withdraw the announcement."""
         self._token.undeclare()

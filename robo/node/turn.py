@@ -75,10 +75,14 @@ class Turn:
         """Those who wait, in order; empty is false."""
         self.busy = 0.0
         """How long callbacks have run, s; whoever holds the turn adds to it when giving it away."""
+        self.longest = 0.0
+        """The longest that a callback held it since somebody set this to 0, s; with KEEP_ALL 16 may count as one."""
+        self.longest_of = ""
+        """Which callback that was."""
         self.running = ""
         """The callback that runs, as whoever holds the turn says; empty while none does."""
         self.since = 0.0
-        """When it began, by `time.monotonic`."""
+        """When it began, or got the turn again after a wait, by `time.monotonic`."""
         self.on_death = on_death
         self.release: Callable[[], None] = release
         """Pass the turn on to whoever has waited longest, if anybody waits."""
@@ -95,6 +99,18 @@ class Turn:
                 self.on_death(error)
 
         return run
+
+    def ended(self, begun: float) -> None:
+        """Take note that the callback that runs has come to its end, or is about to wait.
+
+        Args:
+            begun: since when it counts as busy, by `time.monotonic`.
+        """
+        now = monotonic()
+        if now - self.since > self.longest:
+            self.longest, self.longest_of = now - self.since, self.running
+        self.busy += now - begun
+        self.running = ""
 
     def acquire(self) -> None:
         """Wait for the turn."""
@@ -149,11 +165,11 @@ def taking(turn: Turn, name: str, spare: Callable[[], None] | None = None) -> It
     with turn:
         enter(turn, spare)
         turn.running, turn.since = name, monotonic()
+        begun = turn.since
         try:
             yield
         finally:
-            turn.busy += monotonic() - turn.since
-            turn.running = ""
+            turn.ended(begun)
             _thread.turn, _thread.spare = before
 
 
@@ -170,11 +186,11 @@ def paused() -> Iterator[None]:
         return
     if _thread.spare is not None:
         _thread.spare()
-    running, since = turn.running, turn.since
-    turn.running = ""
+    running = turn.running
+    turn.ended(monotonic())  # what it waits counts as busy with the rest of it
     turn.release()
     try:
         yield
     finally:
         turn.acquire()
-        turn.running, turn.since = running, since
+        turn.running, turn.since = running, monotonic()

@@ -179,6 +179,7 @@ class Instance:
         now, held_up = self._clock(), self.pulse.held_up
         cpu, memory = self._usage.measure() if self._usage is not None else (None, None)
         published, received = self.pulse.rates(now)
+        health, trouble = self.pulse.health(now)
         return msgspec.structs.replace(
             status,
             pid=self.pid,
@@ -190,6 +191,8 @@ class Instance:
             received=received,
             running=held_up.running if held_up is not None else "",
             running_for=held_up.running_for if held_up is not None else 0.0,
+            health=health,
+            trouble=trouble,
         )
 
     async def _probe(self) -> bool:

@@ -206,6 +206,7 @@ class Member:
             inputs=pulse.inputs(now) if pulse is not None and self.running else [],
             callback_errors=pulse.callback_errors if pulse is not None else 0,
             next_start=max(0.0, self.next_start - now) if self.next_start is not None else None,
+            checks=pulse.checks if pulse is not None and self.running else [],
         )
 
     # -- commands --------------------------------------------------------------------------------

@@ -6,7 +6,8 @@ import msgspec
 
 from robo.supervisor.topic_watch import Flow
 from robo.text.unreadable import UNREADABLE
-from robo.wire.reports import Beat, Input, NodeStatus
+from robo.wire.reports import Beat, HealthLevel, Input, NodeStatus, health_of
+from robo_messages import DiagnosticStatus
 
 BEAT_PERIOD = 1.0
 """How often nodes give a sign of life, s; more often where the watchdog is shorter than a few of these."""
@@ -15,7 +16,7 @@ _AT_REST = ("", "unconfigured", "inactive", "active", "finalized")
 """States of a managed node, or of none, in which no hook runs."""
 
 _FRESH = 3 * BEAT_PERIOD
-"""For how long a rate is shown after the last sign of life, s."""
+"""For how long a rate is shown after the last sign of life, s; and what a node said last counts for so long."""
 
 
 def beat_period(watchdog: float) -> float:
@@ -46,7 +47,7 @@ class Pulse:
         self._hooks = hooks
         self._publishes = tuple(publishes)
         self._flow = flow
-        self._started_at = self._ready_at = self._heard_at = now
+        self._started_at = self._ready_at = self._heard_at = self._said_at = now
         self._counted: Beat | None = None
         """The beat since which messages are counted for the next rate."""
         self._counted_at = now
@@ -64,7 +65,7 @@ class Pulse:
 
     def excuse_silence(self, now: float) -> None:
         """The supervisor itself has slept: nobody can be blamed for beats that it did not hear."""
-        self._heard_at = now
+        self._heard_at = self._said_at = now
 
     def hear(self, data: bytes, now: float) -> Beat | None:
         """A beat has come; None where it means nothing: a command may write something else there."""
@@ -73,6 +74,7 @@ class Pulse:
         except UNREADABLE:
             return None
         self._late = beat if beat.late else None
+        self._said_at = now
         if beat.late:
             return beat
         self._count(beat, now)
@@ -133,6 +135,19 @@ class Pulse:
     def held_up(self) -> NodeStatus | None:
         """What it says while a callback holds its beat back."""
         return self._late.status if self._late is not None else None
+
+    @property
+    def checks(self) -> list[DiagnosticStatus]:
+        """What it said last of how well it does."""
+        beat = self._late or self._beat
+        return beat.status.checks if beat is not None else []
+
+    def health(self, now: float) -> tuple[HealthLevel | None, str]:
+        """What that comes to: see `health_of`."""
+        silent = now - self._said_at
+        if self._beat is not None and silent > _FRESH:
+            return "stale", f"has said nothing for {silent:.1f} s"
+        return health_of(self.checks)
 
     @property
     def callback_errors(self) -> int:

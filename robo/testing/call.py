@@ -8,6 +8,7 @@ import zenoh
 
 import robo_messages
 from robo.errors import ServiceError
+from robo.node import diagnostics
 from robo.testing.bench import Bench, Seat
 from robo.testing.clock import LONGEST
 from robo.wire import codec
@@ -105,5 +106,9 @@ def decoded(sample: zenoh.Sample) -> Any:
 
 def who_waits(bench: Bench) -> str:
     """Which threads of nodes wait for time to pass, as a sentence."""
-    asleep = [f"{name} for {left:g} s" for name, left in bench.stepper.sleepers() if left <= LONGEST]
+    asleep = [
+        f"{name} for {left:g} s"
+        for name, left in bench.stepper.sleepers()
+        if left <= LONGEST and name not in diagnostics.THREADS
+    ]
     return f"These wait for the time: {', '.join(asleep) or 'none'}"

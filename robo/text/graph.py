@@ -12,7 +12,7 @@ import msgspec
 from robo.text.columns import aligned
 from robo.text.terminal import visible
 
-SYSTEM_TYPES = frozenset({"system/Log", "system/ParameterEvent", "system/Clock"})
+SYSTEM_TYPES = frozenset({"system/Log", "system/ParameterEvent", "system/Clock", "diagnostic/DiagnosticArray"})
 """Types of the topics that every node has; nobody needs to be at their other end."""
 
 BROADCAST_TYPES = frozenset(

@@ -15,6 +15,7 @@ from robo.wire.discovery import tokens
 from robo.wire.keys import EndpointToken, NodeToken, status_key
 from robo.wire.qos import QoS
 from robo.wire.reports import NodeStatus, ProcessStatus
+from robo_messages import DiagnosticStatus
 
 LONG_CALLBACK = 1.0
 """A callback that runs for longer holds up its node, s."""
@@ -111,6 +112,8 @@ class NodeInfo(msgspec.Struct, frozen=True):
     """How they travel to others on its machine: through shared memory, or sockets, and why."""
     problem: str = ""
     """Why it does not answer."""
+    checks: list[DiagnosticStatus] = []
+    """What it said last of how well it does."""
 
 
 STATE = "get_state"
@@ -249,8 +252,7 @@ def _info(
         return int(getattr(after, counters).get(key, 0)) if after is not None else 0
 
     def rate(counters: str, key: str) -> float:
-        earlier: dict[str, int] = getattr(before, counters) if before is not None else {}
-        return max(0.0, (count(counters, key) - earlier.get(key, 0)) / span)
+        return max(0.0, (count(counters, key) - int(getattr(before, counters, {}).get(key, 0))) / span)
 
     return NodeInfo(
         node=node.full_name,
@@ -292,6 +294,7 @@ def _info(
         parameters=values,
         turns=_turns(before, after, span),
         large_messages=after.large_messages if after is not None else "",
+        checks=after.checks if after is not None else [],
         problem=problem,
     )
 

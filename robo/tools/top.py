@@ -11,7 +11,7 @@ from robo.samples.stream import Arrival, Stream
 from robo.tools import nodes, runs, topics
 from robo.wire.discovery import hostname
 from robo.wire.keys import NodeToken
-from robo.wire.reports import NodeStatus, ProcessStatus
+from robo.wire.reports import HealthLevel, NodeStatus, ProcessStatus, health_of
 
 STALE_PERIODS = 5.0
 """A topic is stale when its last message is so many times older than what is usual between two."""
@@ -43,6 +43,10 @@ class NodeFigures(msgspec.Struct, frozen=True):
     """The callback that holds up all others of the node; empty while none does."""
     running_for: float = 0.0
     """How long it has been running, s."""
+    health: HealthLevel | None = None
+    """What its checks come to; None where it has said nothing of them."""
+    trouble: str = ""
+    """The worst check, and what it says; empty where all is well."""
 
 
 class TopicFigures(msgspec.Struct, frozen=True):
@@ -193,7 +197,11 @@ class Watch:
                 cpu, memory = process.cpu_percent(), process.memory_info().rss
             except psutil.Error:
                 self._usage.pop(token.pid, None)
-        figures = NodeFigures(token.full_name, "ready", "", token.pid, token.host, cpu, memory, None, None)
+        health, trouble = ("stale", "does not answer") if status is None else health_of(status.checks)
+        figures = NodeFigures(
+            token.full_name, "ready", "", token.pid, token.host, cpu, memory, None, None,
+            health=health, trouble=trouble,
+        )  # fmt: skip
         if status is None or status.running_for < nodes.LONG_CALLBACK:
             return figures
         return msgspec.structs.replace(figures, running=status.running, running_for=status.running_for)
@@ -212,4 +220,6 @@ def _supervised(status: ProcessStatus) -> NodeFigures:
         status.uptime,
         status.running,
         status.running_for,
+        status.health,
+        status.trouble,
     )

@@ -232,8 +232,15 @@ def event_key(robot: str) -> str:
 
 LOG_TOPIC = "log"
 PARAMETER_EVENTS_TOPIC = "parameter_events"
-SYSTEM_TOPICS = {LOG_TOPIC: "system/Log", PARAMETER_EVENTS_TOPIC: "system/ParameterEvent"}
-"""What every node publishes beside its contract, by topic of its namespace: log records and changed parameters."""
+DIAGNOSTICS_TOPIC = "diagnostics"
+SYSTEM_TOPICS = {
+    LOG_TOPIC: "system/Log",
+    PARAMETER_EVENTS_TOPIC: "system/ParameterEvent",
+    DIAGNOSTICS_TOPIC: "diagnostic/DiagnosticArray",
+}
+"""What every node publishes beside its contract, by topic of its namespace: log records, changed parameters, and once
+a second how well it does.
+"""
 
 
 def parameters_key(namespace: str, node: str, verb: str) -> str:

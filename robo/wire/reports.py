@@ -1,13 +1,43 @@
 """What nodes and supervisors tell of themselves, and what they are asked."""
 
-from typing import Annotated, Literal, NamedTuple
+from collections.abc import Sequence
+from typing import Annotated, Literal, NamedTuple, get_args
 
 import msgspec
 from msgspec import Meta
 
 from robo.wire import names
+from robo_messages.diagnostic import DiagnosticStatus
 
 State = Literal["starting", "ready", "standby", "degraded", "restarting", "stopping", "stopped", "failed", "completed"]
+
+
+HealthLevel = Literal["ok", "warn", "error", "stale"]
+"""How well a node does by its checks."""
+
+HEALTH_LEVELS: tuple[HealthLevel, ...] = get_args(HealthLevel)
+"""By the level of a `diagnostic/DiagnosticStatus`."""
+
+EVERY_NODES = ("topics", "callbacks")
+"""The checks that every node has."""
+
+
+def health_of(checks: Sequence[DiagnosticStatus]) -> tuple[HealthLevel | None, str]:
+    """What the checks of a node come to.
+
+    Returns:
+        The worst level, None where there is no check; and of several such checks the first with what it says,
+        `battery: charge it`, empty where all is well.
+    """
+    if not checks:
+        return None, ""
+    worst = max(checks, key=lambda one: one.level)
+    return HEALTH_LEVELS[worst.level], f"{check_name(worst)}: {worst.message}" if worst.level else ""
+
+
+def check_name(check: DiagnosticStatus) -> str:
+    """What a check is called within its node: of `/r1/base: battery` the latter."""
+    return check.name.rpartition(": ")[2]
 
 
 class ProcessName(NamedTuple):
@@ -83,6 +113,10 @@ class ProcessStatus(msgspec.Struct, frozen=True, kw_only=True):
     memory is of the whole process then, and what is said of processor time of the node alone."""
     process_cpu: float | None = None
     """Processor time that such a process uses, in percent of one core."""
+    health: HealthLevel | None = None
+    """What its checks come to, as it said last; `stale` where it has said nothing for a while, null where never."""
+    trouble: str = ""
+    """The worst check, and what it says; empty where all is well."""
 
     @property
     def name(self) -> ProcessName:
@@ -135,6 +169,8 @@ class Explanation(msgspec.Struct, frozen=True, kw_only=True):
     """Exceptions that callbacks raised."""
     next_start: float | None
     """In how many seconds it is started again."""
+    checks: list[DiagnosticStatus] = []
+    """What it said last of how well it does."""
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):
@@ -288,6 +324,8 @@ class NodeStatus(msgspec.Struct, frozen=True):
     """The state of a managed node, as ROS calls it: `inactive`; empty for a plain node."""
     large_messages: str = ""
     """How they travel on its machine: `shared memory`, or `sockets: ` and why; only in the reply to a query."""
+    checks: list[DiagnosticStatus] = []
+    """How well it does by its checks, as it published last on `diagnostics`."""
 
 
 class Beat(msgspec.Struct, frozen=True):

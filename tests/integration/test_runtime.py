@@ -292,12 +292,13 @@ def test_tokens_tell_of_a_node_and_vanish_with_it(session: zenoh.Session, other:
 
     with Echo(namespace="r1", session=session):
         # Not after `wait_for_nodes`: a peer that has just undeclared its subscriber gets a part of them.
-        eventually(lambda: len(tokens()) == 6, "all tokens are there")
+        eventually(lambda: len(tokens()) == 7, "all tokens are there")
         found = tokens()
         endpoints = {(t.kind, t.topic, t.type_name) for t in found if isinstance(t, EndpointToken)}
         assert endpoints == {
             ("pub", "r1/log", "system/Log"),
             ("pub", "r1/parameter_events", "system/ParameterEvent"),
+            ("pub", "r1/diagnostics", "diagnostic/DiagnosticArray"),
             ("pub", "r1/out", "std/String"),
             ("pub", "r1/echo/beat", "std/String"),
             ("sub", "r1/in", "std/String"),

@@ -6,6 +6,7 @@ import pytest
 from robo.supervisor.pulse import Pulse, beat_period
 from robo.supervisor.topic_watch import Flow
 from robo.wire.reports import Beat, NodeStatus
+from robo_messages import DiagnosticStatus
 from tests.plans import topic_plan
 
 
@@ -182,3 +183,17 @@ def test_a_hook_may_take_for_ever_where_that_is_said(watchdog: float, hooks: flo
     pulse = Pulse(watchdog, (), lambda _: None, 0.0, hooks)
     pulse.hear(said(lifecycle="activating"), 1.0)
     assert pulse.hang(10_000.0) is None
+
+
+def test_it_is_as_well_as_it_said_last_and_stale_once_it_says_nothing() -> None:
+    low = DiagnosticStatus(DiagnosticStatus.WARN, "/r1/base: battery", "low")
+    pulse = Pulse(5.0, (), lambda _: None, 0.0)
+    assert pulse.health(10.0) == (None, ""), "it has never said anything"
+    pulse.hear(said(), 11.0)
+    assert (pulse.health(11.5), pulse.checks) == ((None, ""), [])
+    pulse.hear(said(checks=[low]), 12.0)
+    assert pulse.health(14.0) == ("warn", "battery: low")
+    assert pulse.checks == [low]
+    assert pulse.health(15.5) == ("stale", "has said nothing for 3.5 s")
+    pulse.hear(said(late=True, running="plan", running_for=4.0, checks=[]), 16.0)
+    assert pulse.health(17.0) == (None, ""), "what it says while a callback holds its beat back is newer"

@@ -13,7 +13,8 @@ from robo.text.chart import Chart
 from robo.tools.top import NodeFigures, Snapshot, TopicFigures, Traffic
 from robo.tools.topics import Topic
 from robo.wire.codec import Attachment
-from robo.wire.reports import Explanation, Input, ProcessStatus
+from robo.wire.reports import Explanation, HealthLevel, Input, ProcessStatus
+from robo_messages import DiagnosticStatus
 
 TOPIC = Topic("r1/odom", "nav/Odometry", ["nav/Odometry"], ["/r1/a"], [])
 
@@ -97,6 +98,41 @@ def test_what_is_wrong_is_seen_where_not_all_have_room() -> None:
     assert next(line for line in lines if line.startswith("r1/")).split()[-1] == "39", "by how many it has lost"
 
 
+def troubled(nodes: int, **troubles: tuple[HealthLevel, str]) -> Snapshot:
+    """A look at nodes of which some are not well; `_3` is the fourth."""
+    seen = snapshot(nodes, 40)
+    found = {f"_{i}": node for i, node in enumerate(seen.nodes)}
+    found = {
+        name: msgspec.structs.replace(
+            node, health=troubles.get(name, ("ok", ""))[0], trouble=troubles.get(name, ("", ""))[1]
+        )
+        for name, node in found.items()
+    }
+    return msgspec.structs.replace(seen, nodes=list(found.values()))
+
+
+@pytest.mark.parametrize("width", [60, 80, 200])
+@pytest.mark.parametrize("height", [10, 24, 60])
+@pytest.mark.parametrize("nodes", [4, 40])
+def test_what_ails_nodes_fits_the_terminal(width: int, height: int, nodes: int) -> None:
+    seen = troubled(
+        nodes, _0=("warn", "battery: low"), _2=("error", "motor: " + 30 * "hot "), _3=("stale", "\x1b[2Jgone")
+    )
+    console = Console(width=width, height=height, color_system=None)
+    with console.capture() as capture:
+        console.print(render(seen, width, height))
+    lines = capture.get().splitlines()
+    assert len(lines) <= height
+    assert all(len(line) <= width for line in lines)
+    assert "HEALTH" in lines[1]
+    told = [line.split()[:2] for line in lines if line.split()[0] in ("WARN", "ERROR", "STALE")]
+    assert told == [["STALE", "/r1/node_3"], ["ERROR", "/r1/node_2"], ["WARN", "/r1/node_0"]][: max(height // 5, 1)]
+    if height == 60:
+        assert any(line.startswith("WARN /r1/node_0  battery: low") for line in lines)
+        assert next(line for line in lines if line.startswith("/r1/node_1 ")).split()[2] == "OK"
+    assert "\x1b" not in capture.get()
+
+
 def test_a_chart_draws_lines_with_their_range() -> None:
     ramp = [(i / 10, i / 10) for i in range(101)]
     chart = Chart({"ramp": ramp}, begin=0.0, end=10.0, width=40, height=10)
@@ -144,3 +180,32 @@ def test_an_input_on_which_nothing_comes_is_told_with_where_to_look() -> None:
         "  has received nothing on r1/scan for 7.9s",
         "    robo topic info r1/scan: who publishes it; robo logs /r1/safety_monitor: what it says of it",
     ]
+
+
+def test_what_a_node_says_that_is_not_well_is_told_the_worst_first() -> None:
+    process = ProcessStatus(
+        robot="r1", group="base", node="/r1/base", state="ready", reason="", pid=1, restarts=0, uptime=8.0, cpu=None,
+        memory=None, published={}, received={}, run="a", host="here", health="error", trouble="motor: hot",
+    )  # fmt: skip
+    checks = [
+        DiagnosticStatus(DiagnosticStatus.OK, "/r1/base: topics", "50 Hz"),
+        DiagnosticStatus(DiagnosticStatus.WARN, "/r1/base: callbacks", "plan has been running for 3.0 s"),
+        DiagnosticStatus(DiagnosticStatus.WARN, "/r1/base: battery", "low"),
+        DiagnosticStatus(DiagnosticStatus.ERROR, "/r1/base: motor", "hot"),
+    ]
+    why = Explanation(
+        process=process, exits=[], unmet_needs=[], inputs=[], callback_errors=0, next_start=None, checks=checks
+    )
+    assert explained(why)[2:] == [
+        "  ERROR motor: hot",
+        "  WARN callbacks: plan has been running for 3.0 s",
+        "  WARN battery: low",
+    ]
+    runs = msgspec.structs.replace(process, running="plan", running_for=3.2)
+    assert explained(msgspec.structs.replace(why, process=runs))[2:] == [
+        "  its callback plan has been running for 3.2s; all others of its turn wait",
+        "  ERROR motor: hot",
+        "  WARN battery: low",
+    ]
+    silent = msgspec.structs.replace(process, health="stale", trouble="has said nothing for 4.0 s")
+    assert explained(msgspec.structs.replace(why, process=silent))[2:] == ["  has said nothing for 4.0 s"]

@@ -60,7 +60,7 @@ def graph(
     form: Annotated[str, typer.Option("--format", metavar="FORM", help="text, mermaid, dot or json.")] = "text",
     json: Annotated[bool, typer.Option("--json", help="As --format json.")] = False,
     hide_system: Annotated[
-        bool, typer.Option("--hide-system", help="Leave out log, parameter_events and clock.")
+        bool, typer.Option("--hide-system", help="Leave out log, parameter_events, diagnostics and clock.")
     ] = False,
 ) -> None:
     """Draw nodes, topics and services as they run; dead ends and type clashes are marked.

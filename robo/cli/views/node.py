@@ -21,6 +21,8 @@ from robo.text import colours
 from robo.text.columns import aligned
 from robo.tools import nodes
 from robo.tools.nodes import NodeInfo
+from robo.wire.reports import EVERY_NODES, HEALTH_LEVELS, check_name
+from robo_messages import DiagnosticStatus
 
 
 def print_nodes(reach: Reach, *, json: bool) -> None:
@@ -94,6 +96,9 @@ def _lines(info: NodeInfo) -> list[str]:
         ("errors", f"its callbacks raised {info.callback_errors} exceptions" if info.callback_errors else ""),
     ]
     lines = [paint(info.node, colours.BOLD), *(f"  {label:9} {text}" for label, text in facts if text)]
+    lines += _section(
+        "checks", [(check_name(c), HEALTH_LEVELS[c.level].upper(), c.message, _figures(c)) for c in info.checks]
+    )
     rows = [(p.topic, p.type, str(p.qos), f"{p.rate:.1f} Hz", f"{p.published} published") for p in info.publishers]
     lines += _section("publishers", rows)
     lines += _section(
@@ -119,6 +124,13 @@ def _lines(info: NodeInfo) -> list[str]:
     values = info.parameters or {}
     lines += _section("parameters", [(name, msgspec.json.encode(value).decode()) for name, value in values.items()])
     return lines
+
+
+def _figures(check: DiagnosticStatus) -> str:
+    """The figures of a node's own check; those of the others stand elsewhere."""
+    if check_name(check) in EVERY_NODES:
+        return ""
+    return ", ".join(f"{value.key} {value.value}" for value in check.values)
 
 
 def _section(title: str, rows: Sequence[tuple[str, ...]]) -> list[str]:

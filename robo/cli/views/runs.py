@@ -25,7 +25,7 @@ from robo.text import colours
 from robo.tools import nodes, runs, strangers
 from robo.tools.strangers import Stranger
 from robo.wire.keys import NodeToken, SupervisorToken
-from robo.wire.reports import Event, Exit, Explanation, ProcessStatus
+from robo.wire.reports import HEALTH_LEVELS, Event, Exit, Explanation, ProcessStatus, check_name, health_of
 
 STATE_COLOURS = {
     "ready": colours.GREEN,
@@ -151,7 +151,8 @@ def _row(status: ProcessStatus) -> tuple[str, ...]:
         _rate(status.published),
         _rate(status.received),
         status.reason
-        or (f"{status.running} has been running for {duration(status.running_for)}" if status.running else ""),
+        or (f"{status.running} has been running for {duration(status.running_for)}" if status.running else "")
+        or (f"{(status.health or '').upper()} {status.trouble}" if status.trouble else ""),
     )
 
 
@@ -279,6 +280,7 @@ def explained(found: Explanation, refused: Sequence[Stranger] = ()) -> list[str]
     if status.running:
         how_long = duration(status.running_for)
         lines.append(f"  its callback {status.running} has been running for {how_long}; all others of its turn wait")
+    lines += _failing(found)
     for entry in found.inputs:
         if status.running:
             pass  # what has come waits for that callback: the input is not to blame
@@ -305,6 +307,17 @@ def explained(found: Explanation, refused: Sequence[Stranger] = ()) -> list[str]
         lines.append("  its last words:")
         lines += [f"    {line}" for line in found.exits[-1].last_lines[-12:]]
     return lines
+
+
+def _failing(found: Explanation) -> list[str]:
+    """What a node says of itself that is not well."""
+    if found.process.trouble != health_of(found.checks)[1]:  # what its supervisor knows better
+        return [f"  {found.process.trouble}"]
+    # The callback that runs has been told of already.
+    told = {"callbacks"} if found.process.running else set()
+    bad = [check for check in found.checks if check.level and check_name(check) not in told]
+    worst_first = sorted(bad, key=lambda check: -check.level)
+    return [f"  {HEALTH_LEVELS[check.level].upper()} {check_name(check)}: {check.message}" for check in worst_first]
 
 
 def _when(ended: Exit) -> str:

@@ -28,6 +28,7 @@ from robo.tools.top import NodeFigures, Snapshot, TopicFigures, Watch
 T = TypeVar("T")
 
 _STATES = {"ready": "green", "completed": "green", "starting": "cyan", "standby": "cyan", "failed": "bold red"}
+_HEALTH = {"ok": "green", "warn": "yellow", "error": "bold red", "stale": "magenta"}
 _WIDE = 110
 """From how many columns on there is room for everything."""
 _WIDEST = 140
@@ -108,10 +109,28 @@ def render(snapshot: Snapshot, width: int, height: int | None, lost: str = "") -
     if stale:
         head.append(f"  {stale} stale", style="bold red")
     node_rows, topic_rows = len(snapshot.nodes), len(snapshot.topics)
+    troubled = [node for node in snapshot.nodes if node.trouble]
     if height is not None:
-        node_rows, topic_rows = shares(height - 5, node_rows, topic_rows)
+        told = min(len(troubled), max(height // 5, 1))
+        troubled = _worst_first(troubled)[:told]
+        node_rows, topic_rows = shares(height - 5 - told, node_rows, topic_rows)
     width = min(width, _WIDEST)
-    return Group(head, _nodes(snapshot.nodes, node_rows, width), _topics(snapshot.topics, topic_rows, width))
+    nodes, topics = _nodes(snapshot.nodes, node_rows, width), _topics(snapshot.topics, topic_rows, width)
+    return Group(head, nodes, *map(_trouble, troubled), topics)
+
+
+def _worst_first(nodes: Sequence[NodeFigures]) -> list[NodeFigures]:
+    """Those with something wrong before the others; of as much, in their order."""
+    worst = ["stale", "error", "warn"]
+    return sorted(nodes, key=lambda node: worst.index(node.health) if node.health in worst else len(worst))
+
+
+def _trouble(node: NodeFigures) -> Text:
+    """A line on the worst check of a node, cut where there is no room."""
+    text = Text(no_wrap=True, overflow="ellipsis")
+    text.append(f"{(node.health or '').upper()} ", style=_HEALTH.get(node.health or "", ""))
+    text.append(visible(f"{node.node}  {node.trouble}"))
+    return text
 
 
 def shares(lines: int, first: int, second: int) -> tuple[int, int]:
@@ -132,7 +151,7 @@ def _table(width: int, *columns: str) -> Table:
         if number == 0:
             table.add_column(name, no_wrap=True, overflow="ellipsis", ratio=1)
         else:
-            table.add_column(name, no_wrap=True, justify="left" if name in ("STATE", "TYPE") else "right")
+            table.add_column(name, no_wrap=True, justify="left" if name in ("STATE", "HEALTH", "TYPE") else "right")
     return table
 
 
@@ -147,18 +166,20 @@ def _rows(table: Table, rows: Sequence[tuple[RenderableType, ...]], most: int) -
 
 def _nodes(nodes: Sequence[NodeFigures], most: int, width: int) -> Table:
     wide = width >= _WIDE
-    table = _table(width, "NODE", "STATE", "CPU", "MEMORY", "RESTARTS", *(("UPTIME", "PID", "HOST") if wide else ()))
+    more = ("UPTIME", "PID", "HOST") if wide else ()
+    table = _table(width, "NODE", "STATE", "HEALTH", "CPU", "MEMORY", "RESTARTS", *more)
     rows: list[tuple[RenderableType, ...]] = []
     # Where not all have room, those with something wrong come first.
-    for node in (
-        sorted(nodes, key=lambda node: node.state == "ready" and not node.running) if len(nodes) > most else nodes
-    ):
+    if len(nodes) > most:
+        nodes = sorted(_worst_first(nodes), key=lambda node: node.state == "ready" and not node.running)
+    for node in nodes:
         held = f", in {node.running} for {duration(node.running_for)}" if node.running else ""
         state = Text(node.state + held, style="yellow" if held else _STATES.get(node.state, "yellow"))
+        health = Text((node.health or "-").upper(), style=_HEALTH.get(node.health or "", "dim"))
         restarts = Text(_or_dash(node.restarts, str), style="yellow" if node.restarts else "")
-        more = (_or_dash(node.uptime, duration), _or_dash(node.pid, str), _word(node.host)) if wide else ()
+        figures = (_or_dash(node.uptime, duration), _or_dash(node.pid, str), _word(node.host)) if wide else ()
         cpu = _or_dash(node.cpu, lambda value: f"{value:.1f}%")
-        rows.append((_word(node.node), state, cpu, _or_dash(node.memory, data_size), restarts, *more))
+        rows.append((_word(node.node), state, health, cpu, _or_dash(node.memory, data_size), restarts, *figures))
     return _rows(table, rows, most)
 
 
