@@ -35,7 +35,7 @@ def lines() -> list[str]:
         "can be remapped. *At the start* marks a parameter that can be set only then; all others can be set while",
         "the node runs.",
         "",
-        "Every node also publishes " + " and ".join(
+        "Every node also publishes " + ", ".join(
             f"{code(topic)} ({messages.link_to(type_)})" for topic, type_ in SYSTEM_TOPICS.items()
         ) + f", has the parameter {code('use_sim_time')}, and answers the queries of [the key space](keys.md).",
         "",
@@ -82,11 +82,13 @@ def _topics(cls: type[robo.Node], contract: Contract) -> list[str]:
         )
         for p in contract.publishers
     ]
+    checks = [(c.name, _said(cls, c.method, "")) for c in contract.checks]
     timers = [(code(t.method), _rate(t.rate), _said(cls, t.method, t.turn)) for t in contract.timers]
     return [
         *_titled("Subscribes", table(header, subscribed)),
         *_titled("Publishes", table(header, published)),
         *_titled("Timers", table(("callback", "rate", "what"), timers)),
+        *_titled("Checks", table(("check", "what"), checks)),
     ]
 
 

@@ -6,7 +6,7 @@ import msgspec
 from msgspec import Meta
 
 import robo
-from robo import READ_ONLY, MessageInfo, Node, Publisher, QoS, Unit, subscribe, timer
+from robo import READ_ONLY, Health, MessageInfo, Node, Publisher, QoS, Unit, check, subscribe, timer
 from robo.tf import Transform3, TransformBroadcaster
 from robo_messages import Header, JointState, Odometry, Time, Twist
 from robo_services.arrivals import Arrivals, Newest, Unstamped
@@ -194,9 +194,20 @@ class DiffDriveController(Node):
         """Why the wheels have to stand; empty if they do not."""
         p = self.parameters
         if not p.open_loop and not self._feedback.age(now) <= p.joint_states_timeout:
-            names = ", ".join((*p.left_wheel_names, *p.right_wheel_names))
-            return f"nothing new on {self.resolve('joint_states')} of {names}"
+            return self._silence()
         return "" if age <= p.cmd_vel_timeout else f"no command on {self.resolve('cmd_vel')}"
+
+    @check("wheels")
+    def wheels_are_heard(self) -> Health:
+        """Whether the wheels say what they do; that nobody commands them is no fault."""
+        p, silent = self.parameters, self._feedback.age(self.clock.monotonic())
+        if not p.open_loop and not silent <= p.joint_states_timeout:
+            return Health.error(f"the wheels stand: {self._silence()}")
+        return Health.ok(left_out=self._track.left_out, refused=self._refused)
+
+    def _silence(self) -> str:
+        names = ", ".join((*self.parameters.left_wheel_names, *self.parameters.right_wheel_names))
+        return f"nothing new on {self.resolve('joint_states')} of {names}"
 
     def _say(self, hindrance: str) -> None:
         if hindrance == self._hindrance or (hindrance and self._wall.monotonic() - self._begin < SETTLING):

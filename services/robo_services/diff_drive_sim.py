@@ -8,7 +8,7 @@ from typing import Annotated, Literal, NamedTuple
 from msgspec import Meta
 
 import robo
-from robo import READ_ONLY, MessageInfo, Node, Publisher, QoS, Unit, service, subscribe, timer
+from robo import READ_ONLY, Health, MessageInfo, Node, Publisher, QoS, Unit, check, service, subscribe, timer
 from robo.node.clock import SimClock
 from robo.tf import StaticTransformBroadcaster, Transform3, TransformBroadcaster
 from robo_messages import (
@@ -289,6 +289,13 @@ class DiffDriveSim(Node):
                 ranges=laser.scan(self._base.pose),
             )
         )
+
+    @check("contact")
+    def contact(self) -> Health:
+        """Whether the base stands against something."""
+        if self._base.bumped:
+            return Health.warn("the base pushes against something")
+        return Health.ok()
 
     def _say_where_laser_is(self) -> None:
         p = self.parameters

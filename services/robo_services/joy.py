@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 import robo
-from robo import READ_ONLY, Node, Publisher, QoS, Unit
+from robo import READ_ONLY, Health, Node, Publisher, QoS, Unit, check
 from robo_messages import Header, Time, sensor
 from robo_services.joystick import Pad
 from robo_services.joystick_device import Device, DeviceGone, import_evdev, open_device
@@ -61,6 +61,8 @@ class Joy(Node):
         if self.parameters.interface == "evdev":
             import_evdev()  # what cannot work is said at once
         self._wall = self.clock.wall
+        self._missed = ""
+        """Why there is no pad."""
         self._wake = os.pipe()
         for end in self._wake:
             os.set_blocking(end, False)
@@ -74,17 +76,16 @@ class Joy(Node):
 
     def main(self) -> None:
         """Read the pad, whenever there is one."""
-        missed = ""
         while not self.stopping:
             try:
                 device = self._opened()
             except DeviceGone as error:
-                if str(error) != missed:  # once, however long it stays away
-                    missed = str(error)
-                    self.logger.warning("no pad: %s; it is waited for", missed)
+                if str(error) != self._missed:  # once, however long it stays away
+                    self._missed = str(error)
+                    self.logger.warning("no pad: %s; it is waited for", self._missed)
                 self._waits_for([], RETRY)
                 continue
-            missed = ""
+            self._missed = ""
             self.logger.info("reads %s, %d axes, %d buttons", device.name or "a pad", device.axes, device.buttons)
             try:
                 self._tell(device)
@@ -93,6 +94,11 @@ class Joy(Node):
                 self._waits_for([], RETRY)
             finally:
                 device.close()
+
+    @check("pad")
+    def pad_is_there(self) -> Health:
+        """Whether there is a pad."""
+        return Health.error(f"no pad: {self._missed}") if self._missed else Health.ok()
 
     def _opened(self) -> Device:
         p = self.parameters

@@ -1,16 +1,20 @@
 """Tracks where a robot is and how far it has driven."""
 
+import math
 from typing import Annotated
 
 from msgspec import Meta
 
 import robo
-from robo import KEEP_ALL, Node, Publisher, Unit, service, subscribe, timer
+from robo import KEEP_ALL, Health, Node, Publisher, Unit, check, service, subscribe, timer
 from robo_messages import Odometry, Point, Trigger
 from robo_services.odometry_check import BaseLimits, OdometryTrack, fix_of
 
 TOLD_EVERY = 60.0
 """How often the same doubt is told at most, s."""
+
+DOUBTED_FOR = 10.0
+"""For how long odometry that was left out is a warning, s."""
 
 
 class PositionTracker(Node):
@@ -40,6 +44,7 @@ class PositionTracker(Node):
         self._last: Point | None = None
         self._total = 0.0
         self._warned = False
+        self._doubt, self._doubted = "", -math.inf
 
     @subscribe("odom", depth=KEEP_ALL)
     def on_odometry(self, odometry: Odometry) -> None:
@@ -52,6 +57,7 @@ class PositionTracker(Node):
             self._last = Point(step.x, step.y, self._total)
             self.position.publish(self._last)
         if judged.doubt:
+            self._doubt, self._doubted = judged.doubt, self.clock.monotonic()
             self.logger.warning(
                 "left out odometry that cannot be, %d messages so far: %s", self._track.left_out, judged.doubt,
                 throttle=TOLD_EVERY,
@@ -67,6 +73,16 @@ class PositionTracker(Node):
             self.logger.warning(
                 "driven %.2f m, more than max_distance = %g m", self._total, self.parameters.max_distance
             )
+
+    @check("odometry")
+    def odometry_is_believed(self) -> Health:
+        """Whether odometry comes that the base can have driven."""
+        left_out = self._track.left_out
+        if 0.0 <= self.clock.monotonic() - self._doubted <= DOUBTED_FOR:
+            return Health.warn(f"left out what cannot be: {self._doubt}", left_out=left_out)
+        if self._last is None:
+            return Health.warn(f"nothing has come on {self.resolve('odom')}")
+        return Health.ok(left_out=left_out)
 
     @service("reset_distance")
     def reset(self, _request: Trigger.Request) -> Trigger.Response:

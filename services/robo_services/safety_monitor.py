@@ -9,7 +9,7 @@ import msgspec
 from msgspec import Meta
 
 import robo
-from robo import READ_ONLY, MessageInfo, Node, NotKept, Publisher, QoS, Unit, service, subscribe, timer
+from robo import READ_ONLY, Health, MessageInfo, Node, NotKept, Publisher, QoS, Unit, check, service, subscribe, timer
 from robo_messages import (
     Bool,
     DiagnosticStatus,
@@ -46,6 +46,10 @@ _LEVELS: dict[Action, int] = {
     "stop": DiagnosticStatus.ERROR,
 }
 
+_IDLE = ("no_command", "stale_command")
+"""Why it stops a robot that is not to drive."""
+_IN_THE_WAY = ("obstacle", "blind")
+"""Why it stops one that is well."""
 
 _EMERGENCY_STOP = "emergency_stop"
 
@@ -285,9 +289,26 @@ class SafetyMonitor(Node):
                 self.resolve("scan"),
             )
 
+    @check("safety")
+    def nothing_speaks_against_driving(self) -> Health:
+        """Whether the robot may drive; that nobody wants it to is no fault."""
+        if self._last is None:
+            return Health.ok()
+        return health_of(self._last, self._who_else())
+
     def on_stop(self) -> None:
         """Leave the robot standing."""
         self.command.publish(Twist())
+
+
+def health_of(decision: Decision, rival: str) -> Health:
+    """What a decision says of the robot's health, and who commands the base too."""
+    if rival and decision.reason != "rival":
+        return Health.warn(f"{decision.text}; {rival} commands the base too", action=decision.action)
+    if decision.action != "stop" or decision.reason in _IDLE:
+        return Health.ok(decision.text, action=decision.action)
+    level = Health.warn if decision.reason in _IN_THE_WAY else Health.error
+    return level(decision.text, action=decision.action)
 
 
 def _cause_of(decision: Decision) -> tuple[str, str, str, str]:

@@ -7,7 +7,7 @@ import msgspec
 from msgspec import Meta
 
 import robo
-from robo import READ_ONLY, ContractError, MessageInfo, Node, Publisher, QoS, Subscribes, Unit, timer
+from robo import READ_ONLY, ContractError, Health, MessageInfo, Node, Publisher, QoS, Subscribes, Unit, check, timer
 from robo_messages import Bool, DiagnosticStatus, KeyValue, Twist
 from robo_services.arrivals import Arrivals, Newest, Unstamped
 from robo_services.mux import Choice, Input, Lock, choose
@@ -164,6 +164,14 @@ class TwistMux(Node):
         values += [KeyValue(f"age.{name}", f"{one.age(now):.3f}") for name, one in self._commands.items()]
         level = DiagnosticStatus.WARN if choice.reason == "locked" else DiagnosticStatus.OK
         self.state.publish(DiagnosticStatus(level, self.full_name, choice.text, values=values))
+
+    @check("driver")
+    def somebody_may_drive(self) -> Health:
+        """Whether a lock keeps anybody out; that nobody wants to drive is no fault."""
+        if self._choice is None:
+            return Health.ok()
+        level = Health.warn if self._choice.reason == "locked" else Health.ok
+        return level(self._choice.text, driver=self._choice.driver, refused=sum(self._refused.values()))
 
     def on_stop(self) -> None:
         """Leave the robot standing, if it was this node that had it drive."""

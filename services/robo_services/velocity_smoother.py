@@ -7,11 +7,14 @@ import msgspec
 from msgspec import Meta
 
 import robo
-from robo import MessageInfo, Node, Publisher, QoS, Unit, subscribe, timer
+from robo import Health, MessageInfo, Node, Publisher, QoS, Unit, check, subscribe, timer
 from robo_messages import Odometry, Twist
 from robo_services.arrivals import Arrivals, Newest, Unstamped
 from robo_services.safety import is_finite
 from robo_services.smoothing import SHORTEST_STEP, STANDING, AxisLimits, Limits, Motion, begun_at, step, twist_of
+
+REFUSED_FOR = 5.0
+"""For how long a command that was refused is a warning, s."""
 
 LEAST_JERK = 0.01
 """The least limit of jerk, m/s³ or rad/s³: with less nothing would ever stop."""
@@ -107,7 +110,7 @@ class VelocitySmoother(Node):
         self._motion = STANDING
         self._silent = True
         self._stepped = self.clock.monotonic()
-        self._refused = 0
+        self._refused, self._refused_at = 0, -math.inf
 
     @subscribe("cmd_vel", qos=QoS.COMMAND)
     def on_command(self, twist: Twist, info: MessageInfo) -> None:
@@ -117,6 +120,7 @@ class VelocitySmoother(Node):
             self._command.take(twist, self._arrivals.sent(info, now, self._wall.monotonic()), now)
         else:
             self._refused += 1
+            self._refused_at = self.clock.monotonic()
             text = "ignored a command that holds NaN or an infinity, %d so far"
             self.logger.warning(text, self._refused, throttle=5.0)
 
@@ -165,6 +169,21 @@ class VelocitySmoother(Node):
             self.logger.warning(text, self.resolve("odom"), p.odom_timeout, throttle=5.0)
             return self._motion
         return begun_at(self._motion, odometry.twist.twist, wanted, limits)
+
+    @check("commands")
+    def commands_are_finite(self) -> Health:
+        """Whether commands were refused."""
+        if 0.0 <= self.clock.monotonic() - self._refused_at <= REFUSED_FOR:
+            return Health.warn("ignores commands that hold NaN or an infinity", refused=self._refused)
+        return Health.ok("nobody commands" if self._silent else "", refused=self._refused)
+
+    @check("feedback")
+    def loop_is_closed(self) -> Health:
+        """Whether there is the odometry that a closed loop needs."""
+        p, age = self.parameters, self._odometry.age(self.clock.monotonic())
+        if p.feedback == "closed_loop" and age > p.odom_timeout:
+            return Health.warn(f"the loop is open: no odometry on {self.resolve('odom')}", age=f"{age:.3g} s")
+        return Health.ok(p.feedback.replace("_", " "))
 
     def on_stop(self) -> None:
         """Leave the robot standing."""

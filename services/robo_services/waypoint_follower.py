@@ -9,12 +9,14 @@ import robo
 from robo import (
     READ_ONLY,
     GoalCanceled,
+    Health,
     MessageInfo,
     Node,
     Publisher,
     QoS,
     Unit,
     action,
+    check,
     subscribe,
     timer,
 )
@@ -293,6 +295,17 @@ class WaypointFollower(Node):
             values = [KeyValue("state", self._doing), KeyValue("reason", self._why), *_values_of(follower)]
             text = f"{self._doing}: {self._why}"
             self.state.publish(DiagnosticStatus(_level_of(self._doing), self.full_name, text, values=values))
+
+    @check("course")
+    def course_is_followed(self) -> Health:
+        """Whether the robot makes its way; that it has no course is no fault."""
+        said = {
+            DiagnosticStatus.OK: Health.ok,
+            DiagnosticStatus.WARN: Health.warn,
+            DiagnosticStatus.ERROR: Health.error,
+        }
+        missed = _missed(self._follower) if self._follower is not None else ""
+        return said[_level_of(self._doing)](f"{self._doing}: {self._why}", missed=missed)
 
     def on_stop(self) -> None:
         """Leave the robot standing, if it is this node that drives it."""

@@ -12,6 +12,7 @@ from robo import Node, ParameterError
 from robo.node.contract import contract_of
 from robo.parameters.hints import ParameterInfo
 from robo_services.carmen_player import CarmenPlayer
+from robo_services.diagnostic_aggregator import DiagnosticAggregator
 from robo_services.diff_drive_controller import DiffDriveController
 from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.joy import Joy
@@ -28,6 +29,7 @@ from tests.support import eventually
 
 SHIPPED = [
     CarmenPlayer,
+    DiagnosticAggregator,
     DiffDriveController,
     DiffDriveSim,
     Joy,
