@@ -247,7 +247,7 @@ def test_a_second_robot_is_a_profile(project: Project, published: None) -> None:
     listed = run_robo("node", "list", "--json", "--connect", project.endpoint)
     names = {json.loads(line)["node"] for line in listed.stdout.splitlines()}
     assert {"/r1/safety_monitor", "/r1_2/safety_monitor"} <= names
-    assert len(names) == 8
+    assert len(names) == 12
 
 
 def test_the_log_of_a_real_robot_is_a_profile(

@@ -104,7 +104,7 @@ def test_a_desk_leaves_no_robot_in_the_background(tmp_path: Path) -> None:
     try:
         assert desk.run("robo up --robot-name r1 -d --wait")[0] == 0
         pids = [int(pid) for pid in re.findall(r'"pid": ?(\d+)', desk.run("robo ps --json")[1])]
-        assert len(pids) == 4
+        assert len(pids) == 6
     finally:
         desk.close()
     eventually(lambda: not any(map(psutil.pid_exists, pids)), "all of it has ended")

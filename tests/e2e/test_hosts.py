@@ -153,7 +153,7 @@ def test_an_uplink_is_sampled_down(tmp_path: Path) -> None:
         site.start(stack, "router", "--listen", "tcp/0.0.0.0:7447")
         config = Path(__file__).parents[2] / "config" / "uplink.yaml"
         robot.start(stack, "up", "--robot-name", "r1", "--connect", there, "--network-config", str(config))
-        eventually(lambda: len(nodes_seen(site, here)) == 4, "the site sees the robot")
+        eventually(lambda: len(nodes_seen(site, here)) == 6, "the site sees the robot")
         came = site.robo("topic", "bw", "r1/odom", "--duration", "3", "--json", "--connect", here).stdout.splitlines()
         assert 2 < json.loads(came[-1])["rate"] < 8, "five a second"
         moves = site.robo("topic", "hz", "r1/current_position", "--duration", "1", "--json", "--connect", here)
@@ -190,7 +190,7 @@ groups:
         base.start(stack, *words, "--host", "base", "--listen", "tcp/0.0.0.0:7447")
         eventually(lambda: states(arm).get("/r1/far_tracker") == ("ready", "arm"), "what it needs is there")
         assert states(base) == states(arm)
-        assert len(states(base)) == 5
+        assert len(states(base)) == 7
         assert rate(base, here, "r1/far_position") > 10
         stopped = base.robo("stop", "far_tracker", "position_tracker")
         assert set(stopped.stdout.split()) - {"stopped"} == {"/r1/far_tracker", "/r1/position_tracker"}
