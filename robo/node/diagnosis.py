@@ -26,6 +26,9 @@ HANGING = 5.0
 TOLERANCE = 0.1
 """By which part a deadline may be missed before that is told, as in ROS's FrequencyStatus."""
 
+SKIPPED = 0.1
+"""The part of its ticks that a timer may skip before that is told: a machine that is busy for a moment skips some."""
+
 MOST_VALUES = 100
 """A status has no more figures: a node may have a thousand topics."""
 
@@ -69,6 +72,8 @@ class Promises(msgspec.Struct, frozen=True):
     """Subscriptions with a depth of 1: what they drop is dropped on purpose."""
     apart: Set[str] = frozenset()
     """What every node publishes, of which nothing is told here."""
+    ticks: Mapping[str, float] = {}
+    """How often timers tick, by the name of their callback, Hz."""
 
 
 class Diagnosis:
@@ -91,7 +96,7 @@ class Diagnosis:
             self._grew, self._begin = {}, look.time
         self._note_growth(look)
         self._looks.append(look)
-        return [self._topics(promises), self._callbacks()]
+        return [self._topics(promises), self._callbacks(promises)]
 
     def _note_growth(self, look: Look) -> None:
         last, new = self._looks[-1].status, look.status
@@ -151,7 +156,7 @@ class Diagnosis:
                 if grown > 0 and not (counts is new.dropped and topic in promises.newest_only):
                     yield WARN, f"{word} {_messages(grown)} on {topic} in {self._span:.0f} s"
 
-    def _callbacks(self) -> DiagnosticStatus:
+    def _callbacks(self, promises: Promises) -> DiagnosticStatus:
         old, new = self._looks[0].status, self._looks[-1].status
         longest = max(list(self._looks)[1:], key=lambda look: look.longest)
         troubles: list[Trouble] = []
@@ -165,7 +170,8 @@ class Diagnosis:
             troubles.append((WARN, f"{longest.longest_of} held up the others for {longest.longest:.1f} s"))
         for timer, count in new.missed.items():
             skipped = count - old.missed.get(timer, 0)
-            if skipped > 0:
+            due = promises.ticks.get(timer, 0.0) * max(0.0, self._looks[-1].time - self._looks[0].time)
+            if skipped > SKIPPED * due:
                 troubles.append((WARN, f"{timer} skipped {_ticks(skipped)} in {self._span:.0f} s"))
         load = max(0.0, new.busy - old.busy) / self._span
         values = [

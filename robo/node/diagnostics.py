@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence, Set
+from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
+from robo.errors import ContractError
 from robo.node.clock import Clock
 from robo.node.diagnosis import ERROR, PERIOD, STALE, Diagnosis, Look, Promises, named
 from robo.node.endpoints import Endpoints
@@ -145,7 +147,15 @@ class Diagnostics:
             {s.topic: s.qos.deadline for s in subscriptions if s.qos.deadline is not None},
             {s.topic for s in subscriptions if s.qos.depth == 1},
             self.apart,
+            self._ticks(),
         )
+
+    def _ticks(self) -> dict[str, float]:
+        ticks: dict[str, float] = {}
+        for timer in list(self._ends.timers):
+            with suppress(ContractError):  # it has ended, and said why
+                ticks[timer.name] = ticks.get(timer.name, 0.0) + 1.0 / timer.period()
+        return ticks
 
 
 def _aged(answer: _Answer, now: float) -> DiagnosticStatus:

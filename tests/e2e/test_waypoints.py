@@ -14,32 +14,19 @@ FAST = 5.0
 PATIENT = 2.0
 """Timeouts, s of simulated time: a machine that is busy for a moment is not to look like a fault."""
 
-MANIFEST = f"""
-groups:
-  robot:
-    params:
-      - {{world: {CONFIG}/hall.yaml, file: {CONFIG}/course.yaml, publish_clock: true, real_time_factor: {FAST}}}
-      - {{cmd_vel_timeout: {PATIENT}, velocity_timeout: {PATIENT}, command_timeout: {PATIENT}}}
-      - {{scan_timeout: {PATIENT}, odom_timeout: {PATIENT}, command_source: safety_monitor}}
-    nodes:
-      diff_drive_sim: {{service: robo_services.diff_drive_sim}}
-      safety_monitor: {{service: robo_services.safety_monitor, params: {{use_sim_time: true}}}}
-      velocity_smoother:
-        service: robo_services.velocity_smoother
-        remap: {{cmd_vel: cmd_vel_nav, cmd_vel_smoothed: cmd_vel_raw}}
-        params: {{use_sim_time: true}}
-      waypoint_follower:
-        service: robo_services.waypoint_follower
-        remap: {{cmd_vel: cmd_vel_nav}}
-        params: {{use_sim_time: true, speed: 0.8}}
-        needs: {{velocity_smoother: ready, safety_monitor: ready, diff_drive_sim: ready}}
-"""
+OPTIONS = [
+    *("-p", "waypoint_follower.laps:=1", "-p", "waypoint_follower.speed:=0.8"),
+    *("-p", f"waypoint_follower.odom_timeout:={PATIENT}"),
+    *("-p", f"twist_mux.topics.autonomy.timeout:={PATIENT}"),
+    *("-p", f"velocity_smoother.velocity_timeout:={PATIENT}"),
+    *("-p", f"safety_monitor.command_timeout:={PATIENT}", "-p", f"safety_monitor.scan_timeout:={PATIENT}"),
+    *("-p", f"diff_drive_sim.cmd_vel_timeout:={PATIENT}"),
+]
 
 
 @pytest.mark.timeout(120)
-def test_the_course_of_twenty_waypoints_is_reached(launch: Launch, tmp_path: Path) -> None:
-    (tmp_path / "hall.yaml").write_text(MANIFEST)
-    robot = launch(tmp_path / "hall.yaml")
+def test_the_course_of_twenty_waypoints_is_reached(launch: Launch) -> None:
+    robot = launch("robot.yaml", use_sim_time=True, real_time_factor=FAST, options=OPTIONS)
     robot.wait_for("follower_state", lambda state: state.values[0].value == "finished", timeout=90.0)
     track = [one.pose.pose.position for one in robot.messages("odom")]
     course = courses.load(str(CONFIG / "course.yaml"))

@@ -152,6 +152,13 @@ def test_callbacks_that_raise_hang_or_hold_up_others_are_told_the_worst_first() 
     }  # fmt: skip
 
 
+@pytest.mark.parametrize(("skipped", "level"), [(0, OK), (10, OK), (11, WARN)])
+def test_a_few_ticks_may_be_skipped(skipped: int, level: int) -> None:
+    diagnosis = Diagnosis(look(0.0, time=50.0, missed={"guard": 3}))
+    _, callbacks = diagnosis.of(look(2.0, time=52.0, missed={"guard": 3 + skipped}), Promises(ticks={"guard": 50.0}))
+    assert (callbacks.level, values(callbacks)["skipped ticks"]) == (level, str(3 + skipped))
+
+
 @pytest.mark.parametrize(("running_for", "level"), [(0.9, OK), (1.0, WARN), (4.9, WARN), (5.0, ERROR)])
 def test_how_long_a_callback_may_run(running_for: float, level: int) -> None:
     _, callbacks = seen(look(0.0), look(1.0, running="plan", running_for=running_for))
