@@ -118,7 +118,7 @@ class Diagnostics:
                 status = health.status()
             except BaseException as error:
                 self._troubles.handler(check)(error)
-                status = DiagnosticStatus(ERROR, message=f"raised {type(error).__name__}: {error}")
+                status = DiagnosticStatus(ERROR, message=f"raised {type(error).__name__}{_words_of(error)}")
             self._answers[name] = _Answer(named(node.full_name, name, status), self._wall.monotonic())
 
     def _report(self) -> None:
@@ -156,6 +156,13 @@ class Diagnostics:
             with suppress(ContractError):  # it has ended, and said why
                 ticks[timer.name] = ticks.get(timer.name, 0.0) + 1.0 / timer.period()
         return ticks
+
+
+def _words_of(error: BaseException) -> str:
+    """What an exception says; one that cannot even say it says nothing."""
+    with suppress(Exception):
+        return f": {error}"
+    return ""
 
 
 def _aged(answer: _Answer, now: float) -> DiagnosticStatus:

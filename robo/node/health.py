@@ -50,10 +50,14 @@ class Health(msgspec.Struct, frozen=True):
         Raises:
             TypeError, ValueError: a field is not of its type, or the level is none.
         """
-        if self.level not in (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR):
+        # 1.0 and True are in it, and no reader takes them for a level.
+        if type(self.level) is not int or self.level not in _LEVELS:
             raise ValueError(f"{self.level!r} is no level: use Health.ok, Health.warn or Health.error")
         values = [KeyValue(str(name), _figure(value)) for name, value in self.values.items()]
         return DiagnosticStatus(self.level, message=str(self.message), values=values)
+
+
+_LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 
 
 def _figure(value: object) -> str:

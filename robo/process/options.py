@@ -16,6 +16,7 @@ from robo.parameters import files as parameter_files
 from robo.parameters.words import parse_assignment, sides_of
 from robo.process.spec import NodeSpec
 from robo.text.choices import choice_of
+from robo.text.terminal import lenient
 from robo.wire.network import MODES, Mode
 from robo.wire.reports import Setting
 
@@ -29,6 +30,7 @@ def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
         UsageError: a `-r` is not `from:=to`.
     """
     contract = contract_data(node_class)
+    lenient(sys.stdout)  # units have characters such as those of m/s²
     options = _parser(node_class, contract).parse_args(arguments)
     launched = _launched()
     name = options.name or launched.name

@@ -109,9 +109,14 @@ def guard() -> None:
 def _guarded(stream: TextIO) -> TextIO:
     if isinstance(stream, Door) or stream is None:  # None where the process was started with it closed
         return stream
+    lenient(stream)
+    return cast(TextIO, Door(stream))
+
+
+def lenient(stream: TextIO) -> None:
+    """Have a stream show what its encoding lacks as an escape."""
     if hasattr(stream, "reconfigure"):
         stream.reconfigure(errors="backslashreplace")
-    return cast(TextIO, Door(stream))
 
 
 def behind_the_door(stream: TextIO) -> TextIO:

@@ -153,7 +153,7 @@ def ways_to(command: Velocity, measured: Velocity, body: Body) -> list[tuple[Vel
     ways = [(measured, 0.0)]
     change = abs(command.turn - measured.turn)
     along = command.x * measured.x + command.y * measured.y
-    count = min(_MOST_ARCS, math.ceil(change / TURN_STEP)) if along > 0.0 else 0
+    count = math.ceil(min(_MOST_ARCS, change / TURN_STEP)) if along > 0.0 else 0
     for i in range(1, count):
         part = i / count
         between = (a + part * (b - a) for a, b in zip(measured, command, strict=True))
@@ -232,7 +232,9 @@ class _Around:
         return touched, first, at
 
     def _comes_nearer(self, distance: float, x: float, y: float, velocity: Velocity) -> bool:
-        if distance < 0.0:  # within the footprint: something of its own, or touched: away from it is that way
+        # Far within the footprint it is something of its own, or touched: away from it is that way. What is near the
+        # outline may as well be outside, as far as a sensor can tell.
+        if distance < -self._body.margin:
             return velocity.x * x + velocity.y * y > 0.0
         return closing_speed(self._body.footprint, x, y, velocity) > 0.0
 

@@ -41,12 +41,12 @@ def from_scan(scan: "LaserScan", place: Pose2, min_range: float = 0.0, max_range
     """What a laser sees, the nearest first.
 
     REP-117: -inf is too near, +inf and what is beyond `range_max` is free, NaN says nothing. What is nearer than the
-    scan's `range_min` is an obstacle all the same.
+    scan's `range_min` is an obstacle all the same, anywhere between there and the laser: at both ends of that.
 
     Args:
         scan: with angles that are finite.
         place: of the laser in the base's frame.
-        min_range: what is nearer is the robot itself, m.
+        min_range: what is nearer is the robot itself, m; but not -inf, as that may be a hand on the lens.
         max_range: what is further is not looked at, m.
     """
     ranges = scan.ranges
@@ -59,23 +59,30 @@ def from_scan(scan: "LaserScan", place: Pose2, min_range: float = 0.0, max_range
         for value, (c, s) in zip(ranges, directions, strict=True)
         if value <= far and (r := value if value > too_near else max(value, too_near)) >= min_range
     ]
+    points += [
+        (math.hypot(x := at_x + r * c, y := at_y + r * s), x, y)
+        for value, (c, s) in zip(ranges, directions, strict=True)
+        if value < too_near and ((r := max(value, NEAREST)) >= min_range or value == -math.inf)
+    ]
     return thinned(points)
 
 
 def from_range(reading: "Range", place: Pose2, min_range: float = 0.0, max_range: float = math.inf) -> list[Obstacle]:
     """What a range sensor sees, the nearest first: an arc across its cone, of points that are up to 2 cm apart.
 
-    Its `range` and `max_range` are no NaN. A reading beyond `max_range` is free, as is +inf; -inf is too near.
+    Its `range` and `max_range` are no NaN. A reading beyond `max_range` is free, as is +inf. What is too near to be
+    measured is anywhere between the sensor and `min_range`: at both ends of that.
     """
     far = min(reading.max_range, max_range)
     near = reading.min_range if 0.0 < reading.min_range < math.inf else NEAREST
-    if not reading.range <= far or max(reading.range, near) < min_range:
+    if not reading.range <= far or (max(reading.range, near) < min_range and reading.range != -math.inf):
         return []
+    here = [(place.x, place.y)] if reading.range < near else []
     distance = max(reading.range, near)
     half = min(max(reading.field_of_view, 0.0), math.tau) / 2 if math.isfinite(reading.field_of_view) else math.pi
     count = min(2 + int(2 * half * distance / 0.02), 720)
     angles = [place.yaw - half + 2 * half * i / (count - 1) for i in range(count)]
-    points = [(place.x + distance * math.cos(a), place.y + distance * math.sin(a)) for a in angles]
+    points = here + [(place.x + distance * math.cos(a), place.y + distance * math.sin(a)) for a in angles]
     return sorted(Obstacle(math.hypot(x, y), x, y) for x, y in points)
 
 
@@ -116,14 +123,16 @@ def from_cloud(
     """What a cloud has between two heights, the nearest first. Needs numpy.
 
     Args:
-        cloud: with fields x, y, z; points that are not finite are left out.
+        cloud: with fields x, y, z; points that are not finite are left out. One of no points at all says that nothing
+            is there.
         place: of its frame in the base's.
         heights: from and to which points count, in the base's frame, m.
         ranges: what is nearer to the sensor is the robot itself, what is further does not count, m.
 
     Raises:
         ModuleNotFoundError: numpy is not installed; names the extra.
-        ValueError: its fields, steps and data do not fit, or x, y or z is missing or no single number.
+        ValueError: its fields, steps and data do not fit, x, y or z is missing or no single number, or it has points
+            and all of them hold NaN: a camera that is blind.
     """
     array = cloud.array
     import numpy as np
@@ -134,6 +143,8 @@ def from_cloud(
     with np.errstate(all="ignore"):  # what is not finite fails the comparisons below
         sensed = np.stack([np.asarray(array[axis], np.float64).reshape(-1) for axis in "xyz"])
         away = np.sqrt((sensed * sensed).sum(axis=0))
+        if away.size and np.isnan(away).all():
+            raise ValueError("none of its points is a number")
         sensed = sensed[:, (away >= ranges[0]) & (away <= min(ranges[1], FURTHEST))]
     x, y, z = (np.asarray(row[:3]) @ sensed + row[3] for row in place)
     counts = (z >= heights[0]) & (z <= heights[1])

@@ -22,7 +22,7 @@ from robo_messages import (
     Twist,
 )
 from robo_services.arrivals import Arrivals, Newest, Unstamped
-from robo_services.safety import Action, Decision, Situation, decide
+from robo_services.safety import Action, Decision, Limits, Situation, decide
 from robo_services.safety_parameters import (
     LASER,
     BrakingParameters,
@@ -55,6 +55,12 @@ _EMERGENCY_STOP = "emergency_stop"
 
 PRESSES = 100
 """Messages of what may be an emergency stop that wait: what comes after one must not take its place."""
+
+FADING = 0.95
+"""What is left of how late decisions came, with each one in time: within a second hardly anything."""
+
+MOST_LATE = 1.0
+"""Decisions that come later are counted as so late, s: time was set, or the process was stopped."""
 
 RIVAL_SHOWN = 1.0
 """How long after its last command somebody is named who commands the base too, s."""
@@ -142,6 +148,7 @@ class SafetyMonitor(Node):
         self._last_state = -math.inf
         self._begin = self.clock.monotonic()
         self._advised = False
+        self._decided, self._late, self._jumps = self._begin, 0.0, self.clock.jumps
         self._limits = limits_of(self.parameters)
         self.shown.publish(markers_of(self._limits, self.parameters.base_frame))
         # Not declared: a robot on which nobody publishes them lacks nothing.
@@ -176,6 +183,7 @@ class SafetyMonitor(Node):
     def on_odometry(self, odometry: Odometry, info: MessageInfo) -> None:
         """Remember how the robot really moves."""
         twist, now = odometry.twist.twist, self.clock.monotonic()
+        self._notice_jump()
         self._speed = math.hypot(twist.linear.x, twist.linear.y)
         self._motion.measured(twist, self._arrivals.sent(info, now, self._wall.monotonic()))
 
@@ -227,12 +235,31 @@ class SafetyMonitor(Node):
     def guard(self) -> None:
         """Decide, and tell the base."""
         now = self.clock.monotonic()
-        p = self.parameters
-        if not p.use_sim_time:
-            self._arrivals.tick(self._wall.monotonic(), 1.0 / p.rate)
-        laser, rival = self._sources.laser, self._who_else()
+        if not self.parameters.use_sim_time:
+            self._arrivals.tick(self._wall.monotonic(), 1.0 / self.parameters.rate)
+        self._notice_jump()
+        rival = self._who_else()
+        try:
+            decision = decide(self._situation(now, rival), self._limits_now(now))
+        except Exception as error:  # whatever it is, nobody knows then whether it is safe to drive
+            self.logger.error("the decision failed", exception=error, throttle=5.0)
+            decision = Decision("stop", "failed", f"the decision failed: {type(error).__name__}", Twist())
+        with self._commanding:
+            if decision.action == "stop" or self._emergency_stop:  # which may have come since it was looked at
+                passed = Twist()
+                self.command.publish(passed)
+            else:
+                passed = decision.twist
+                # Whoever receives it counts its age from when it was commanded: timeouts of a chain do not add up.
+                self.command.publish(passed, self._command.age(now))
+        self._motion.commanded(passed, now)
+        self._report(decision, rival, now)
+
+    def _situation(self, now: float, rival: str) -> Situation:
+        """All that is known."""
+        laser = self._sources.laser
         scan = laser.newest.message
-        situation = Situation(
+        return Situation(
             command=self._command.message,
             command_age=self._command.age(now),
             scan=scan if isinstance(scan, LaserScan) else None,
@@ -242,19 +269,25 @@ class SafetyMonitor(Node):
             velocity=self._motion.velocity,
             sightings=self._sources.sightings(now),
             emergency_stop=self._emergency_stop,
-            rival=rival if p.on_rival == "stop" else "",
+            rival=rival if self.parameters.on_rival == "stop" else "",
         )
-        decision = decide(situation, self._limits)
-        with self._commanding:
-            if decision.action == "stop" or self._emergency_stop:  # which may have come since it was looked at
-                passed = Twist()
-                self.command.publish(passed)
-            else:
-                passed = decision.twist
-                # Whoever receives it counts its age from when it was commanded: timeouts of a chain do not add up.
-                self.command.publish(passed, situation.command_age)
-        self._motion.commanded(passed, now)
-        self._report(decision, rival, now)
+
+    def _limits_now(self, now: float) -> Limits:
+        """What is safe, with the longer reaction of decisions that come late: of a busy machine, or of much to see."""
+        period = 1.0 / self.parameters.rate
+        self._late = max(self._late * FADING, min(abs(now - self._decided) - period, MOST_LATE))
+        self._decided = now
+        limits = self._limits
+        if limits.body is None or self._late < period:
+            return limits
+        body = msgspec.structs.replace(limits.body, reaction_time=limits.body.reaction_time + self._late)
+        return msgspec.structs.replace(limits, body=body)
+
+    def _notice_jump(self) -> None:
+        """Simulated time was set: how the base has moved is known of another time."""
+        if self.clock.jumps != self._jumps:
+            self._jumps = self.clock.jumps
+            self._motion.forget()
 
     def _who_else(self) -> str:
         """Who else commands the base of late."""
@@ -278,7 +311,9 @@ class SafetyMonitor(Node):
             level, text = _LEVELS[decision.action], decision.text
             if rival:
                 values.append(KeyValue("rival", rival))
-                level, text = max(level, DiagnosticStatus.WARN), f"{text}; {rival} commands the base too"
+                level = max(level, DiagnosticStatus.WARN)
+                if decision.reason != "rival":
+                    text = f"{text}; {rival} commands the base too"
             self.state.publish(DiagnosticStatus(level, self.full_name, text, values=values))
         self._last = decision
         if decision.reason == "no_scan" and not self._advised and now - self._begin > PATIENCE:

@@ -189,11 +189,12 @@ def limits_of(p: Tuned) -> Limits:
 
 def refuse_unknown_sources(p: Tuned) -> None:
     """Raises ValueError where a zone speaks of a source that there is not, or the laser is no laser."""
+    there = sources_of(p)
     for name, zone in p.zones.items():
         for source in zone.sources:
-            if source not in p.sources:
+            if source not in there:
                 raise ValueError(
-                    f"zones.{name}.sources: there is no source {source!r}; there are {', '.join(p.sources)}"
+                    f"zones.{name}.sources: there is no source {source!r}; there are {', '.join(there) or 'none'}"
                 )
     if LASER in p.sources and p.sources[LASER].type != "scan":
         raise ValueError(f"sources.{LASER} is the laser, of type scan; give a source of another type another name")

@@ -10,8 +10,8 @@ from robo_services.collision import Sighting
 from robo_services.contact import Velocity
 from robo_services.kinematics import Pose2
 from robo_services.obstacles import Obstacle, Place, Track, from_cloud, from_range, from_scan
-from robo_services.safety import is_finite, is_usable, velocity_of
-from robo_services.safety_parameters import LASER, SourceParameters
+from robo_services.safety import is_usable, velocity_of
+from robo_services.safety_parameters import LASER, SourceParameters, sources_of
 
 if TYPE_CHECKING:
     from robo_messages import TFMessage
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 Sensed = LaserScan | Range | PointCloud2
 TYPES: dict[str, type[Sensed]] = {"scan": LaserScan, "range": Range, "pointcloud": PointCloud2}
+
+MOST_SPEED = 1e3
+"""No base moves faster, m/s or rad/s: odometry that says so says nothing."""
 
 ODOMETRY_SILENT = 0.3
 """How long after its last odometry the base is taken to do what it is commanded, s."""
@@ -63,15 +66,21 @@ class Motion:
         return self._track.velocity
 
     def measured(self, twist: Twist, sent: float) -> None:
-        """Odometry says that it moved so at a moment, s; what is not finite or of an unknown age is silence."""
-        if is_finite(twist) and sent > -math.inf:
+        """Odometry says that it moved so at a moment, s; what cannot be, or is of an unknown age, is silence."""
+        velocity = velocity_of(twist)
+        if sent > -math.inf and all(abs(value) <= MOST_SPEED for value in velocity):  # no NaN either
             self._heard = sent
-            self._track.add(sent, velocity_of(twist))
+            self._track.add(sent, velocity)
 
     def commanded(self, twist: Twist, now: float) -> None:
         """It is commanded so."""
         if not 0.0 <= now - self._heard <= ODOMETRY_SILENT:
-            self._track.add(now, velocity_of(twist))
+            velocity = velocity_of(twist)
+            self._track.add(now, Velocity(*(max(-MOST_SPEED, min(MOST_SPEED, value)) for value in velocity)))
+
+    def forget(self) -> None:
+        """Time was set: what was known of earlier moments is of another time."""
+        self._track, self._heard = Track(), -math.inf
 
     def moved(self, since: float, now: float) -> Pose2:
         """Where the base is, in its frame at an earlier moment."""
@@ -156,7 +165,8 @@ class Sources:
 
     def sightings(self, now: float) -> list[Sighting]:
         """What each has said last, but for those that are silent so far."""
-        found = (source.sighting(now, self._motion) for source in self._by_name.values())
+        there = sources_of(self._node.parameters)  # without a laser, what somebody says on its topic does not count
+        found = (source.sighting(now, self._motion) for source in self._by_name.values() if source.name in there)
         return [sighting for sighting in found if sighting is not None]
 
     def _place(self, message: Sensed, source: SourceParameters) -> Place:

@@ -119,11 +119,20 @@ def test_a_check_that_raises_or_says_nothing_is_an_error_and_hides_no_other(sess
         def pump(self) -> Health:
             raise OSError("no such device")
 
+        @check("mute")
+        def mute(self) -> Health:
+            class Mute(Exception):
+                def __str__(self) -> str:
+                    raise ValueError("it cannot even say that")
+
+            raise Mute
+
     with Broken(namespace="r1", session=session) as node:
         node.volts = None
-        eventually(lambda: len(node.status.checks) == 5, "it has reported")
+        eventually(lambda: len(node.status.checks) == 6, "it has reported")
         found = {one.name.rpartition(": ")[2]: one for one in node.status.checks}
         assert (found["pump"].level, found["pump"].message) == (ERROR, "raised OSError: no such device")
+        assert (found["mute"].level, found["mute"].message) == (ERROR, "raised Mute")
         assert found["battery"].level == ERROR
         assert "the check 'battery' returned str, not a robo.Health" in found["battery"].message
         assert found["lamp"].level == OK

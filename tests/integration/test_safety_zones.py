@@ -27,6 +27,7 @@ from robo_messages import (
     TwistWithCovariance,
     Vector3,
 )
+from robo_services import safety_monitor
 from robo_services.safety_monitor import SafetyMonitor
 
 Monitor = NodeUnderTest[SafetyMonitor]
@@ -196,6 +197,77 @@ def test_a_cloud_and_a_base_without_a_laser(run_node: RunNode, passed: Passed) -
     assert state(monitor)["reason"] == "stale_source"
 
 
+def test_a_scan_that_somebody_publishes_does_not_count_for_a_base_without_a_laser(
+    run_node: RunNode, passed: Passed
+) -> None:
+    monitor = run_node(SafetyMonitor, laser=False)
+    assert passed(monitor, twist(0.4), {"scan": scan({0: 0.1})}) == twist(0.4)
+    assert passed(monitor, twist(0.4), {}) == twist(0.4)
+
+
+@pytest.mark.parametrize("nearest", [0.02, 0.2, 0.3])
+def test_what_a_sonar_cannot_measure_any_more_is_not_driven_through(
+    run_node: RunNode, clock: Clock, nearest: float
+) -> None:
+    monitor = run_node(
+        SafetyMonitor, parameters={"sources.sonar.type": "range", "sources.sonar.x": 0.2, "sources.sonar.timeout": 0.5}
+    )
+    x, speed = 0.0, 0.0  # something is 1 m ahead that the laser does not see
+    for _ in range(300):
+        away = 1.0 - x - 0.2
+        monitor.send("scan", scan())
+        reading = away if away >= nearest else -math.inf
+        monitor.send("sonar", Range(range=reading, min_range=nearest, max_range=4.0, field_of_view=0.3))
+        monitor.send("cmd_vel_raw", twist(0.5))
+        monitor.send("odom", Odometry(twist=TwistWithCovariance(twist(speed))))
+        clock.advance(0.02)
+        speed = monitor.published(SafetyMonitor.command)[-1].linear.x
+        x += speed * 0.02
+    assert speed == 0.0
+    assert 0.0 < 1.0 - x - 0.2 < 0.4
+
+
+def test_a_decision_that_fails_stops(
+    run_node: RunNode, passed: Passed, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monitor = run_node(SafetyMonitor)
+    assert passed(monitor, twist(0.4)) == twist(0.4)
+
+    def fail(*_: object) -> None:
+        raise OverflowError("too much")
+
+    monkeypatch.setattr(safety_monitor, "decide", fail)
+    with pytest.raises(OverflowError):  # which a test is told of
+        passed(monitor, twist(0.4))
+    assert monitor.published(SafetyMonitor.command)[-1] == twist()
+    assert (state(monitor)["action"], state(monitor)["reason"]) == ("stop", "failed")
+    assert "the decision failed" in caplog.text
+    monkeypatch.undo()
+    assert passed(monitor, twist(0.4)) == twist(0.4)
+
+
+@pytest.mark.parametrize("absurd", [twist(1e308), twist(0.0, 1.6e308), twist(1e16), twist(y=math.nan)])
+def test_odometry_that_cannot_be_is_silence_and_forgotten(run_node: RunNode, passed: Passed, absurd: Twist) -> None:
+    monitor = run_node(SafetyMonitor, command_timeout=2.0)
+    good = {"odom": Odometry(twist=TwistWithCovariance(twist(0.4))), "scan": scan({0: 0.27, 60: 0.3})}
+    for _ in range(30):
+        passed(monitor, twist(0.4), {"odom": Odometry(twist=TwistWithCovariance(absurd)), "scan": scan()})
+    assert passed(monitor, twist(0.4), good) == twist()
+    assert state(monitor)["reason"] == "obstacle"
+
+
+def test_decisions_that_come_late_leave_more_room(run_node: RunNode, passed: Passed) -> None:
+    monitor = run_node(SafetyMonitor, warning_distance=0.3)
+    ahead = {"scan": scan({0: 0.78})}
+    assert passed(monitor, twist(0.6), ahead) == twist(0.6)
+    monitor.node._decided -= 0.3  # as if the machine had been busy
+    late = passed(monitor, twist(0.6), ahead)
+    assert late.linear.x < 0.6
+    for _ in range(12):
+        last = passed(monitor, twist(0.6), ahead)
+    assert last == twist(0.6)
+
+
 def test_sensors_stand_where_tf_static_says(
     run_node: RunNode, passed: Passed, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -271,6 +343,10 @@ def test_footprint_and_zones_are_shown(run_node: RunNode) -> None:
         ({"zones.a.action": "stop", "zones.a.polygon": [0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0]}, "cross|flat"),
         ({"zones.a.action": "stop", "zones.a.radius": 1.0, "zones.a.sources": ["sonar"]}, "no source 'sonar'"),
         ({"footprint.polygon": [0.0, 0.0]}, "at least three corners"),
+        (
+            {"zones.a.action": "stop", "zones.a.radius": 1.0, "zones.a.sources": ["scan"], "laser": False},
+            "no source 'scan'; there are none",
+        ),
         ({"sources.scan.type": "range"}, "is the laser"),
         ({"sources.scan.topic": "front"}, "remap that to front"),
     ],

@@ -83,6 +83,7 @@ def test_what_is_nearest() -> None:
         ([(0, 0), (1, 0)], "at least three corners"),
         ([(0, 0), (1, 0), (2, 0)], "flat"),
         ([(0, 0), (1, 1), (1, 0), (0, 2)], "cross"),
+        ([(0, 0), (2, 0), (2, 1), (1, 1), (1, -1), (0, 1)], "cross"),
         ([(0, 0), (1, 0), (1, 0), (0, 1)], "twice"),
         ([(0, 0), (1, math.nan), (0, 1)], "no number"),
         ([(0, 0), (1e9, 1), (0, 1)], "no number, or further"),
@@ -101,3 +102,10 @@ def test_the_order_of_corners_does_not_matter() -> None:
     assert polygon(there).distance(1.0, 0.0) == polygon(back).distance(1.0, 0.0) == pytest.approx(0.7)
     with pytest.raises(ValueError, match="radius"):
         disc(-1.0)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, 1.7])
+def test_two_sides_on_one_line_do_not_cross(turn: float) -> None:
+    fork = [(0, 0), (1, 0), (1, 1), (0.7, 1), (0.7, 0.5), (0.3, 0.5), (0.3, 1), (0, 1)]
+    cos, sin = math.cos(turn), math.sin(turn)
+    assert len(polygon([(cos * x - sin * y, sin * x + cos * y) for x, y in fork]).edges) == 8

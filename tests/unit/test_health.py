@@ -99,7 +99,7 @@ def test_a_health_becomes_a_status() -> None:
     ]  # fmt: skip
     assert Health.error("broken").level == DiagnosticStatus.ERROR
     assert Health(DiagnosticStatus.WARN, "x", {"a b": 1}).status().values == [KeyValue("a b", "1")]
-    for level in (3, -1, 17, "ok", None):
+    for level in (3, -1, 17, "ok", None, True, 1.0):
         odd: Any = level
         with pytest.raises(ValueError, match="is no level"):
             Health(odd).status()

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from robo_messages import LaserScan, PointCloud2, PointField, Range
 from robo_services.contact import Velocity
 from robo_services.kinematics import Pose2
-from robo_services.obstacles import REMEMBERED, Place, Track, from_cloud, from_range, from_scan, moved_by
+from robo_services.obstacles import NEAREST, REMEMBERED, Place, Track, from_cloud, from_range, from_scan, moved_by
 
 HEIGHTS, RANGES = (0.05, 2.0), (0.0, 100.0)
 
@@ -25,9 +25,11 @@ def test_a_scan_follows_rep_117_and_stands_where_its_laser_does() -> None:
         angle += math.pi / 2
         return round(0.1 + distance * math.cos(angle), 6), round(0.2 + distance * math.sin(angle), 6)
 
-    assert found == {at(0.0, 1.0), at(1.5, 0.05), at(2.5, 0.05), at(3.0, 0.05)}
-    assert {round(p.distance, 3) for p in from_scan(scan, Pose2(), min_range=0.1)} == {1.0}
-    assert len(from_scan(scan, Pose2(), max_range=0.5)) == 3
+    # What is too near to be measured may be anywhere from the laser to where it begins to measure.
+    ends = {at(1.5, 0.05), at(1.5, NEAREST), at(2.5, 0.05), at(2.5, 0.02), at(3.0, 0.05), at(3.0, NEAREST)}
+    assert found == {at(0.0, 1.0)} | ends
+    assert {round(p.distance, 3) for p in from_scan(scan, Pose2(), min_range=0.1)} == {1.0, NEAREST}, "-inf counts"
+    assert len(from_scan(scan, Pose2(), max_range=0.5)) == 6
 
 
 @given(st.lists(st.floats(), max_size=50), st.floats(-10, 10), st.floats(-10, 10), st.floats(), st.floats())
@@ -51,6 +53,15 @@ def test_a_range_is_an_arc_across_its_cone() -> None:
     assert from_range(Range(field_of_view=math.nan, min_range=0.02, max_range=3.0, range=-math.inf), Pose2())
 
 
+@pytest.mark.parametrize("reading", [-math.inf, 0.0, 0.1])
+def test_what_is_too_near_for_a_range_sensor_is_at_the_sensor_too(reading: float) -> None:
+    sonar = Range(field_of_view=0.4, min_range=0.3, max_range=3.0, range=reading)
+    points = {(round(p.x, 6), round(p.y, 6)) for p in from_range(sonar, Pose2(0.2, 0.0, 0.0))}
+    assert (0.2, 0.0) in points
+    assert max(x for x, _ in points) == pytest.approx(0.5, abs=1e-3)
+    assert bool(from_range(sonar, Pose2(), min_range=0.4)) == (reading == -math.inf), "the robot itself is measured"
+
+
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_a_cloud_in_either_byte_order_with_padding(order: str) -> None:
     kind = np.dtype({"names": ["x", "y", "z"], "formats": [f"{order}f4"] * 3, "offsets": [4, 8, 16], "itemsize": 32})
@@ -69,6 +80,22 @@ def test_a_cloud_in_either_byte_order_with_padding(order: str) -> None:
     )
     points = from_cloud(cloud, Place.planar(Pose2(1.0, 0.0, 0.0)), HEIGHTS, RANGES)
     assert [(p.x, p.y) for p in points] == [(2.0, 0.5), (3.0, 0.5), (5.0, 0.5)]
+
+
+def test_a_cloud_of_nothing_but_nan_says_nothing() -> None:
+    fields = [PointField(name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate("xyz")]
+
+    def cloud(rows: list[list[float]]) -> PointCloud2:
+        data = np.array(rows, "<f4").tobytes()
+        return PointCloud2(
+            height=1, width=len(rows), fields=fields, point_step=12, row_step=12 * len(rows), data=memoryview(data)
+        )
+
+    place = Place.planar(Pose2())
+    with pytest.raises(ValueError, match="none of its points is a number"):
+        from_cloud(cloud([[math.nan] * 3] * 4), place, HEIGHTS, RANGES)
+    assert from_cloud(cloud([]), place, HEIGHTS, RANGES) == []
+    assert len(from_cloud(cloud([[math.nan] * 3, [1.0, 0.0, 0.5]]), place, HEIGHTS, RANGES)) == 1
 
 
 def test_a_dense_cloud_has_few_points_and_counts_all_of_them() -> None:

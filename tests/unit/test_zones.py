@@ -125,3 +125,18 @@ def test_a_thick_scan_has_few_points_and_counts_all_of_them() -> None:
     assert sum(point.points for point in points) == 5000
     assert len(points) < 200
     assert points == sorted(points)
+
+
+@pytest.mark.parametrize("x", [0.25, 0.249, 0.24])
+def test_what_is_just_within_the_outline_is_as_in_the_way_as_what_is_just_outside(x: float) -> None:
+    box = Body(footprint=polygon([(0.25, 0.2), (-0.25, 0.2), (-0.25, -0.2), (0.25, -0.2)]), margin=0.05)
+    corner = seen((x + 0.01, 0.19))
+    assert free_share(Velocity(turn=-1.0), STANDING, box, corner).share == 0.0, "the corner swings into it"
+    assert free_share(Velocity(turn=1.0), STANDING, box, corner).share == 1.0
+    assert free_share(Velocity(-0.3), STANDING, box, corner).share == 1.0, "away from it"
+    assert free_share(Velocity(0.3), STANDING, box, corner).share == 0.0
+
+
+def test_motions_that_no_base_makes_raise_nothing() -> None:
+    absurd = Velocity(1e300, -1e300, -1.6e308)
+    assert free_share(Velocity(0.5), absurd, STILL, seen((0.34, 0.0))).share < 1.0
