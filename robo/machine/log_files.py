@@ -112,9 +112,17 @@ class LogFiles:
         Raises:
             OSError: it cannot be written; nothing of it is.
         """
-        if line.node not in self._files:
-            self._files[line.node] = _Rotating(self.folder / f"{line.node.replace('/', '.')}.jsonl")
+        self.open(line.node)
         self._files[line.node].write(escaped_json(msgspec.json.encode(line).decode()).encode() + b"\n")
+
+    def open(self, node: str) -> None:
+        """Open a process's file, if it is not open.
+
+        Raises:
+            OSError: it cannot be opened.
+        """
+        if node not in self._files:
+            self._files[node] = _Rotating(self.folder / f"{node.replace('/', '.')}.jsonl")
 
     def room(self) -> int:
         """How much the disk takes, bytes.

@@ -37,6 +37,8 @@ class Outage(msgspec.Struct):
     """By the monotonic clock, s."""
     number: int | None = None
     """The last error's, as in `errno`."""
+    node: str = ""
+    """Whose line it was that could not be written; empty where it was none's."""
 
     @property
     def since(self) -> str:
@@ -94,7 +96,7 @@ class LogWriter:
             try:
                 self._files.write(line)
             except OSError as error:
-                self._fail(error, 1)
+                self._fail(error, 1, line.node)
 
     def look(self) -> None:
         """Try again what did not work, and see whether the files are still where they were; to be called often."""
@@ -118,15 +120,16 @@ class LogWriter:
     def close(self) -> None:
         """Close the files; what is missing in them is noted there, if that works now."""
         if self._outage is not None:
+            self._outage.node = ""  # the note may be possible where that one's lines still are not
             self._try_again()
         self._files.close()
 
-    def _fail(self, error: OSError, lost: int) -> None:
+    def _fail(self, error: OSError, lost: int, node: str = "") -> None:
         now = self._clock()
         if now - self._mended_at > _HEALTHY:
             self._delay = FIRST_TRY
         self._files.close()
-        self._outage = Outage(time.time(), _words(error), lost, now + self._delay, error.errno)
+        self._outage = Outage(time.time(), _words(error), lost, now + self._delay, error.errno, node)
         self._tell_of_outage()
 
     def _tell_of_outage(self) -> None:
@@ -142,6 +145,8 @@ class LogWriter:
             if found.number == errno.ENOSPC and self._files.room() < _LEAST_ROOM:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             self._files.begin()
+            if found.node:  # others' files may work all the time, and say nothing of it
+                self._files.open(found.node)
             self._files.write(line)
         except OSError as error:
             self._delay = min(2 * self._delay, LAST_TRY)

@@ -136,6 +136,21 @@ def test_what_stands_in_the_way_of_the_folder(desk: Desk) -> None:
     assert sorted(desk.messages()) == ["line 3", desk.told[1]]
 
 
+def test_a_file_that_something_stands_in_the_way_of_is_an_outage_all_the_time(desk: Desk) -> None:
+    desk.writer.begin()
+    (desk.files.folder / "a.jsonl").mkdir()
+    desk.writer.write(line(1))
+    for number in range(2, 30):
+        desk.later(1.0)
+        assert "Is a directory" in desk.writer.problem, f"after {number} s, while others' files could be written"
+        desk.writer.write(line(number))
+    assert len(desk.told) == 1
+    (desk.files.folder / "a.jsonl").rmdir()
+    desk.later(LAST_TRY + 1.0)
+    assert (desk.writer.problem, len(desk.told)) == ("", 2)
+    assert "29 lines are missing" in desk.told[1]
+
+
 def test_a_disk_that_was_full_is_tried_again_when_it_has_room(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
     desk.files.full = True
     desk.write(1)
