@@ -6,7 +6,7 @@ CONNECT_VARIABLE = "ROBO_CONNECT"
 """Zenoh endpoints to dial, joined by commas. Also set by the supervisor for what it starts; read by all that joins."""
 
 LISTEN_VARIABLE = "ROBO_LISTEN"
-"""Zenoh endpoints to listen on, joined by commas. Read by all that joins the network."""
+"""Zenoh endpoints to listen on, joined by commas. Read by all that joins the network; tools listen nowhere."""
 
 MODE_VARIABLE = "ROBO_MODE"
 """How a node that nobody has launched joins the network: router, peer or client. Also set in exported Compose files."""

@@ -300,6 +300,9 @@ def check(name: str) -> Callable[[Callable[[N], Health]], Callable[[N], Health]]
     Raises:
         ContractError: the name cannot be one.
     """
+    if callable(name):  # the parentheses were forgotten
+        given = getattr(name, "__name__", "what")
+        raise ContractError(f'@check needs the name of what is checked: @check("{given}")')
     if not name or not name.isprintable() or name != name.strip() or {*name} & {"/", ":"}:
         raise ContractError(f"@check({name!r}): name what is checked in a word or two, without / and :")
 

@@ -136,7 +136,7 @@ class Contradiction(ValueError):
     """Values that are right each by itself do not go together."""
 
     def __init__(self, outer: str, text: str) -> None:
-        super().__init__(text)
+        super().__init__(f"{outer.removesuffix('.')}: {text}" if outer else text)
         self.outer = outer
         """What the names of the values in question begin with."""
 

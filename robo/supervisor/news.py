@@ -129,7 +129,9 @@ class News:
 
     def _tell(self, process: Process, *, closing: bool) -> None:
         state, reason, label = process.state, process.reason, process.label
-        if state in ("failed", "restarting"):
+        if state == "failed" and not closing:
+            self._journal.warn(f"{label} {reason or state}; it is not started again: robo start {label} does that")
+        elif state in ("failed", "restarting"):
             self._journal.warn(f"{label} {reason or state}")
         elif state == "degraded":
             self._journal.warn(f"{label} is degraded: {reason}")

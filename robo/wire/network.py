@@ -45,16 +45,26 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
     """What else is said of it in Zenoh's own terms: maps within maps, as in Zenoh's configuration."""
 
     @classmethod
-    def from_environment(cls, mode: Mode, connect: Sequence[str] = (), listen: Sequence[str] = ()) -> "Network":
+    def from_environment(
+        cls, mode: Mode, connect: Sequence[str] = (), listen: Sequence[str] = (), *, meeting_point: bool = False
+    ) -> "Network":
         """Options first, then ROBO_CONNECT and ROBO_LISTEN (endpoints joined by commas), then loopback.
 
         A router listens at the rendezvous and also dials it: whoever holds the port is the meeting
-        point, and when it leaves the next one takes the port over.
+        point, and when it leaves the next one takes the port over. A node that is told where to dial joins that
+        network and no other; a robot is a meeting point in any case. A client, as tools are, listens nowhere.
+
+        Args:
+            mode: how it joins.
+            connect: what options say is dialled.
+            listen: and where they say that it listens.
+            meeting_point: whether a router is at the rendezvous also where it is told to dial another place.
         """
         dial = tuple(connect) or _endpoints(CONNECT_VARIABLE)
-        serve = tuple(listen) or _endpoints(LISTEN_VARIABLE)
+        serve = tuple(listen) or (() if mode == "client" else _endpoints(LISTEN_VARIABLE))
         if mode == "router":
-            serve = serve or (RENDEZVOUS,)
+            if meeting_point or not dial:
+                serve = serve or (RENDEZVOUS,)
             return cls(mode=mode, connect=dial + tuple(e for e in serve if "127.0.0.1:" in e), listen=serve)
         return cls(mode=mode, connect=dial or (RENDEZVOUS,), listen=serve)
 

@@ -246,7 +246,9 @@ class Follower:
         ahead, left = _seen(pose, goal.x, goal.y)
         distance, tolerance = math.hypot(ahead, left), goal.tolerance or min(limits.tolerance, limits.goal_tolerance)
         passed = distance <= NEAR or abs(math.atan2(left, ahead)) >= limits.turn_angle
-        self._arrived = distance <= tolerance and (passed or self._arrived)
+        arrived, self._arrived = self._arrived, distance <= tolerance and (passed or self._arrived)
+        if self._arrived and not arrived:  # how straight it has come here says nothing of the turn that it ends with
+            self._best = self._best[0], math.inf
         if not self._arrived or self.motion.linear > limits.min_velocity:
             return False
         if goal.yaw is None:

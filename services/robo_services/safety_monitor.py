@@ -220,6 +220,8 @@ class SafetyMonitor(Node):
         """Let the robot drive again, once nothing else speaks against it."""
         remark = self._keep(False)
         was_stopped, self._emergency_stop = self._emergency_stop, False
+        if was_stopped:
+            self.logger.info("the emergency stop is released")
         return Trigger.Response(message=("released" if was_stopped else "there was no emergency stop") + remark)
 
     def _keep(self, stopped: bool) -> str:
@@ -300,8 +302,10 @@ class SafetyMonitor(Node):
             log = self.logger.warning if decision.action == "stop" else self.logger.info
             log("%s: %s", decision.action, decision.text)
         if rival != self._last_rival:
-            changed, self._last_rival = True, rival
-            if rival:
+            gone, changed, self._last_rival = self._last_rival, True, rival
+            if not rival:
+                self.logger.info("%s commands the base no more", gone)
+            else:
                 # Told once a minute of each, who may come and go; the state says it all the time.
                 text = f"{rival} commands the base too, past this monitor, on %s"
                 self.logger.warning(text, self.command.topic, throttle=60.0)

@@ -16,6 +16,9 @@ from robo_services.zones import Zone
 LASER = "scan"
 """The source to which `laser`, `min_distance`, `warning_distance` and `sector` belong."""
 
+UNLIMITED = 100.0
+"""No robot is as fast, m/s or rad/s."""
+
 Corners = Annotated[
     list[float],
     Meta(max_length=200, description="x, y of one corner after the other, in the base's frame"),
@@ -105,8 +108,8 @@ class ZoneParameters(msgspec.Struct, frozen=True):
         Unit("s"),
     ] = 0.0
     share: Annotated[float, Meta(ge=0, le=1, description="slow_down: of what is commanded")] = 0.5
-    max_speed: Annotated[float, Meta(ge=0, le=100, description="limit: no faster"), Unit("m/s")] = 100.0
-    max_turn: Annotated[float, Meta(ge=0, le=100, description="limit: turns no faster"), Unit("rad/s")] = 100.0
+    max_speed: Annotated[float, Meta(ge=0, le=100, description="limit: no faster"), Unit("m/s")] = UNLIMITED
+    max_turn: Annotated[float, Meta(ge=0, le=100, description="limit: turns no faster"), Unit("rad/s")] = UNLIMITED
     min_points: Annotated[int, Meta(ge=1, le=100_000, description="fewer points in it are noise")] = 1
     sources: Annotated[list[str], Meta(description="whose points count; empty for all")] = msgspec.field(
         default_factory=list
@@ -116,9 +119,11 @@ class ZoneParameters(msgspec.Struct, frozen=True):
     def __post_init__(self) -> None:
         """Refuse what is no zone."""
         if bool(self.polygon) == (self.radius > 0.0):
-            raise ValueError("a zone has either a polygon or a radius")
+            raise ValueError(f"a zone has a polygon or a radius{', not both' if self.polygon else ''}")
         if self.action == "approach" and self.time <= 0.0:
             raise ValueError("a zone with the action approach has a time of more than 0")
+        if self.action == "limit" and self.max_speed == self.max_turn == UNLIMITED:
+            raise ValueError("a zone with the action limit has a max_speed, a max_turn, or both")
         self.shape()
 
     def shape(self) -> Shape:

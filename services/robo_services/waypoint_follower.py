@@ -44,6 +44,7 @@ from robo_services.whereabouts import Lost, Whereabouts
 
 HELD_UP = 2.0
 """Who has not got on for so long says so, s."""
+WHO_KNOWS = "mux_state and safety_state say who holds it up"
 MOST_SHOWN = 20
 """Of the waypoints that were given up the last so many are told."""
 
@@ -219,7 +220,8 @@ class WaypointFollower(Node):
             self._commanding, self._motion = True, motion
             self._doing, self._why = "turning" if follower.turning else "driving", "on its way"
             if follower.idle > HELD_UP:
-                self._doing, self._why = "held_up", f"has not got on for {int(follower.idle)} s, though it commands"
+                self._doing = "held_up"
+                self._why = f"has not got on for {int(follower.idle)} s, though it commands: {WHO_KNOWS}"
         if p.patience and follower.idle > p.patience and follower.way is not None:
             self._give_up(follower)
 

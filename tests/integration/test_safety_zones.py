@@ -319,6 +319,7 @@ def test_who_drives_past_it_is_named_and_by_choice_stops_the_robot(
     for _ in range(11):
         passed(monitor, twist(0.4))
     assert passed(monitor, twist(0.4)) == twist(0.4), "he has gone"
+    assert "/stranger commands the base no more" in caplog.text
 
 
 def test_footprint_and_zones_are_shown(run_node: RunNode) -> None:
@@ -337,7 +338,12 @@ def test_footprint_and_zones_are_shown(run_node: RunNode) -> None:
     ("parameters", "text"),
     [
         ({"zones.a.radius": 1.0}, "has no action"),
-        ({"zones.a.action": "stop"}, "either a polygon or a radius"),
+        ({"zones.a.action": "stop"}, "zones.a: a zone has a polygon or a radius$"),
+        (
+            {"zones.a.action": "stop", "zones.a.radius": 1.0, "zones.a.polygon": [0.0, 0.0, 1.0, 0.0, 0.0, 1.0]},
+            "not both",
+        ),
+        ({"zones.a.action": "limit", "zones.a.radius": 1.0}, "zones.a: .* has a max_speed, a max_turn, or both"),
         ({"zones.a.action": "approach", "zones.a.radius": 1.0}, "a time of more than 0"),
         ({"zones.a.action": "stop", "zones.a.polygon": [0.0, 0.0, 1.0]}, "an even number"),
         ({"zones.a.action": "stop", "zones.a.polygon": [0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0]}, "cross|flat"),

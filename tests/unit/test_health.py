@@ -50,6 +50,14 @@ def test_names_that_nobody_could_read_are_refused(name: str) -> None:
         check(name)
 
 
+def test_a_check_without_its_name_is_refused_by_a_sentence() -> None:
+    with pytest.raises(ContractError, match=r'@check needs the name of what is checked: @check\("speed"\)'):
+
+        @check  # type: ignore[arg-type]
+        def speed(self: Node) -> Health:
+            raise NotImplementedError
+
+
 def test_names_that_nobody_could_tell_apart_are_refused() -> None:
     class Twice(Torch):
         @check("battery")

@@ -353,3 +353,22 @@ def test_the_dock_is_reached_slowly_and_straight() -> None:
     assert abs(angle_difference(one.waypoints[-1].yaw or 0.0, hall.base.pose.yaw)) <= 0.06
     assert nearest == pytest.approx(0.55, abs=0.03)
     assert 20.0 < seconds < 40.0
+
+
+@pytest.mark.parametrize("yaw", [math.pi, -math.pi / 2, 3.0])
+def test_the_turn_at_the_end_is_headway(yaw: float) -> None:
+    follower, pose, motion = Follower(Course((Waypoint(0.8, 0.0, yaw),))), Pose2(0.0, 0.0, 0.6), STAND
+    longest = 0.0
+    while not follower.finished:
+        motion = follower.step(pose, motion.linear, LIMITS, DT)
+        longest = max(longest, follower.idle)
+        pose = advance(pose, *motion, DT)
+    assert abs(angle_difference(yaw, pose.yaw)) < 0.06
+    assert longest < 1.0, "s without getting on, on a way on which nothing holds it up"
+
+
+def test_who_is_held_while_it_turns_at_the_end_does_not_get_on() -> None:
+    follower, pose = Follower(Course((Waypoint(0.05, 0.0, math.pi),))), Pose2()
+    for _ in range(200):
+        follower.step(pose, 0.0, LIMITS, DT)
+    assert follower.idle > 9.0

@@ -12,7 +12,7 @@ from robo.cli.launch.network import router_network
 from robo.cli.launch.router import print_config
 from robo.errors import NetworkError, UsageError
 from robo.wire import zenoh_threads
-from robo.wire.network import Network, settings_by_path, settings_of, zenoh_config
+from robo.wire.network import Mode, Network, settings_by_path, settings_of, zenoh_config
 from robo.wire.session import close_session, open_session
 
 ROOT = Path(__file__).parents[2]
@@ -96,3 +96,22 @@ def test_a_session_is_closed_where_no_thread_can_be_begun_any_more(monkeypatch: 
     monkeypatch.setattr(threading.Thread, "start", start)
     assert close_session(session)
     assert session.is_closed()
+
+
+def test_a_node_that_is_told_where_to_dial_joins_that_network_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ROBO_CONNECT", raising=False)
+    monkeypatch.delenv("ROBO_LISTEN", raising=False)
+    elsewhere, here = "tcp/192.0.2.1:7447", "tcp/127.0.0.1:7447"
+
+    def network(mode: Mode, connect: tuple[str, ...] = (), *, meeting_point: bool = False) -> tuple[object, object]:
+        found = Network.from_environment(mode, connect, meeting_point=meeting_point)
+        return found.connect, found.listen
+
+    assert network("router") == ((here,), (here,))
+    assert network("router", (elsewhere,)) == ((elsewhere,), ())
+    assert network("router", (elsewhere,), meeting_point=True) == ((elsewhere, here), (here,)), "a robot is found here"
+    monkeypatch.setenv("ROBO_CONNECT", elsewhere)
+    assert network("router") == ((elsewhere,), ())
+    monkeypatch.setenv("ROBO_LISTEN", "tcp/127.0.0.1:7777")
+    assert network("router") == ((elsewhere, "tcp/127.0.0.1:7777"), ("tcp/127.0.0.1:7777",))
+    assert network("client") == ((elsewhere,), ()), "tools listen nowhere"

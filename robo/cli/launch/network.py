@@ -19,7 +19,7 @@ def router_network(listen: Sequence[str], connect: Sequence[str], file: Path | N
         NetworkError: Zenoh does not accept a setting, or an endpoint of the environment.
     """
     check_endpoints(connect, listen)
-    network = Network.from_environment("router", connect, listen)
+    network = Network.from_environment("router", connect, listen, meeting_point=True)
     network = msgspec.structs.replace(network, name=name, more=_read(file) if file is not None else {})
     zenoh_config(network)  # mistakes are told before anything starts
     return network
