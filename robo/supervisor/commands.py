@@ -15,6 +15,7 @@ from robo.wire import names
 from robo.wire.reports import (
     Event,
     Explanation,
+    Input,
     LogRecord,
     LogsRequest,
     Outcome,
@@ -110,6 +111,8 @@ class Address(msgspec.Struct, frozen=True):
     """The machine, or what the manifest calls it."""
     is_part: bool = False
     """Whether it runs only a host's part of a manifest: then others may know a name that it does not."""
+    outside: frozenset[str] = frozenset()
+    """The topics that come from outside of it, as the manifest says, by key."""
 
 
 P = TypeVar("P", bound=Process)
@@ -167,7 +170,11 @@ class Commands:
 
     async def why(self, request: Request) -> list[Explanation]:
         """Why processes are in their states."""
-        return [one.explain(self._status(one), self._unmet(one.plan)) for one in self._chosen(request)]
+        found = [one.explain(self._status(one), self._unmet(one.plan)) for one in self._chosen(request)]
+        return [msgspec.structs.replace(one, inputs=[self._told(entry) for entry in one.inputs]) for one in found]
+
+    def _told(self, entry: Input) -> Input:
+        return msgspec.structs.replace(entry, external=entry.topic in self._address.outside)
 
     async def events(self, request: Request) -> list[Event]:
         """What has happened."""

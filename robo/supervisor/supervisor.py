@@ -119,7 +119,8 @@ class Supervisor:
         self._sites = Sites(robot, [e for e in router.connect if e not in router.listen], journal)
         self._claim = claim = claims.Claim(router, robot, [p.full_name for p in plan.processes], custody.run)
         self._presence = Presence(robot, plan.host, claim, self._members, self.changes, journal, self._stopping)
-        address = Address(robot, custody.run, plan.host or discovery.hostname(), is_part=bool(plan.host))
+        outside = frozenset(topic.key for topic in plan.topics if topic.external)
+        address = Address(robot, custody.run, plan.host or discovery.hostname(), bool(plan.host), outside)
         self._commands = Commands(address, self._members, journal, self._sites, tasks, stopping, self.unmet, self.renew)
         read = options.reload
         self._reload = Reload(plan, read, self._members, journal, tasks, self) if read is not None else None

@@ -152,6 +152,8 @@ class Input(msgspec.Struct, frozen=True, kw_only=True):
     """Payloads dropped because they were no message of the topic's type."""
     dropped: int
     """Messages dropped because the callback fell behind."""
+    external: bool = False
+    """Whether the manifest says that it comes from outside of the launch, so that nothing may come for long."""
 
 
 class Explanation(msgspec.Struct, frozen=True, kw_only=True):

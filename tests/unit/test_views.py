@@ -174,7 +174,9 @@ def test_an_input_on_which_nothing_comes_is_told_with_where_to_look() -> None:
     )  # fmt: skip
     scan = Input(topic="r1/scan", received=0, age=7.9, malformed=0, dropped=0)
     odom = Input(topic="r1/odom", received=0, age=1.2, malformed=0, dropped=0)  # it may not have been told yet
-    inputs = [scan, odom]
+    key = Input(topic="r1/cmd_vel_key", received=0, age=60.0, malformed=0, dropped=0, external=True)
+    frames = Input(topic="r1/tf_static", received=1, age=60.0, malformed=0, dropped=0)
+    inputs = [scan, odom, key, frames]
     why = Explanation(process=process, exits=[], unmet_needs=[], inputs=inputs, callback_errors=0, next_start=None)
     assert explained(why)[2:] == [
         "  has received nothing on r1/scan for 7.9s",

@@ -36,6 +36,8 @@ STATE_COLOURS = {
     "standby": colours.CYAN,
     "failed": colours.RED,
 }
+_FLOW = 5
+"""With fewer messages a topic is none of those on which they come all the time."""
 _STALE = 2.0
 """An input of which nothing has come for so long is named by `robo why`, s."""
 
@@ -286,6 +288,8 @@ def explained(found: Explanation, refused: Sequence[Stranger] = ()) -> list[str]
             pass  # what has come waits for that callback: the input is not to blame
         elif entry.age <= _STALE:
             pass  # a node tells once a second what it has received: in its first one, nothing so far
+        elif entry.external or 0 < entry.received < _FLOW:
+            pass  # a joystick is not there, a map has come once: nobody waits for more
         elif entry.received == 0:
             lines.append(f"  has received nothing on {entry.topic} for {duration(entry.age)}")
             whom = f"robo topic info {entry.topic}: who publishes it"
