@@ -4,6 +4,7 @@ Pure, from a `Resolution` to findings: two types on one topic, a subscription th
 remapping of a name that the node does not have, a promise about a topic that nobody keeps.
 """
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
@@ -14,7 +15,6 @@ from robo.launch.check_actions import unexecuted
 from robo.launch.faults import in_order
 from robo.launch.plan import ProcessPlan, TopicPlan
 from robo.launch.resolve import Resolution
-from robo.node.contract_data import ContractData
 from robo.parameters.shape import ANY_NAME, declared_as
 from robo.text.brief import shown
 from robo.text.graph import BROADCAST_TYPES, SYSTEM_TYPES
@@ -38,6 +38,8 @@ class TopicEnd(msgspec.Struct, frozen=True):
     """As the node itself calls it, before remapping."""
     qos: QoS | None = None
     """What holds there; None where nobody knows, as of a command."""
+    written: Position | None = None
+    """Where a parameter names it; None where that is not what names it, or it is in no file."""
 
     def __str__(self) -> str:
         renamed = "" if self.key.endswith(self.topic.strip("/")) else f" (its {self.topic})"
@@ -58,6 +60,7 @@ def ends_of(resolution: Resolution) -> list[TopicEnd]:
     for process in resolution.plan.processes:
         ends += (_end(process, "pub", *topic) for topic in _declared(resolution, process, "pub"))
         ends += (_end(process, "sub", *topic) for topic in _declared(resolution, process, "sub"))
+        ends += _subscribed_by_parameters(process, resolution)
     return ends
 
 
@@ -147,18 +150,30 @@ def _declared(
     if contract is not None:
         topics = contract.publishers if kind == "pub" else contract.subscriptions
         yield from ((declared.topic, declared.type, declared.qos) for declared in topics)
-        if kind == "sub":
-            yield from _subscribed_by_parameters(process, contract)
 
 
-def _subscribed_by_parameters(process: ProcessPlan, contract: ContractData) -> Iterable[tuple[str, str, QoS | None]]:
+def _subscribed_by_parameters(process: ProcessPlan, resolution: Resolution) -> Iterable[TopicEnd]:
     """The topics that a process subscribes because a parameter names them."""
+    contract = resolution.contracts.get(process.full_name)
+    if contract is None:
+        return
     infos = {info.name: info for info in contract.parameters if info.subscribes is not None}
     values = {name: info.default for name, info in infos.items() if info.default is not None and ANY_NAME not in name}
     for name, topic in (values | process.parameters).items():
         info = infos.get(declared_as(name, infos) or "")
         if info is not None and isinstance(topic, str) and names.is_name(topic):  # else it is refused itself
-            yield topic, info.subscribes or "", None
+            end = _end(process, "sub", topic, info.subscribes or "", None)
+            yield msgspec.structs.replace(end, written=_position_of(process, name))
+
+
+def _position_of(process: ProcessPlan, parameter: str) -> Position | None:
+    """Where the value of a parameter is written, if it is in a file."""
+    settings = process.settings.get(parameter)
+    place = _PLACE.fullmatch(settings[-1].source) if settings else None
+    return Position(place[1], int(place[2]), int(place[3])) if place is not None else None
+
+
+_PLACE = re.compile(r"(.+):(\d+):(\d+)")
 
 
 def _end(process: ProcessPlan, kind: EndpointKind, topic: str, type_name: str, qos: QoS | None) -> TopicEnd:
@@ -189,14 +204,17 @@ def _unfed(
     if _every_node_publishes(key, resolution):
         return
     for end in ends:
-        candidates = [o for o in all_ends if o.kind == "pub" and o.type == end.type]
+        candidates = [o for o in all_ends if o.kind == "pub" and o.type == end.type and o.node != end.node]
+        promise = "promise it: topics: {" + end.topic + ": {external: true}}"
         close = closest(key, [other.key for other in candidates], cutoff=0.0)
         if close is not None:
             other = next(other for other in candidates if other.key == close)
-            advice = f"{other.node} publishes this type on {other.key}: remap one of them"
+            which = "remap one of them" if end.written is None else "name that, if it is meant"
+            advice = f"{other.node} publishes this type on {other.key}: {which}; if it comes from outside, {promise}"
         else:
-            advice = "start a node that does, or promise it: topics: {" + end.topic + ": {external: true}}"
-        yield Problem(resolution.positions[end.node], f"nothing publishes {key}, which {end}; {advice}")
+            advice = f"start a node that does, or {promise}"
+        position = end.written or resolution.positions[end.node]
+        yield Problem(position, f"nothing publishes {key}, which {end}; {advice}")
 
 
 def _every_node_publishes(key: str, resolution: Resolution) -> bool:

@@ -122,10 +122,22 @@ def test_two_types_on_one_key() -> None:
     ]
 
 
+def test_a_topic_that_a_parameter_names_and_nothing_feeds_is_shown_there() -> None:
+    mux = "mux: {service: robo_services.twist_mux, params: {topics: {phone: {topic: cmd_vel_fone, priority: 1}}}}"
+    (fault,) = faults(group(mux, "phone: {run: x, publishes: {cmd_vel_phone: geometry/Twist}}"))
+    assert fault.startswith("m.yaml:5:")
+    assert fault.index("cmd_vel_fone") > 0
+    assert int(fault.split(":")[2]) > len("      mux: {service: robo_services.twist_mux"), "at the parameter"
+    assert "/r1/phone publishes this type on r1/cmd_vel_phone: name that, if it is meant; if it comes" in fault
+    (fault,) = faults(group(mux))
+    assert "cmd_vel_out" not in fault, "it is not to read itself"
+
+
 def test_a_subscription_that_nothing_feeds() -> None:
     assert faults(group("source: {run: x, publishes: {odometry: nav/Odometry}}", TRACKER)) == [
         "m.yaml:6:7: nothing publishes r1/odom, which /r1/tracker subscribes nav/Odometry; "
-        "/r1/source publishes this type on r1/odometry: remap one of them"
+        "/r1/source publishes this type on r1/odometry: remap one of them; "
+        "if it comes from outside, promise it: topics: {odom: {external: true}}"
     ]
     assert faults(group(TRACKER)) == [
         "m.yaml:5:7: nothing publishes r1/odom, which /r1/tracker subscribes nav/Odometry; "
