@@ -4,7 +4,6 @@ Pure, from a `Resolution` to findings: two types on one topic, a subscription th
 remapping of a name that the node does not have, a promise about a topic that nobody keeps.
 """
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
@@ -12,6 +11,7 @@ import msgspec
 import robo_messages
 from robo.errors import ContractError
 from robo.launch.check_actions import unexecuted
+from robo.launch.check_sources import position_of, unheard
 from robo.launch.faults import in_order
 from robo.launch.plan import ProcessPlan, TopicPlan
 from robo.launch.resolve import Resolution
@@ -103,6 +103,7 @@ def check(resolution: Resolution) -> Findings:
         notes += _unread(key, found, promised, resolution)
         for problem in _unfed(key, found, ends, promised, resolution):
             (notes if silent else faults).append(problem if not silent else _may_be_fed(problem, silent))
+    faults += unheard(resolution, {key: [e.node for e in found if e.kind == "pub"] for key, found in by_key.items()})
     faults += _unknown_remaps(resolution)
     faults += _never_held(resolution)
     for topic in resolution.plan.topics:
@@ -163,17 +164,7 @@ def _subscribed_by_parameters(process: ProcessPlan, resolution: Resolution) -> I
         info = infos.get(declared_as(name, infos) or "")
         if info is not None and isinstance(topic, str) and names.is_name(topic):  # else it is refused itself
             end = _end(process, "sub", topic, info.subscribes or "", None)
-            yield msgspec.structs.replace(end, written=_position_of(process, name))
-
-
-def _position_of(process: ProcessPlan, parameter: str) -> Position | None:
-    """Where the value of a parameter is written, if it is in a file."""
-    settings = process.settings.get(parameter)
-    place = _PLACE.fullmatch(settings[-1].source) if settings else None
-    return Position(place[1], int(place[2]), int(place[3])) if place is not None else None
-
-
-_PLACE = re.compile(r"(.+):(\d+):(\d+)")
+            yield msgspec.structs.replace(end, written=position_of(process, name))
 
 
 def _end(process: ProcessPlan, kind: EndpointKind, topic: str, type_name: str, qos: QoS | None) -> TopicEnd:

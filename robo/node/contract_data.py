@@ -20,6 +20,8 @@ class SubscriptionData(TopicData, frozen=True):
 
     turn: str = ""
     """Which turn its callback takes; empty for the node's own. So for services and timers."""
+    sole_source: str = ""
+    """The parameter that says whose messages alone count; empty where those of all do."""
 
 
 class ServiceData(msgspec.Struct, frozen=True):

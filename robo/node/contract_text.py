@@ -33,7 +33,8 @@ def contract_data(cls: type[Declares]) -> ContractData:
         description=contract.description,
         publishers=tuple(TopicData(p.topic, type_name(p.message_type), p.qos) for p in contract.publishers),
         subscriptions=tuple(
-            SubscriptionData(s.topic, type_name(s.message_type), s.qos, s.turn) for s in contract.subscriptions
+            SubscriptionData(s.topic, type_name(s.message_type), s.qos, s.turn, s.sole_source or "")
+            for s in contract.subscriptions
         ),
         services=tuple(ServedData(s.service, _service_type(s), s.turn) for s in contract.services),
         clients=tuple(ClientData(c.service, _service_type(c), c.timeout, c.priority) for c in contract.clients),

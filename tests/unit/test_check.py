@@ -122,6 +122,18 @@ def test_two_types_on_one_key() -> None:
     ]
 
 
+def test_whose_messages_alone_count_has_to_publish_them() -> None:
+    sim = "sim: {{service: robo_services.diff_drive_sim, params: {{command_source: {}}}}}"
+    driver = "safety_monitor: {run: x, publishes: {cmd_vel: geometry/Twist}}"
+    for fine in ("safety_monitor", "/r1/safety_monitor", "''", "plain"):
+        assert faults(group(sim.format(fine), driver)) == []
+    (fault,) = faults(group(sim.format("safty_monitor"), driver))
+    assert fault == (
+        "m.yaml:5:61: /r1/sim takes r1/cmd_vel of safty_monitor alone (command_source), which does not publish it; "
+        "did you mean safety_monitor?"
+    )
+
+
 def test_a_topic_that_a_parameter_names_and_nothing_feeds_is_shown_there() -> None:
     mux = "mux: {service: robo_services.twist_mux, params: {topics: {phone: {topic: cmd_vel_fone, priority: 1}}}}"
     (fault,) = faults(group(mux, "phone: {run: x, publishes: {cmd_vel_phone: geometry/Twist}}"))
