@@ -55,7 +55,7 @@ def test_where_the_time_went_is_told_where_it_is_wanted() -> None:
 @pytest.mark.parametrize(
     ("state", "said", "warned"),
     [
-        ("failed", [], ["a broke"]),
+        ("failed", [], ["a broke; it is not started again: robo start a does that"]),
         ("restarting", [], ["a broke"]),
         ("degraded", [], ["a is degraded: broke"]),
         ("completed", ["a broke"], []),
@@ -100,7 +100,7 @@ def test_what_waits_in_vain_is_named() -> None:
     desk = Desk("a")
     desk.processes["/r1/b"] = FakeProcess(process_plan("/r1/b", {"/r1/a": "ready"})).wait()
     desk.news.changed(desk["a"].fail(), closing=False)
-    assert desk.journal.warned == ["a ended with exit code 1", "b is not started: it needs a ready"]
+    assert desk.journal.warned == ["a ended with exit code 1; it is not started again: robo start a does that", "b is not started: it needs a ready"]
 
 
 def test_whoever_waits_in_the_background_hears_why_it_will_not_be_ready() -> None:

@@ -82,7 +82,7 @@ def test_what_an_entry_lacks_and_what_does_not_fit_is_named() -> None:
     assert "sources.scan.timeout = 99: expected float <= 10.0 (s; 0.01 to 10)" in text
     assert "no parameter 'sources.scan.tpoic'" in text
     assert _refusal({"zones.front.p": 0, "zones.front.i": "much"}).startswith("/r1/base: zones.front.i = 'much'")
-    assert _refusal({**SCAN, "sources.scan.gains.i": 2.0}) == "/r1/base: p is less than i"
+    assert _refusal({**SCAN, "sources.scan.gains.i": 2.0}) == "/r1/base: sources.scan: p is less than i"
 
 
 @pytest.mark.parametrize("name", ["a b", "a.b", "", "*", "a/b", "-"])
@@ -145,7 +145,7 @@ def test_mistakes_are_told_by_the_names_that_they_are_about() -> None:
         "sources.scan.timeout": "base: sources.scan has no topic"
     }
     contradiction = {"sources.scan.topic": "scan", "sources.scan.gains.i": 9.0, "speed": 2.0}
-    assert mistakes(Parameters, contradiction, "base") == {"sources.scan.gains.i": "base: p is less than i"}
+    assert mistakes(Parameters, contradiction, "base") == {"sources.scan.gains.i": "base: sources.scan: p is less than i"}
 
 
 def test_text_on_a_command_line_stays_text_where_it_is_declared_so() -> None:
