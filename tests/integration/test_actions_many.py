@@ -200,7 +200,7 @@ def test_a_plain_client_counts_as_the_page_says(session: zenoh.Session, endpoint
     example = Path(__file__).parents[2] / "examples" / "fibonacci_client.py"
 
     class Counting(Node):
-        @action("fibonacci", rate=100.0)
+        @action("fibonacci", rate=4.0)
         def fibonacci(self, goal: Fibonacci.Goal) -> Generator[Fibonacci.Feedback, None, Fibonacci.Result]:
             sequence = [0, 1]
             for _ in range(goal.order):
