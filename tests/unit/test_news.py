@@ -100,7 +100,10 @@ def test_what_waits_in_vain_is_named() -> None:
     desk = Desk("a")
     desk.processes["/r1/b"] = FakeProcess(process_plan("/r1/b", {"/r1/a": "ready"})).wait()
     desk.news.changed(desk["a"].fail(), closing=False)
-    assert desk.journal.warned == ["a ended with exit code 1; it is not started again: robo start a does that", "b is not started: it needs a ready"]
+    assert desk.journal.warned == [
+        "a ended with exit code 1; it is not started again: robo start a does that",
+        "b is not started: it needs a ready",
+    ]
 
 
 def test_whoever_waits_in_the_background_hears_why_it_will_not_be_ready() -> None:

@@ -145,7 +145,8 @@ def test_mistakes_are_told_by_the_names_that_they_are_about() -> None:
         "sources.scan.timeout": "base: sources.scan has no topic"
     }
     contradiction = {"sources.scan.topic": "scan", "sources.scan.gains.i": 9.0, "speed": 2.0}
-    assert mistakes(Parameters, contradiction, "base") == {"sources.scan.gains.i": "base: sources.scan: p is less than i"}
+    text = "base: sources.scan: p is less than i"
+    assert mistakes(Parameters, contradiction, "base") == {"sources.scan.gains.i": text}
 
 
 def test_text_on_a_command_line_stays_text_where_it_is_declared_so() -> None:
