@@ -1,10 +1,11 @@
-"""What a launch needs of this machine and is not there: programs, and files that arguments name."""
+"""What a launch needs of this machine and is not there: programs, modules, and files that arguments name."""
 
 import os
 import shutil
 from pathlib import Path
 
 from robo.launch.resolve import Resolution
+from robo.packages.absent import absent
 from robo.text.tree import Problem
 
 
@@ -24,6 +25,16 @@ def programs(found: Resolution, search: str) -> list[Problem]:
             path=process.env.get("PATH", search),
         )
         is None
+    ]
+
+
+def modules(found: Resolution) -> list[Problem]:
+    """Modules that node classes say they import when they run, and that are not installed; each with what brings it."""
+    return [
+        Problem(found.positions[process.full_name], f"{process.full_name}: {text}")
+        for process in found.plan.processes
+        if process.full_name in found.contracts
+        for text in absent(found.contracts[process.full_name].requires)
     ]
 
 

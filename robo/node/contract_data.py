@@ -100,6 +100,8 @@ class ContractData(msgspec.Struct, frozen=True, kw_only=True):
     actions: tuple[ActionData, ...] = ()
     action_clients: tuple[ActionClientData, ...] = ()
     checks: tuple[CheckData, ...] = ()
+    requires: dict[str, str] = {}
+    """Modules that it imports only when it runs, and what to install for each."""
 
     @property
     def parameter_types(self) -> dict[str, str]:

@@ -44,6 +44,7 @@ def contract_data(cls: type[Declares]) -> ContractData:
         actions=tuple(ActionData(a.action, a.types.name, a.policy, a.turn) for a in contract.actions),
         action_clients=tuple(ActionClientData(c.action, c.types.name, c.timeout) for c in contract.action_clients),
         checks=tuple(CheckData(c.name, c.method) for c in contract.checks),
+        requires=dict(cls.REQUIRES),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar, cast, overload
 
 import msgspec
@@ -46,6 +46,11 @@ class Declares:
     Parameters: ClassVar[type[Parameters]] = Parameters
     IS_MANAGED: ClassVar[bool] = False
     """Whether it has ROS's states of a managed node: that of a `LifecycleNode`."""
+    REQUIRES: ClassVar[Mapping[str, str]] = {}
+    """Modules that it imports only when it runs, and what `pip install` brings each: `{"serial": "pyserial"}`.
+
+    Where one is not there, `robo up` says so before anything starts, and `robo run` before the node does.
+    """
 
 
 class Publisher(Generic[M]):

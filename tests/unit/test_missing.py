@@ -13,6 +13,7 @@ from robo.launch.find import find_manifest, manifests_in, names_manifest, nearby
 from robo.launch.resolve import Resolution, resolve
 from robo.launch.substitution import Word
 from robo.text.tree import Position, Problem
+from tests.support import run_robo
 
 
 @pytest.fixture(autouse=True)
@@ -192,3 +193,38 @@ def test_what_a_node_class_says_of_itself_and_of_values() -> None:
 def test_a_word_is_text_where_its_parameter_is(value: object, parameter_type: str | None, found: object) -> None:
     assert typed(value, parameter_type) == found
     assert type(typed(value, parameter_type)) is type(found)
+
+
+NEEDY = """\
+from typing import ClassVar
+from robo import Node
+
+class Needy(Node):
+    REQUIRES: ClassVar = {"json": "it-is-there", "no_such": "no-such", "no_such.part": "robo-zenoh[such]"}
+"""
+
+
+def test_modules_that_a_node_class_needs_have_to_be_installed() -> None:
+    Path("needy.py").write_text(NEEDY)
+    found = resolution("groups: {g: {nodes: {camera: {service: needy}}}}")
+    assert found.problems == ()
+    assert [str(problem) for problem in missing.modules(found)] == [
+        "m.yaml:1:22: /camera: needs the module no_such, which is not installed: pip install no-such",
+        "m.yaml:1:22: /camera: needs the module no_such.part, which is not installed: pip install 'robo-zenoh[such]'",
+    ]
+
+
+def test_up_refuses_before_anything_starts_and_check_notes() -> None:
+    Path("needy.py").write_text(NEEDY)
+    Path("m.yaml").write_text("groups: {g: {nodes: {other: {run: 'touch began'}, camera: {service: needy}}}}")
+    done = run_robo("up", "m.yaml")
+    assert done.returncode == 1, done.stderr
+    assert "/camera: needs the module no_such, which is not installed: pip install no-such" in done.stderr
+    assert not Path("began").exists()
+    done = run_robo("check", "m.yaml")
+    assert done.returncode == 0, done.stdout
+    assert "pip install no-such" in done.stdout
+    done = run_robo("run", "needy")
+    assert (done.returncode, done.stderr) == (
+        1, "robo: Needy needs the module no_such, which is not installed: pip install no-such\n"
+    )  # fmt: skip

@@ -65,8 +65,8 @@ def _check_one(
     resolution = resolve.resolve(file, given, robot=robot_name, stand_ins=True)
     findings = check(resolution)
     # They may be there where the robot is.
-    programs = missing.programs(resolution, search_path())
-    findings = Findings(findings.faults, faults.in_order([*findings.notes, *programs]))
+    absent_here = [*missing.programs(resolution, search_path()), *missing.modules(resolution)]
+    findings = Findings(findings.faults, faults.in_order([*findings.notes, *absent_here]))
     absent = resolution.stood_in
     if absent:
         text = f"checked without {', '.join(absent)}; give {absent[0]}:=VALUE to check with it"

@@ -57,7 +57,12 @@ def run_up(request: UpRequest, begun: HeadStart | None) -> int:
     found = read()
     problems = found.problems
     if not request.dry_run:
-        problems = (*problems, *missing.programs(found, search_path()), *missing.files(found))
+        problems = (
+            *problems,
+            *missing.programs(found, search_path()),
+            *missing.modules(found),
+            *missing.files(found),
+        )
     if problems:
         return _refuse(problems, request)
     warnings = [*found.loose, *found.warnings, *(problem for problem, _ in unmatched(found))]
