@@ -226,5 +226,5 @@ def test_up_refuses_before_anything_starts_and_check_notes() -> None:
     assert "pip install no-such" in done.stdout
     done = run_robo("run", "needy")
     assert (done.returncode, done.stderr) == (
-        1, "robo: Needy needs the module no_such, which is not installed: pip install no-such\n"
+        1, "error: Needy needs the module no_such, which is not installed: pip install no-such\n"
     )  # fmt: skip

@@ -1,0 +1,274 @@
+"""Talks to a board that drives two wheels: what to say when, and what its answers mean.
+
+    base = ArduinoBase(settings, odometry)
+    base.begin(now)                       # a port was opened
+    port.write(base.say(now, wheels))     # again at `base.due`
+    base.feed(port.read(), now)           # may have moved `odometry`
+
+Pure: no port, no clock; times are s of one monotonic clock. In each period it says speeds and asks for the encoders,
+both at once, so that each period costs one way there and back; it does not wait for what is lost. A line that cannot be
+read, and a reading that cannot be true, are asked for again at once.
+"""
+
+import math
+from collections import deque
+
+import msgspec
+
+from robo_services import arduino_protocol as protocol
+from robo_services.arduino_protocol import Done, Encoders, Invalid, Number, Reader, Unread
+from robo_services.drives import Wheels
+from robo_services.tick_odometry import TickOdometry
+
+KNOCK = 0.1
+"""A board that is asked for the first time is asked again after this time, s; it may be just starting."""
+REMEMBERED = 80
+"""So many bytes of what it last said are told where it is no such board."""
+UNASKED = 20
+"""A board that has said so many readings more than it was asked for does not answer, it talks."""
+CORRECTION = 1.5
+"""How quickly a wheel's speed is corrected, 1/s."""
+PIN_PERIOD = 1.0
+"""The battery is asked for once in this time, s."""
+
+
+class BoardError(Exception):
+    """What is there is no use; says why."""
+
+
+class NotABoard(BoardError):
+    """It does not answer as such a board does."""
+
+
+class BoardSilent(BoardError):
+    """It has answered, and does so no more."""
+
+
+class Settings(msgspec.Struct, frozen=True, kw_only=True):
+    """How the board works."""
+
+    period: float = 1.0 / 30.0
+    """Speeds are said and encoders asked for once in this time, s."""
+    loop_period: float = 0.033
+    """Of the board's own loop, s: what `m` sets is ticks in this time."""
+    trim: float = 3.0
+    """By at most so many ticks per loop a wheel is told to turn faster or slower than wanted, where it does not."""
+    gains: str = ""
+    """Those of the loop, `kp:kd:ki:ko`; empty for those that it has."""
+    battery_pin: int = -1
+    """The analogue pin at which the battery is measured; -1 for none."""
+    start_limit: float = 4.0
+    """For so long a board may start, s."""
+    silence_limit: float = 0.5
+    """For so long it may say nothing that can be read, s."""
+
+
+class Counts(msgspec.Struct):
+    """What has happened so far."""
+
+    readings: int = 0
+    unread: int = 0
+    """Lines that could not be read."""
+    invalid: int = 0
+    """Commands that the board says it could not read."""
+
+
+class ArduinoBase:
+    """One board, on whatever port it is."""
+
+    def __init__(self, settings: Settings, odometry: TickOdometry) -> None:
+        """`odometry` is moved on."""
+        self.counts = Counts()
+        self.unread: deque[bytes] = deque(maxlen=8)
+        """Lines that could not be read, for a log; whoever tells of them takes them out."""
+        self.resets: deque[str] = deque(maxlen=8)
+        """Likewise: what is to be told of a board that has begun anew."""
+        self.battery: int | None = None
+        """What the battery's pin measured last, 0 to 1023."""
+        self.is_known = False
+        """Whether what is at the port has answered as such a board does."""
+        self.due = math.inf
+        """When it has something to say again."""
+        self.measured = -math.inf
+        """When the wheels were last heard of."""
+        self._settings, self._odometry = settings, odometry
+        self._wheels = _WheelSpeed(settings), _WheelSpeed(settings)
+        self.begin(-math.inf)
+
+    def begin(self, now: float) -> None:
+        """A port was opened: nobody knows yet who is there."""
+        self.is_known = False
+        self.battery = None
+        self.due = now
+        self._reader = Reader()
+        self._began, self._heard = now, now
+        self._asked = self._answered = 0
+        self._said = bytearray()
+        self._pin_due = -math.inf
+        self._asks_again = self._is_tuned = False
+        for wheel in self._wheels:
+            wheel.stand()
+
+    def say(self, now: float, wanted: Wheels) -> bytes:
+        """What has to be said now; empty where nothing has.
+
+        Args:
+            now: s.
+            wanted: rad/s.
+
+        Raises:
+            BoardError: what is there is no use.
+        """
+        self._doubt(now)
+        if now < self.due:
+            again, self._asks_again = self._asks_again, False
+            return self._ask() if again else b""
+        s, self._asks_again = self._settings, False
+        if not self.is_known:
+            self.due = now + KNOCK
+            return protocol.END_OF_GARBAGE + self._ask()
+        # Keeps its pace, so that it stays with the board's; after a pause it begins anew.
+        self.due = self.due + s.period if now - self.due < s.period else now + s.period
+        said = self._speeds(wanted) + self._ask()
+        if s.gains and not self._is_tuned:
+            self._is_tuned = True
+            said = protocol.gains(s.gains) + said
+        if s.battery_pin >= 0 and now >= self._pin_due:
+            self._pin_due = now + PIN_PERIOD
+            said += protocol.ask_pin(s.battery_pin)
+        return said
+
+    def feed(self, data: bytes, now: float) -> bool:
+        """Take what the board has said.
+
+        Args:
+            data: whatever has come.
+            now: s.
+
+        Returns:
+            Whether the base has moved on: there is odometry to tell.
+        """
+        self._said = (self._said + data)[-REMEMBERED:]
+        moved = False
+        for one in self._reader.feed(data):
+            match one:
+                case Encoders():
+                    moved = self._take(one, now) or moved
+                case Number() if self.is_known and self._settings.battery_pin >= 0 and 0 <= one.value <= 1023:
+                    self.battery = one.value
+                case Done():
+                    pass
+                case Invalid():
+                    self.counts.invalid += 1
+                case Number():
+                    self._cannot_read(str(one.value).encode())
+                case Unread():
+                    self._cannot_read(one.data)
+        return moved
+
+    def _take(self, reading: Encoders, now: float) -> bool:
+        self._answered += 1
+        self.counts.readings += 1
+        if not self.is_known:
+            # One reading may be anybody's; a board says two that go together, when it is asked.
+            self.is_known = self._answered >= 2
+            self._heard = now
+            if not self.is_known:
+                self._asks_again = True
+                return False
+            self.due = now
+        verdict = self._odometry.take(reading, now)
+        if verdict == "asks":
+            self._asks_again = True
+            return False
+        if verdict == "reset":
+            self._is_tuned = False
+            self.resets.append(f"counts from {reading.left} {reading.right}")
+        self._heard = self.measured = now
+        return True
+
+    def _cannot_read(self, data: bytes) -> None:
+        self._asks_again = True
+        if self.is_known:  # before, it may be in the middle of a line
+            self.counts.unread += 1
+            self.unread.append(data)
+
+    def _ask(self) -> bytes:
+        self._asked += 1
+        return protocol.ASK_ENCODERS
+
+    def _speeds(self, wanted: Wheels) -> bytes:
+        """The command for both wheels."""
+        per_radian, turn = self._odometry.per_radian, self._settings.loop_period
+        rates = self._odometry.rates
+        said = [
+            wheel.ticks(want * per_radian * turn, rate * per_radian * turn)
+            for wheel, want, rate in zip(self._wheels, wanted[:2], rates[:2], strict=True)
+        ]
+        return protocol.speeds(*said)
+
+    def _doubt(self, now: float) -> None:
+        """Give up what does not answer.
+
+        Raises:
+            BoardError: it is no use.
+        """
+        if self._answered > self._asked + UNASKED:
+            raise NotABoard(f"it says numbers that nobody asked for: {self._last_words()}")
+        if self.is_known:
+            if now - self._heard > self._settings.silence_limit:
+                raise BoardSilent(f"no answer for {now - self._heard:.1f} s{self._told()}")
+            return
+        if now - self._began > self._settings.start_limit:
+            if b"Invalid Command" in self._said:
+                hint = "it has the firmware, but knows no encoders: build it with USE_BASE"
+                raise NotABoard(f"{hint}; it says {self._last_words()}")
+            if not self._said:
+                raise NotABoard("it says nothing; is the firmware on it, and the number of bits per second right?")
+            raise NotABoard(f"it does not answer as a board does, or at other bits per second: {self._last_words()}")
+
+    def _told(self) -> str:
+        return f"; last it said {self._last_words()}" if self._said else ""
+
+    def _last_words(self) -> str:
+        return repr(bytes(self._said))[1:]
+
+
+class _WheelSpeed:
+    """Makes whole ticks per loop of a wheel's speed, right in the mean.
+
+    What is rounded off is said next time. A board that computes with whole numbers does not mend errors that are
+    smaller than ko / kp ticks per loop, 2.5 with the gains that the firmware comes with: what is missing by what the
+    encoders say is added.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._most = settings.trim
+        self._step = CORRECTION * settings.period
+        self.stand()
+
+    def stand(self) -> None:
+        """Begin anew."""
+        self._trim = self._rest = self._wanted = 0.0
+
+    def ticks(self, wanted: float, measured: float) -> int:
+        """What to say.
+
+        Args:
+            wanted: ticks per loop.
+            measured: likewise.
+        """
+        if wanted * self._wanted <= 0.0:
+            self.stand()
+        steady, self._wanted = abs(wanted - self._wanted) < 0.5, wanted
+        if abs(wanted) < 0.5 or not math.isfinite(wanted):
+            self.stand()  # slower than the board can count: it would start and stop
+            return 0
+        missing = wanted - measured
+        if steady and abs(missing) <= self._most + 1.0:  # what is more is a wheel that gains speed, or is held
+            self._trim = max(-self._most, min(self._trim + missing * self._step, self._most))
+        exact = wanted + self._trim
+        exact = max(exact, 0.0) if wanted > 0.0 else min(exact, 0.0)
+        said = round(exact + self._rest)
+        self._rest = max(-1.0, min(exact + self._rest - said, 1.0))
+        return said

@@ -1,0 +1,111 @@
+"""How the board of `serial_base` and its wheels are described."""
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+import robo
+from robo import READ_ONLY, Unit
+from robo_services.arrivals import Unstamped
+from robo_services.serial_port import USB_ID
+from robo_services.uncertainty import NOISE, Noise
+
+Length = Annotated[float, Meta(ge=0.001, le=100), Unit("m"), READ_ONLY]
+Multiplier = Annotated[float, Meta(ge=0.1, le=10), READ_ONLY]
+
+
+class SerialBaseParameters(robo.Parameters):
+    """The board and its wheels."""
+
+    port: Annotated[str, Meta(description="its device, such as /dev/ttyUSB0; empty: usb_id"), READ_ONLY] = ""
+    usb_id: Annotated[
+        str,
+        Meta(
+            pattern=USB_ID,
+            description="maker and product on USB, such as 2341:0043, :SERIAL behind it; empty: the only one there",
+        ),
+        READ_ONLY,
+    ] = ""
+    baud: Annotated[
+        int, Meta(ge=1200, le=4_000_000, description="bits per second, the firmware's BAUDRATE"), READ_ONLY
+    ] = 57_600
+    ticks_per_revolution: Annotated[
+        float, Meta(ge=1, le=1e7, description="what an encoder counts in a revolution of its wheel"), READ_ONLY
+    ] = 1440.0
+    counter_bits: Annotated[
+        Literal[16, 32], Meta(description="of a counter, which then begins anew; the firmware has 32"), READ_ONLY
+    ] = 32
+    loop_period: Annotated[
+        float,
+        Meta(ge=0.001, le=1, description="of the board's loop: its speeds are ticks in this time"),
+        Unit("s"),
+        READ_ONLY,
+    ] = 0.033
+    gains: Annotated[
+        str,
+        Meta(pattern=r"^([0-9]{1,5}(:[0-9]{1,5}){3})?$", description="kp:kd:ki:ko; empty: those that the board has"),
+        READ_ONLY,
+    ] = ""
+    trim: Annotated[
+        float,
+        Meta(ge=0, le=100, description="at most so many ticks per loop are added where a wheel is slow, or fast"),
+        READ_ONLY,
+    ] = 3.0
+    wheel_separation: Annotated[Length, Meta(description="between the wheels of the two sides")] = 0.3
+    wheel_radius: Annotated[Length, Meta(description="radius of a wheel")] = 0.05
+    wheel_separation_multiplier: Annotated[
+        Multiplier, Meta(description="corrects it, as found by turning on the spot")
+    ] = 1.0
+    left_wheel_radius_multiplier: Annotated[
+        Multiplier, Meta(description="corrects it, as found by driving straight")
+    ] = 1.0
+    right_wheel_radius_multiplier: Annotated[Multiplier, Meta(description="likewise")] = 1.0
+    max_wheel_velocity: Annotated[
+        float,
+        Meta(ge=0.01, le=10_000, description="a faster command is scaled down on its curve; no wheel turns faster"),
+        Unit("rad/s"),
+        READ_ONLY,
+    ] = 20.0
+    rate: Annotated[
+        float,
+        Meta(ge=5, le=200, description="speeds said, encoders asked for and odometry told per second"),
+        Unit("Hz"),
+        READ_ONLY,
+    ] = 30.0
+    cmd_vel_timeout: Annotated[
+        float, Meta(ge=0.01, le=10, description="stand still without a command for this long"), Unit("s")
+    ] = 0.5
+    start_timeout: Annotated[
+        float, Meta(ge=0.5, le=60, description="a board may start for this long"), Unit("s"), READ_ONLY
+    ] = 4.0
+    answer_timeout: Annotated[
+        float,
+        Meta(ge=0.1, le=10, description="a board that says nothing for this long is asked anew who it is"),
+        Unit("s"),
+        READ_ONLY,
+    ] = 0.5
+    command_source: Annotated[
+        str,
+        Meta(description="whose commands alone move it: a node, plain (Zenoh clients), or empty: the first node"),
+        READ_ONLY,  # else whoever may set a parameter may drive
+    ] = ""
+    unstamped: Unstamped = True
+    noise: Noise = NOISE
+    odom_frame_id: Annotated[str, Meta(description="the frame of odometry's poses"), READ_ONLY] = "odom"
+    base_frame_id: Annotated[str, Meta(description="the frame of odometry's velocities"), READ_ONLY] = "base_link"
+    enable_odom_tf: Annotated[bool, Meta(description="whether tf says where the base stands in odom")] = True
+    joint_states: Annotated[bool, Meta(description="publish joint_states: how far wheels have turned"), READ_ONLY] = (
+        False
+    )
+    left_wheel_name: Annotated[str, Meta(min_length=1, description="the left wheel's joint"), READ_ONLY] = (
+        "left_wheel_joint"
+    )
+    right_wheel_name: Annotated[str, Meta(min_length=1, description="the right wheel's joint"), READ_ONLY] = (
+        "right_wheel_joint"
+    )
+    battery_pin: Annotated[
+        int, Meta(ge=-1, le=63, description="the analogue pin that measures the battery; -1: none"), READ_ONLY
+    ] = -1
+    battery_full_scale: Annotated[
+        float, Meta(ge=0.1, le=1000, description="the battery's voltage at which the pin says 1023"), Unit("V")
+    ] = 5.0

@@ -1,0 +1,277 @@
+"""A base and its board, played: what comes of speeds that are said over a wire that spoils lines."""
+
+import math
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robo_services.arduino_base import ArduinoBase, BoardSilent, NotABoard, Settings
+from robo_services.arduino_protocol import Encoders
+from robo_services.board import Board, BoardSpec, Wire
+from robo_services.drives import DiffDrive, Wheels
+from robo_services.kinematics import Twist2
+from robo_services.tick_odometry import TickOdometry
+
+DRIVE = DiffDrive(wheel_separation=0.3, wheel_radius=0.05, max_wheel_velocity=20.0)
+PER_REVOLUTION = 1440.0
+LATENCY = 0.002
+
+
+class Played:
+    """A base and its board with a wire between them, and time that passes as it is told to."""
+
+    def __init__(
+        self, spec: BoardSpec | None = None, settings: Settings | None = None, wire: Wire | None = None
+    ) -> None:
+        self.board = Board(spec or BoardSpec(), seed=3)
+        self.odometry = TickOdometry(DRIVE, PER_REVOLUTION, bits=self.board.spec.bits)
+        self.base = ArduinoBase(settings or Settings(), self.odometry)
+        self.wire = wire or Wire()
+        self.now = 100.0
+        self.plugged = True
+        self.base.begin(self.now)
+
+    def run(self, seconds: float, twist: Twist2 = Twist2()) -> None:  # noqa: B008 - it cannot be changed
+        end = self.now + seconds
+        while self.now < end:
+            self._to(self.board_time(end))
+            said = self.base.say(self.now, DRIVE.wheels(twist))
+            if said and self.plugged:
+                self._to(self.now + LATENCY)
+                self.board.receive(said)
+                heard = self.wire.passes(self.board.said())
+                self._to(self.now + LATENCY)
+                self.base.feed(heard, self.now)
+
+    def board_time(self, end: float) -> float:
+        return min(end, max(self.base.due, self.now + 0.001))
+
+    def _to(self, now: float) -> None:
+        self.board.advance(now - self.now)
+        self.now = now
+
+    @property
+    def error(self) -> float:
+        """Between where odometry has it and where it is, m."""
+        pose, true = self.odometry.track.pose, self.board.pose
+        return math.hypot(pose.x - true.x, pose.y - true.y)
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.1, 0.2, -0.3, 0.5, 0.9])
+@pytest.mark.parametrize("gains", ["", "20:0:0:20"])
+def test_commanded_speeds_arrive_as_ticks(speed: float, gains: str) -> None:
+    played = Played(BoardSpec(noise=0.05), Settings(gains=gains))
+    played.run(3.0, Twist2(speed))
+    before = played.board.encoders
+    played.run(10.0, Twist2(speed))
+    after = played.board.encoders
+    wanted = speed / 0.05 * PER_REVOLUTION / math.tau * 10.0
+    for old, new in zip(before, after, strict=True):
+        assert new - old == pytest.approx(wanted, rel=0.02)
+
+
+def test_odometry_is_true_over_100_m() -> None:
+    played = Played(BoardSpec(noise=0.05), wire=Wire(garbled=0.01, cut=0.01))
+    for leg in range(20):
+        played.run(8.0, Twist2(0.6))
+        played.run(2.0, Twist2(0.1, 0.8 if leg % 3 else -0.8))
+    played.run(1.0)
+    assert played.board.way > 95.0
+    assert played.wire.spoiled > 50
+    assert played.error < 0.01 * played.board.way
+    assert ticks(played.odometry) == played.board.encoders, "no tick is lost"
+    assert played.odometry.resets == 0
+    assert played.base.counts.unread > 50
+
+
+def ticks(odometry: TickOdometry) -> Encoders:
+    left, right, _ = odometry.turned
+    return Encoders(round(left * odometry.per_radian), round(right * odometry.per_radian))
+
+
+@pytest.mark.parametrize("bits", [16, 32])
+def test_counters_wrap_around(bits: int) -> None:
+    played = Played(BoardSpec(bits=bits))
+    played.run(0.5)
+    played.run(20.0, Twist2(0.9))
+    assert played.board.pose.x > 15.0
+    assert (played.board.encoders.left < 30_000) == (bits == 16)
+    played.run(1.0)
+    assert played.error < 0.01
+
+
+@pytest.mark.parametrize("driven", [0.1, 0.4, 1.0, 5.0])
+@pytest.mark.parametrize("starting", [0.0, 0.2, 1.5])
+@pytest.mark.parametrize("speed", [0.1, 0.5, -0.5])
+def test_a_board_that_begins_anew_makes_no_jump(driven: float, starting: float, speed: float) -> None:
+    played = Played(BoardSpec(starting=starting), Settings(silence_limit=10.0))
+    played.run(0.5)
+    played.run(driven, Twist2(speed))
+    played.board.reset()
+    for _ in range(round((starting + 0.3) / 0.01)):
+        before = played.odometry.track.pose
+        played.run(0.01, Twist2(speed))
+        assert abs(played.odometry.track.pose.x - before.x) < 0.06
+    lost = played.error
+    assert lost < 0.02 + abs(speed) * 0.1, "what it coasted while nobody counted"
+    played.run(3.0, Twist2(speed))
+    played.run(0.5)
+    assert played.error < lost + 0.01, "it goes on from there"
+    assert played.odometry.resets <= 1
+
+
+def test_a_wheel_that_is_jolted_is_followed() -> None:
+    odometry = TickOdometry(DRIVE, PER_REVOLUTION)
+    for step in range(20):
+        odometry.take(Encoders(10_000, 10_000), 100.0 + step * 0.033)
+    assert odometry.take(Encoders(10_400, 10_000), 100.7) == "asks"
+    assert odometry.take(Encoders(10_400, 10_002), 100.705) == "moves"
+    assert odometry.turned.left == pytest.approx(400 / odometry.per_radian)
+    assert odometry.refused == odometry.resets == 0
+
+
+def test_a_number_that_was_garbled_moves_nothing() -> None:
+    odometry = TickOdometry(DRIVE, PER_REVOLUTION)
+    for step in range(20):
+        odometry.take(Encoders(10_000 + 30 * step, 10_000 + 30 * step), 100.0 + step * 0.033)
+    assert odometry.take(Encoders(19_600, 10_600), 100.66) == "asks"
+    assert odometry.take(Encoders(10_602, 10_601), 100.665) == "moves"
+    assert odometry.turned.left == pytest.approx(602 / odometry.per_radian)
+    assert (odometry.refused, odometry.resets) == (1, 0)
+
+
+def test_a_base_that_drives_back_through_where_it_was_started_has_not_begun_anew() -> None:
+    played = Played()
+    played.run(0.5)
+    for speed in (0.4, -0.4, -0.4, 0.4):
+        played.run(2.0, Twist2(speed))
+    played.run(1.0)
+    assert (played.odometry.resets, ticks(played.odometry)) == (0, played.board.encoders)
+
+
+def test_the_wheels_stand_by_the_boards_own_watchdog() -> None:
+    played = Played()
+    played.run(2.0, Twist2(0.9))
+    played.plugged = False
+    played.run(0.3, Twist2(0.9))
+    assert played.board.rates == Wheels(0.0, 0.0)
+    with pytest.raises(BoardSilent, match=r"no answer for 0\.5 s; last it said b?'"):
+        played.run(1.0)
+    played.plugged = True
+    played.base.begin(played.now)
+    played.run(1.0, Twist2(0.5))
+    played.run(0.5)
+    assert ticks(played.odometry) == played.board.encoders, "what it coasted unheard is counted too"
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        (b"", "it says nothing; is the firmware on it"),
+        (b"$GPGGA,092750.000,5321.6802,N,00630.3372,W\r\n", "it does not answer as a board does.*GPGGA"),
+        (b"\x54\x2c\x68\x08\xab\x7e", r"it does not answer as a board does.*T,h\\x08"),
+        (b"Invalid Command\r\n", "it knows no encoders|knows no encoders: build it with USE_BASE"),
+    ],
+)
+def test_what_does_not_answer_as_a_board_is_refused_with_its_bytes(said: bytes, why: str) -> None:
+    base = ArduinoBase(Settings(), TickOdometry(DRIVE, PER_REVOLUTION))
+    base.begin(100.0)
+    words = set()
+
+    def talk() -> None:
+        for step in range(200):
+            words.add(base.say(100.0 + step * 0.1, Wheels(5.0, 5.0)))
+            base.feed(said, 100.05 + step * 0.1)
+
+    with pytest.raises(NotABoard, match=why):
+        talk()
+    assert words <= {b"\re\r", b"e\r", b""}, "nothing moves until it is known who is there"
+
+
+def test_who_says_numbers_unasked_is_no_board() -> None:
+    base = ArduinoBase(Settings(), TickOdometry(DRIVE, PER_REVOLUTION))
+    base.begin(100.0)
+
+    def talk() -> None:
+        for step in range(200):
+            base.say(100.0 + step * 0.01, Wheels(0.0, 0.0))
+            base.feed(b"12 34\r\n" * 3, 100.0 + step * 0.01)
+
+    with pytest.raises(NotABoard, match="nobody asked"):
+        talk()
+
+
+def test_gains_are_said_once_and_again_to_a_board_that_begins_anew() -> None:
+    played = Played(settings=Settings(gains="20:0:0:20"))
+    said = []
+    received = played.board.receive
+    played.board.receive = lambda data: (said.append(data), received(data))[1]  # type: ignore[func-returns-value, method-assign]
+    played.run(3.0, Twist2(0.5))
+    assert sum(b"u 20:0:0:20" in line for line in said) == 1
+    played.board.reset()
+    played.run(1.0, Twist2(0.5))
+    assert sum(b"u 20:0:0:20" in line for line in said) == 2
+
+
+def test_the_battery_is_asked_for_once_a_second() -> None:
+    played = Played(settings=Settings(battery_pin=0))
+    played.run(2.0)
+    assert played.base.battery == 791
+    assert Played().base.battery is None
+
+
+STREAMS = st.lists(
+    st.one_of(
+        st.binary(max_size=200),
+        st.tuples(st.integers(-(2**40), 2**40), st.integers(-(2**40), 2**40)).map(lambda two: b"%d %d\r\n" % two),
+        st.sampled_from([b"OK\r\n", b"Invalid Command\r\n", b"0 0\r\n", b"7 ", b"\n", b"A" * 5000]),
+    ),
+    max_size=40,
+)
+
+
+def check_a_stream(stream: list[bytes], *, known: bool) -> None:
+    base = ArduinoBase(Settings(), odometry := TickOdometry(DRIVE, PER_REVOLUTION))
+    base.begin(now := 100.0)
+    if known:
+        for _ in range(2):
+            base.say(now, Wheels(0.0, 0.0))
+            base.feed(b"1000 1000\r\n", now)
+            now += 0.05
+    for data in stream:
+        before, heard = odometry.track.pose, base.measured
+        try:
+            base.say(now, Wheels(1.0, 1.0))
+        except NotABoard:
+            base.begin(now)
+        moved = base.feed(data, now)
+        pose = odometry.track.pose
+        assert all(map(math.isfinite, (*pose, *odometry.track.covariance)))
+        # In so short a time no wheel turns further, whatever the line says.
+        elapsed = min(max(now - heard, 0.1), 1.0) + 0.1 * data.count(b" ")
+        assert math.hypot(pose.x - before.x, pose.y - before.y) <= 20.0 * 1.5 * elapsed * 0.05
+        assert moved or pose == before
+        assert len(base._said) <= 80
+        assert len(base._reader._line) <= 64
+        assert len(base.unread) <= 8
+        now += 0.01
+
+
+@settings(max_examples=500, deadline=None)
+@given(STREAMS, st.booleans())
+def test_whatever_comes_is_no_wrong_value(stream: list[bytes], known: bool) -> None:
+    check_a_stream(stream, known=known)
+
+
+def test_ten_thousand_random_streams() -> None:
+    dice = random.Random(19)
+    letters = b"0123456789 -\r\n\r\nOKe"
+    for number in range(10_000):
+        stream = []
+        for _ in range(dice.randrange(12)):
+            length = dice.randrange(60)
+            near_a_boards = dice.random() < 0.5
+            stream.append(bytes(dice.choices(letters, k=length)) if near_a_boards else dice.randbytes(length))
+        check_a_stream(stream, known=number % 2 == 0)
