@@ -106,6 +106,32 @@ def test_real_robot_yaml_drives_slower_and_needs_its_safety_monitor() -> None:
     assert by_name(blind)["/r1/safety_monitor"].parameters["laser"] is False
 
 
+def test_real_robot_yaml_takes_a_serial_port() -> None:
+    plan = shipped("real_robot.yaml", port=Word("/dev/ttyUSB0"))
+    found = by_name(plan)
+    base = found["/r1/serial_base"]
+    assert (base.service, base.restart.policy) == ("robo_services.serial_base", "on-failure")
+    assert {"port": "/dev/ttyUSB0", "command_source": "safety_monitor"}.items() <= base.parameters.items()
+    assert found["/r1/safety_monitor"].parameters["laser"] is True
+    topics = {topic.key: topic for topic in plan.topics}
+    assert (topics["r1/odom"].external, topics["r1/scan"].external) == (False, True)
+    assert not {"/r1/base", "/r1/emulated_board"} & {*found}
+    own = by_name(shipped("real_robot.yaml", port=Word("/dev/ttyUSB0"), base_service="robo_services.diff_drive_sim"))
+    assert "/r1/serial_base" not in own
+
+
+@pytest.mark.parametrize(("port", "link"), [("", "/tmp/r1_board"), ("/tmp/mine", "/tmp/mine")])
+def test_real_robot_yaml_plays_the_board(port: str, link: str) -> None:
+    plan = shipped("real_robot.yaml", emulate=Word("true"), port=Word(port))
+    found = by_name(plan)
+    assert found["/r1/serial_base"].parameters["port"] == link
+    assert found["/r1/emulated_board"].parameters["link"] == link
+    assert found["/r1/safety_monitor"].parameters["laser"] is False, "it has none"
+    topics = {topic.key: topic for topic in plan.topics}
+    assert not topics["r1/odom"].external
+    assert (topics["r1/scan"].external, topics["r1/scan"].min_rate) == (True, None)
+
+
 def test_an_argument_without_a_default_has_to_be_given() -> None:
     with pytest.raises(ManifestError, match=r"m\.yaml needs speed \(of the base\); give it as speed:=VALUE"):
         load("args: {speed: {type: float, description: of the base}}")
