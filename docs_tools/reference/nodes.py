@@ -22,7 +22,16 @@ WITHOUT_UNIT = {
     "diff_drive_controller.right_wheel_radius_multiplier",
     "diff_drive_controller.wheel_separation_multiplier",
     "diff_drive_sim.real_time_factor",
+    "emulated_board.cut",
+    "emulated_board.garbled",
+    "emulated_board.noise",
+    "emulated_board.ticks_per_revolution",
     "joy.deadzone",
+    "serial_base.left_wheel_radius_multiplier",
+    "serial_base.right_wheel_radius_multiplier",
+    "serial_base.ticks_per_revolution",
+    "serial_base.trim",
+    "serial_base.wheel_separation_multiplier",
     "safety_monitor.zones.*.share",
 }
 """Numbers with a point that are ratios; all others have a unit."""

@@ -15,10 +15,12 @@ from robo_services.carmen_player import CarmenPlayer
 from robo_services.diagnostic_aggregator import DiagnosticAggregator
 from robo_services.diff_drive_controller import DiffDriveController
 from robo_services.diff_drive_sim import DiffDriveSim
+from robo_services.emulated_board import EmulatedBoard
 from robo_services.joy import Joy
 from robo_services.position_tracker import PositionTracker
 from robo_services.robot_state_publisher import RobotStatePublisher
 from robo_services.safety_monitor import SafetyMonitor
+from robo_services.serial_base import SerialBase
 from robo_services.teleop_joy import TeleopJoy
 from robo_services.teleop_keyboard import TeleopKeyboard
 from robo_services.twist_mux import TwistMux
@@ -32,10 +34,12 @@ SHIPPED = [
     DiagnosticAggregator,
     DiffDriveController,
     DiffDriveSim,
+    EmulatedBoard,
     Joy,
     PositionTracker,
     RobotStatePublisher,
     SafetyMonitor,
+    SerialBase,
     TeleopJoy,
     TeleopKeyboard,
     TwistMux,
@@ -69,8 +73,10 @@ def given(tmp_path: Path) -> Iterator[dict[type[Node], dict[str, object]]]:
     (tmp_path / "log").write_text("ODOM 1 2 0 0 0 0 100.0 robot 0.1\nODOM 1 2 0 0 0 0 100.2 robot 0.2\n")
     yield {
         CarmenPlayer: {"log": str(tmp_path / "log"), "delay": 3600},
+        EmulatedBoard: {"link": str(tmp_path / "board")},
         Joy: {"device": str(pad)},
         RobotStatePublisher: {"robot_description": '<robot name="r"><link name="base_link"/></robot>'},
+        SerialBase: {"port": str(tmp_path / "no_board")},
         TeleopKeyboard: {"terminal": os.ttyname(terminal)},
     }
     os.close(screen)

@@ -40,6 +40,8 @@ def modules_after(code: str) -> set[str]:
         "import robo_services.diagnostic_aggregator, robo.process.node",
         "import robo_services.diff_drive_controller, robo.process.node",
         "import robo_services.robot_state_publisher, robo.process.node",
+        "import robo_services.emulated_board, robo.process.node",
+        "import robo_services.serial_base, robo.process.node",
         "import robo_services.teleop_keyboard, robo.process.node",
         "import robo_services.teleop_joy, robo.process.node",
         "import robo_services.joy, robo.process.node",
