@@ -20,7 +20,7 @@ import zenoh
 
 from robo.environment import CONNECT_VARIABLE, KILL_TEST_VARIABLE, LOG_FOLDER_VARIABLE
 from robo.errors import NetworkError
-from robo.machine import orphans
+from robo.machine import orphans, serial_ports
 from robo.machine.cgroup import ControlGroup
 from robo.machine.log_files import log_base
 from robo.tools import nodes, runs, topics
@@ -54,8 +54,14 @@ class Finding(msgspec.Struct, frozen=True):
     """What to do, where there is something to do."""
 
 
-def examine(connect: Sequence[str], *, kill_test: bool = False) -> Iterator[Finding]:
-    """All checks, one after the other."""
+def examine(connect: Sequence[str], *, kill_test: bool = False, ask_ports: bool = False) -> Iterator[Finding]:
+    """All checks, one after the other.
+
+    Args:
+        connect: where a robot is looked for.
+        kill_test: whether a robot is started and killed.
+        ask_ports: whether serial ports are asked who is there.
+    """
     checks: list[Callable[[], Finding]] = [
         python,
         packages,
@@ -74,6 +80,7 @@ def examine(connect: Sequence[str], *, kill_test: bool = False) -> Iterator[Find
     ]
     for check in checks:
         yield check()
+    yield from ports(ask=ask_ports)
     if kill_test:
         yield kill_and_look()
 
@@ -259,6 +266,45 @@ def no_orphans() -> Finding:
         group.remove()
         means.append("a control group")
     return Finding("orphans", "ok", ", ".join(means))
+
+
+def ports(*, ask: bool) -> Iterator[Finding]:
+    """The serial ports, whether this user may open them, and, if wanted, who answers."""
+    there = serial_ports.found()
+    if not there:
+        yield Finding("serial", "ok", "no serial port is there")
+    for one in there:
+        yield _port(one, ask=ask)
+
+
+def _port(one: serial_ports.SerialPort, *, ask: bool) -> Finding:
+    if not serial_ports.may_open(one):
+        group = serial_ports.group_of(one)
+        fix = (
+            f"sudo usermod -aG {group} $USER, and log in again"
+            if group
+            else "give this user the right to read and write it"
+        )
+        return Finding("serial", "note", f"{one}: this user may not open it", fix)
+    held = serial_ports.holders(one)
+    if held:
+        return Finding("serial", "ok", f"{one} is open in process {', '.join(map(str, held))}")
+    if not ask:
+        return Finding("serial", "ok", f"{one} can be opened", "robo doctor --ask-ports asks it for a base's encoders")
+    try:
+        answer = serial_ports.ask(one)
+    except OSError as error:
+        return Finding("serial", "note", f"{one}: {error.strerror}")
+    if answer is None:
+        return Finding("serial", "ok", f"{one} is open elsewhere")
+    if answer.reading:
+        text = (
+            f"{one} answers as the board of a base, its encoders are at {answer.reading}, {answer.baud} bits per second"
+        )
+        return Finding("serial", "ok", text, f"robo up real_robot.yaml port:={one.path}")
+    if answer.said:
+        return Finding("serial", "note", f"{one} does not answer as the board of a base: {answer.said[:60]!r}")
+    return Finding("serial", "note", f"{one} says nothing", "is the firmware on it? docs: the first real robot")
 
 
 _TROUBLEMAKER = """\

@@ -1,10 +1,18 @@
 """What the doctor finds on a machine that is made up."""
 
+import fcntl
+import os
+import select
+import threading
+import tty
 from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
 
 import pytest
 
-from robo.machine import orphans
+from robo.machine import orphans, serial_ports
 from robo.tools import doctor
 
 
@@ -32,3 +40,81 @@ def test_what_stays_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found.verdict == "fault"
     assert "7, 8" in found.message
     assert found.fix == "the next robo up ends them"
+
+
+@contextmanager
+def port(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[int, Path]]:
+    """A pseudo-terminal in the place of /dev/ttyUSB0: our end, and where it is."""
+    ours, theirs = os.openpty()
+    tty.setraw(theirs)
+    path = folder / "ttyUSB0"
+    path.symlink_to(os.ttyname(theirs))
+    monkeypatch.setattr(serial_ports, "PATTERNS", (f"{folder}/ttyUSB*",))
+    monkeypatch.setattr(serial_ports, "holders", lambda _: [])  # we are
+    monkeypatch.setattr(serial_ports, "STARTING", 0.5)
+    try:
+        yield ours, path
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_serial_ports_are_listed_and_asked_only_when_told_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serial_ports, "PATTERNS", (f"{tmp_path}/ttyUSB*",))
+    assert [one.message for one in doctor.ports(ask=True)] == ["no serial port is there"]
+    with port(tmp_path, monkeypatch) as (ours, path):
+        (found,) = doctor.ports(ask=False)
+        assert (found.verdict, found.message) == ("ok", f"{path} can be opened")
+        assert "--ask-ports" in found.fix
+        assert not is_readable(ours), "nothing was said to it"
+        monkeypatch.setattr(serial_ports, "holders", lambda _: [7])
+        (found,) = doctor.ports(ask=True)
+        assert found.message == f"{path} is open in process 7"
+        assert not is_readable(ours)
+        monkeypatch.setattr(serial_ports, "holders", lambda _: [])
+        monkeypatch.setattr(serial_ports, "may_open", lambda _: False)
+        (found,) = doctor.ports(ask=True)
+        assert (found.verdict, found.fix.partition(" $")[0].rpartition(" ")[0]) == ("note", "sudo usermod -aG")
+
+
+@pytest.mark.parametrize(
+    ("says", "told"),
+    [
+        (b"Invalid Command\r\n12 -7\r\n", "answers as the board of a base, its encoders are at 12 -7, 57600 bits"),
+        (b"$GPGGA,092750.000,5321.6802,N\r\n", "does not answer as the board of a base: b'$GPGGA"),
+        (b"", "says nothing"),
+    ],
+)
+def test_who_is_at_a_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, says: bytes, told: str) -> None:
+    with port(tmp_path, monkeypatch) as (ours, path):
+
+        def answer() -> None:
+            while not over.is_set():
+                if is_readable(ours):
+                    os.read(ours, 100)
+                    os.write(ours, says)
+
+        over = threading.Event()
+        board = threading.Thread(target=answer)
+        board.start()
+        try:
+            (one,) = serial_ports.found()
+            monkeypatch.setattr(serial_ports, "ask", partial(serial_ports.ask, starting=0.6))
+            (found,) = doctor.ports(ask=True)
+        finally:
+            over.set()
+            board.join()
+        assert found.message.startswith(f"{path} {told}")
+        assert one == serial_ports.SerialPort(str(path))
+
+
+def test_a_port_that_somebody_has_locked_is_not_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with port(tmp_path, monkeypatch) as (ours, path), path.open("rb", buffering=0) as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        (found,) = doctor.ports(ask=True)
+        assert found.message == f"{path} is open elsewhere"
+        assert not is_readable(ours)
+
+
+def is_readable(fd: int) -> bool:
+    return bool(select.select([fd], [], [], 0.05)[0])

@@ -106,6 +106,7 @@ def net(
     "doctor",
     "robo doctor",
     "robo doctor --kill-test",
+    "robo doctor --ask-ports",
     "robo doctor --json",
     short_help="Check this machine.",
 )
@@ -114,12 +115,19 @@ def doctor(
     kill_test: Annotated[
         bool, typer.Option("--kill-test", help="Start a robot, kill -9 its supervisor, and look whether all is gone.")
     ] = False,
+    ask_ports: Annotated[
+        bool,
+        typer.Option(
+            "--ask-ports",
+            help="Ask each serial port that nobody has open for a base's encoders; whatever is there gets these bytes.",
+        ),
+    ] = False,
     json: JsonLines = False,
 ) -> int:
-    """Check this machine: Python, packages, ports, multicast, router, clock, permissions, leftovers.
+    """Check this machine: Python, packages, ports, multicast, router, clock, permissions, leftovers, serial ports.
 
     Exit code: 0 all is well, 1 something has to be mended.
     """
     from robo.cli.views.doctor import examine
 
-    return examine(kill_test=kill_test, json=json, connect=reach.connect)
+    return examine(kill_test=kill_test, ask_ports=ask_ports, json=json, connect=reach.connect)

@@ -9,14 +9,14 @@ from robo.tools import doctor
 _MARKS = {"ok": ("ok", colours.GREEN), "note": ("note", colours.YELLOW), "fault": ("FAULT", colours.RED)}
 
 
-def examine(*, kill_test: bool, json: bool, connect: Sequence[str]) -> int:
+def examine(*, kill_test: bool, ask_ports: bool, json: bool, connect: Sequence[str]) -> int:
     """Run the checks and print each at once.
 
     Returns:
         The exit code.
     """
     faults = 0
-    for finding in doctor.examine(connect, kill_test=kill_test):
+    for finding in doctor.examine(connect, kill_test=kill_test, ask_ports=ask_ports):
         faults += finding.verdict == "fault"
         if json:
             print_json(finding)
