@@ -11,6 +11,7 @@ import zenoh
 from robo import Node, ParameterError
 from robo.node.contract import contract_of
 from robo.parameters.hints import ParameterInfo
+from robo_services.calibrate_base import CalibrateBase
 from robo_services.carmen_player import CarmenPlayer
 from robo_services.diagnostic_aggregator import DiagnosticAggregator
 from robo_services.diff_drive_controller import DiffDriveController
@@ -30,6 +31,7 @@ from robo_services.waypoint_follower import WaypointFollower
 from tests.support import eventually
 
 SHIPPED = [
+    CalibrateBase,
     CarmenPlayer,
     DiagnosticAggregator,
     DiffDriveController,
