@@ -19,7 +19,7 @@ import msgspec
 ROOT = Path(__file__).parents[2]
 
 SECTIONS = {
-    "Begin here": ("index", "tutorial", "create", "node", "own_base", "testing", "packages"),
+    "Begin here": ("index", "tutorial", "create", "node", "own_base", "real_robot", "testing", "packages"),
     "From ROS 2": ("from_ros2", "from_ros2_launch"),
     "Robots": ("running", "launch", "driving", "several_robots", "hosts", "tools", "debugging"),
     "Nodes": (

@@ -20,8 +20,8 @@ Multiplier = Annotated[float, Meta(ge=0.1, le=10), READ_ONLY]
 class CalibrateBase(Node):
     """Record drives by `odom`, and compute from where they truly ended what the base's parameters should be.
 
-    A drive begins at a mark on the floor, by the service `calibration/begin`; you drive, with whatever you have. It ends
-    when somebody publishes where the base stands, ahead and to the left of the mark, m, on `calibration/measured`.
+    A drive begins at a mark on the floor, by the service `calibration/begin`; you drive. It ends when somebody
+    publishes where the base stands, ahead and to the left of the mark, m, on `calibration/measured`.
     """
 
     class Parameters(robo.Parameters):
