@@ -105,7 +105,7 @@ class ArduinoBase:
         self._asked = self._answered = 0
         self._said = bytearray()
         self._pin_due = -math.inf
-        self._asks_again = self._is_tuned = False
+        self._asks_again = self._has_asked_again = self._is_tuned = False
         for wheel in self._wheels:
             wheel.stand()
 
@@ -121,9 +121,10 @@ class ArduinoBase:
         """
         self._doubt(now)
         if now < self.due:
-            again, self._asks_again = self._asks_again, False
+            again, self._asks_again = self._asks_again and not self._has_asked_again, False
+            self._has_asked_again |= again
             return self._ask() if again else b""
-        s, self._asks_again = self._settings, False
+        s, self._asks_again, self._has_asked_again = self._settings, False, False
         if not self.is_known:
             self.due = now + KNOCK
             return protocol.END_OF_GARBAGE + self._ask()
@@ -170,8 +171,8 @@ class ArduinoBase:
         self._answered += 1
         self.counts.readings += 1
         if not self.is_known:
-            # One reading may be anybody's; a board says two that go together, when it is asked.
-            self.is_known = self._answered >= 2
+            # One reading may be anybody's; a board says two, and none that nobody asked for.
+            self.is_known = 2 <= self._answered <= self._asked
             self._heard = now
             if not self.is_known:
                 self._asks_again = True

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robo_services import arduino_protocol as protocol
 from robo_services.arduino_base import ArduinoBase, BoardSilent, NotABoard, Settings
-from robo_services.arduino_protocol import Encoders
+from robo_services.arduino_protocol import Done, Encoders, Invalid, Number, Reader, Unread
 from robo_services.board import Board, BoardSpec, Wire
 from robo_services.drives import DiffDrive, Wheels
 from robo_services.kinematics import Twist2
@@ -201,6 +202,68 @@ def test_who_says_numbers_unasked_is_no_board() -> None:
 
     with pytest.raises(NotABoard, match="nobody asked"):
         talk()
+    assert not base.is_known, "so nothing that moves was said"
+
+
+def test_what_is_garbled_is_asked_for_again_at_once_and_once() -> None:
+    played = Played()
+    played.run(1.0, Twist2(0.2))
+    base, now = played.base, played.now
+    said = base.say(max(base.due, now), Wheels(4.0, 4.0))
+    assert (said[:2], said[-2:]) == (b"m ", b"e\r")
+    base.feed(b"12x34 5\r\n", now := base.due - 0.02)
+    assert base.unread.pop() == b"12x34 5"
+    assert base.say(now, Wheels(4.0, 4.0)) == b"e\r"
+    base.feed(b"12x34 5\r\n" * 100, now)
+    assert base.say(now, Wheels(4.0, 4.0)) == b"", "who floods the line is not flooded"
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 7, 100])
+def test_answers_come_in_any_pieces(size: int) -> None:
+    said = b"OK\r\n-12 2147483647\r\nInvalid Command\r\n57600\r\n\r\n007 5\r\n-0 1\r\n1 2 3\r\n2147483648 0\r\n"
+    reader, found = Reader(), []
+    for place in range(0, len(said), size):
+        found += reader.feed(said[place : place + size])
+    assert found == [
+        *(Done(), Encoders(-12, 2147483647), Invalid(), Number(57600)),
+        *(Unread(b"007 5"), Unread(b"-0 1"), Unread(b"1 2 3"), Unread(b"2147483648 0")),
+    ]
+
+
+def test_a_line_without_an_end_is_not_kept() -> None:
+    reader = Reader()
+    assert reader.feed(b"1" * 100) == [Unread(b"1" * 64)]
+    assert [*(one for _ in range(1000) for one in reader.feed(b"1" * 1000)), *reader.feed(b"7 8\n9 9\n")] == [
+        Encoders(9, 9)
+    ]
+
+
+@pytest.mark.parametrize(
+    "data", [b"\r", b"m\r", b"m x y\r", b"u 1:2\r", b"u 1:1:1:0\rm 9 9\r", b"o 999 -999\r", b"m 99999 1\r"]
+)
+def test_a_board_lives_with_whatever_it_hears(data: bytes) -> None:
+    board = Board(BoardSpec())
+    board.receive(data)
+    board.advance(1.0)
+    assert board.said().count(b"\r\n") == data.count(b"\r")
+
+
+def test_ten_thousand_random_commands() -> None:
+    dice, board = random.Random(4), Board(BoardSpec())
+    for _ in range(10_000):
+        board.receive(bytes(dice.choices(b"aebmoru0123456789 :-\r", k=20)) + dice.randbytes(3))
+        board.advance(0.001)
+        board.said()
+    assert all(map(math.isfinite, board.pose))
+
+
+def test_duty_moves_without_the_loop_and_r_counts_from_0() -> None:
+    board = Board(BoardSpec())
+    board.receive(protocol.duty(100, 50))
+    board.advance(0.15)
+    assert board.encoders.left > board.encoders.right > 0
+    board.receive(protocol.RESET_ENCODERS + protocol.ASK_ENCODERS + protocol.ASK_BAUD)
+    assert board.said() == b"OK\r\nOK\r\n0 0\r\n57600\r\n"
 
 
 def test_gains_are_said_once_and_again_to_a_board_that_begins_anew() -> None:
