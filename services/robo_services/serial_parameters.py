@@ -43,7 +43,7 @@ class SerialBaseParameters(robo.Parameters):
     ] = 0.033
     gains: Annotated[
         str,
-        Meta(pattern=r"^([0-9]{1,5}(:[0-9]{1,5}){3})?$", description="kp:kd:ki:ko; empty: those that the board has"),
+        Meta(pattern=r"^([0-9]{1,5}(:[0-9]{1,5}){3})?$", description="of its loop, kp:kd:ki:ko; empty: its own"),
         READ_ONLY,
     ] = ""
     trim: Annotated[

@@ -230,7 +230,7 @@ def test_services_are_found_by_name() -> None:
         ("robo_services.position_tracker:Tracker", "it has PositionTracker"),
         ("robo_services.planar", "defines no node class"),
         ("./nodes/grip.py", "is a file; write its module, nodes.grip"),
-        ("robo_services", "defines no node class; it has robo_services.arrivals, "),
+        ("robo_services", "defines no node class; it has robo_services.arduino_base, "),
         ("position_tracker", "did you mean robo_services.position_tracker?"),
     ],
 )
