@@ -26,6 +26,10 @@ REMEMBERED = 80
 """So many bytes of what it last said are told where it is no such board."""
 UNASKED = 20
 """A board that has said so many readings more than it was asked for does not answer, it talks."""
+FORGETTING = 0.05
+"""How much one line counts in the share of those that cannot be read."""
+MOST_GARBAGE = 0.5
+"""A wire that spoils more is none."""
 CORRECTION = 1.5
 """How quickly a wheel's speed is corrected, 1/s."""
 PIN_PERIOD = 1.0
@@ -104,6 +108,9 @@ class ArduinoBase:
         self._began, self._heard = now, now
         self._asked = self._answered = 0
         self._said = bytearray()
+        self._first: Encoders | None = None
+        self._garbage = 0.0
+        """The share of lines that cannot be read, of the last ones."""
         self._pin_due = -math.inf
         self._asks_again = self._has_asked_again = self._is_tuned = False
         for wheel in self._wheels:
@@ -170,14 +177,15 @@ class ArduinoBase:
     def _take(self, reading: Encoders, now: float) -> bool:
         self._answered += 1
         self.counts.readings += 1
+        self._garbage *= 1.0 - FORGETTING
         if not self.is_known:
-            # One reading may be anybody's; a board says two, and none that nobody asked for.
-            self.is_known = 2 <= self._answered <= self._asked
-            self._heard = now
-            if not self.is_known:
+            # One reading may be anybody's; a board says two that go together, and none that nobody asked for.
+            first, self._first = self._first, reading
+            if first is None or self._answered > self._asked or not self._odometry.is_near(first, reading, KNOCK):
                 self._asks_again = True
                 return False
-            self.due = now
+            self.is_known, self.due = True, now
+            self._heard = now
         verdict = self._odometry.take(reading, now)
         if verdict == "asks":
             self._asks_again = True
@@ -189,7 +197,8 @@ class ArduinoBase:
         return True
 
     def _cannot_read(self, data: bytes) -> None:
-        self._asks_again = True
+        self._asks_again, self._first = True, None
+        self._garbage += (1.0 - self._garbage) * FORGETTING
         if self.is_known:  # before, it may be in the middle of a line
             self.counts.unread += 1
             self.unread.append(data)
@@ -217,6 +226,8 @@ class ArduinoBase:
         if self._answered > self._asked + UNASKED:
             raise NotABoard(f"it says numbers that nobody asked for: {self._last_words()}")
         if self.is_known:
+            if self._garbage > MOST_GARBAGE:
+                raise NotABoard(f"most of what it says cannot be read: {self._last_words()}")
             if now - self._heard > self._settings.silence_limit:
                 raise BoardSilent(f"no answer for {now - self._heard:.1f} s{self._told()}")
             return

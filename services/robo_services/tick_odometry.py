@@ -117,11 +117,11 @@ class TickOdometry:
         suspect, self._suspect = self._suspect, (reading, time)
         if suspect is None:
             return "asks"
-        if not self._is_near(suspect[0], reading, time - suspect[1], least=SOON):
+        if not self.is_near(suspect[0], reading, time - suspect[1], least=SOON):
             self.refused += 1
             return "asks"
         self._suspect = None
-        if self._is_near(self._last, reading, elapsed) and not self._counts_anew(reading):
+        if self.is_near(self._last, reading, elapsed) and not self._counts_anew(reading):
             self._move(reading, time)
             return "moves"
         self.resets += 1
@@ -158,7 +158,7 @@ class TickOdometry:
     def _is_expected(self, reading: Encoders, elapsed: float) -> bool:
         """Whether the wheels went on as they did, or a little faster or slower."""
         assert self._last is not None
-        if not self._is_near(self._last, reading, elapsed):
+        if not self.is_near(self._last, reading, elapsed):
             return False
         anew = self._counts_anew(reading)
         if not 0.0 <= elapsed <= CLOSE:
@@ -169,7 +169,7 @@ class TickOdometry:
             for way, rate in zip(self._ways(self._last, reading), self._ticks_per_second()[:2], strict=True)
         )
 
-    def _is_near(self, before: Encoders, reading: Encoders, elapsed: float, *, least: float = LEAST) -> bool:
+    def is_near(self, before: Encoders, reading: Encoders, elapsed: float, *, least: float = LEAST) -> bool:
         """Whether wheels can turn so far in this time; stamps are good to `least` s."""
         furthest = self._most * MARGIN * min(max(elapsed, least), MOST_UNSEEN)
         furthest = min(furthest, self._wrap / 4)

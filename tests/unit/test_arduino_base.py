@@ -214,8 +214,24 @@ def test_what_is_garbled_is_asked_for_again_at_once_and_once() -> None:
     base.feed(b"12x34 5\r\n", now := base.due - 0.02)
     assert base.unread.pop() == b"12x34 5"
     assert base.say(now, Wheels(4.0, 4.0)) == b"e\r"
-    base.feed(b"12x34 5\r\n" * 100, now)
+    base.feed(b"12x34 5\r\n" * 5, now)
     assert base.say(now, Wheels(4.0, 4.0)) == b"", "who floods the line is not flooded"
+    base.feed(b"12x34 5\r\n" * 100, now)
+    with pytest.raises(NotABoard, match="most of what it says cannot be read: .*12x34 5"):
+        base.say(now, Wheels(4.0, 4.0))
+
+
+def test_two_readings_that_do_not_go_together_are_no_boards() -> None:
+    base = ArduinoBase(Settings(), TickOdometry(DRIVE, PER_REVOLUTION))
+    base.begin(now := 100.0)
+    for line in (b"5 3", b"90000 7", b"1 -44444", b"12x 4", b"12 4"):
+        base.say(now, Wheels(4.0, 4.0))
+        base.feed(line + b"\r\n", now)
+        now += 0.1
+        assert not base.is_known
+    base.say(now, Wheels(4.0, 4.0))
+    base.feed(b"12 6\r\n", now)
+    assert base.is_known
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 7, 100])
