@@ -73,6 +73,7 @@ def _node(cls: type[robo.Node]) -> list[str]:
         *paragraphs(described(contract.description, contract.name)),
         f"{code(f'robo run {cls.__module__}')}, or {code(f'service: {cls.__module__}')} in a manifest.",
         "",
+        *(f"It needs {code(m)}: {code(f'pip install {install}')}.\n" for m, install in cls.REQUIRES.items()),
         *_topics(cls, contract),
         *_services(cls, contract),
         *_parameters(contract),

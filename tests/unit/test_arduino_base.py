@@ -217,7 +217,7 @@ def test_what_is_garbled_is_asked_for_again_at_once_and_once() -> None:
     base.feed(b"12x34 5\r\n" * 5, now)
     assert base.say(now, Wheels(4.0, 4.0)) == b"", "who floods the line is not flooded"
     base.feed(b"12x34 5\r\n" * 100, now)
-    with pytest.raises(NotABoard, match="most of what it says cannot be read: .*12x34 5"):
+    with pytest.raises(NotABoard, match=r"most of what it says cannot be read: .*12x34 5"):
         base.say(now, Wheels(4.0, 4.0))
 
 
