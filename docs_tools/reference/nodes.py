@@ -11,6 +11,7 @@ from docs_tools.reference import messages
 from docs_tools.reference.markdown import Gap, code, described, paragraphs, prose, sentence, table
 from robo.launch.expression import as_text
 from robo.node.contract import ClientDeclaration, Contract, ServiceDeclaration, contract_of
+from robo.packages.absent import installing
 from robo.parameters.hints import ParameterInfo, range_text
 from robo.text.docstrings import attribute_docs, first_sentence
 from robo.wire.keys import SYSTEM_TOPICS
@@ -73,7 +74,7 @@ def _node(cls: type[robo.Node]) -> list[str]:
         *paragraphs(described(contract.description, contract.name)),
         f"{code(f'robo run {cls.__module__}')}, or {code(f'service: {cls.__module__}')} in a manifest.",
         "",
-        *(f"It needs {code(m)}: {code(f'pip install {install}')}.\n" for m, install in cls.REQUIRES.items()),
+        *(f"It needs {code(m)}: {code(installing(what))}.\n" for m, what in cls.REQUIRES.items()),
         *_topics(cls, contract),
         *_services(cls, contract),
         *_parameters(contract),

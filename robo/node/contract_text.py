@@ -16,6 +16,7 @@ from robo.node.contract_data import (
     TopicData,
 )
 from robo.node.declare import Declares
+from robo.packages.absent import installing
 from robo.wire.qos import QoS
 
 
@@ -59,7 +60,7 @@ def contract_text(contract: ContractData) -> str:
         "sends goals to": [(c.action, c.type) for c in contract.action_clients],
         "timers": [(t.method, _rate(t.rate) + _turn(t.turn)) for t in contract.timers],
         "checks": [(c.check, c.method) for c in contract.checks],
-        "needs the modules": [(module, f"pip install {install}") for module, install in contract.requires.items()],
+        "needs the modules": [(module, installing(what)) for module, what in contract.requires.items()],
     }
     lines = ["a managed node, see `robo lifecycle`"] if contract.managed else []
     for title, rows in sections.items():

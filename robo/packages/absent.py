@@ -12,10 +12,15 @@ def absent(requires: Mapping[str, str]) -> list[str]:
         requires: by module, what `pip install` brings it.
     """
     return [
-        f"needs the module {module}, which is not installed: pip install {_quoted(install)}"
+        f"needs the module {module}, which is not installed: {installing(install)}"
         for module, install in requires.items()
         if not _is_there(module)
     ]
+
+
+def installing(what: str) -> str:
+    """The command that installs something; in quotes where a shell would look for files of such names."""
+    return f"pip install '{what}'" if "[" in what else f"pip install {what}"
 
 
 def _is_there(module: str) -> bool:
@@ -26,7 +31,3 @@ def _is_there(module: str) -> bool:
         return find_spec(module) is not None
     except (ImportError, ValueError):  # what it is part of is not there
         return False
-
-
-def _quoted(install: str) -> str:
-    return f"'{install}'" if "[" in install else install  # a shell would look for files of such names
