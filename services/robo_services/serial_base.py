@@ -10,11 +10,12 @@ from robo_messages import BatteryState, Header, JointState, Odometry, Twist
 from robo_services.arduino_base import ArduinoBase, BoardError, NotABoard, Settings
 from robo_services.arduino_protocol import STOP
 from robo_services.arrivals import Arrivals, Newest
+from robo_services.board_port import place_of_board
 from robo_services.drives import STANDING, DiffDrive, Wheels
 from robo_services.kinematics import Twist2
 from robo_services.safety import is_finite
 from robo_services.serial_parameters import SerialBaseParameters
-from robo_services.serial_port import Port, PortGone, import_serial, open_port
+from robo_services.serial_port import PortGone, SerialPort, import_serial
 from robo_services.tick_odometry import TickOdometry
 from robo_services.waiting import Waiting, is_readable
 
@@ -112,7 +113,8 @@ class SerialBase(Node):
         while not self.stopping:
             pause = RETRY
             try:
-                port = open_port(self.parameters.port, self.parameters.usb_id, self.parameters.baud)
+                p = self.parameters
+                port = SerialPort(place_of_board(p.port, p.usb_id), p.baud)
             except PortGone as error:
                 self._misses(f"no board: {error}; it is waited for")
                 self._wait([], pause)
@@ -147,7 +149,7 @@ class SerialBase(Node):
             return Health.warn(f"{unread} of {unread + readings} lines cannot be read: look at the cable", **values)
         return Health.ok(**values)
 
-    def _drive_at(self, port: Port) -> None:
+    def _drive_at(self, port: SerialPort) -> None:
         """Talk to whoever is at a port, until the node ends.
 
         Raises:
@@ -171,7 +173,7 @@ class SerialBase(Node):
             if base.is_known:
                 self._stand(port)
 
-    def _stand(self, port: Port) -> None:
+    def _stand(self, port: SerialPort) -> None:
         """Have the wheels stand, if the board still listens."""
         try:
             port.write(STOP)
@@ -210,7 +212,7 @@ class SerialBase(Node):
             self._trouble = trouble
             self.logger.warning("%s", trouble)
 
-    def _tell_log(self, port: Port) -> None:
+    def _tell_log(self, port: SerialPort) -> None:
         """What is to be said of what the board has said."""
         base = self._base
         if base.is_known and self._trouble:

@@ -7,8 +7,10 @@ from msgspec import Meta
 import robo
 from robo import READ_ONLY, Unit
 from robo_services.arrivals import Unstamped
-from robo_services.serial_port import USB_ID
 from robo_services.uncertainty import NOISE, Noise
+
+USB_ID = r"^([0-9A-Fa-f]{4}:[0-9A-Fa-f]{4}(:.+)?)?$"
+"""Maker and product in hexadecimal digits, or with the serial number behind them."""
 
 Length = Annotated[float, Meta(ge=0.001, le=100), Unit("m"), READ_ONLY]
 Multiplier = Annotated[float, Meta(ge=0.1, le=10), READ_ONLY]

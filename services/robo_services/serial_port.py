@@ -1,129 +1,114 @@
-"""Serial ports: found by path or by USB id, opened for this process alone, read and written without waiting."""
+"""Serial ports: found by path or USB id, opened raw, read and written. Whoever reads waits for `fd` to be readable."""
 
-import errno
-import grp
+import importlib
 import os
 import re
+import select
 from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any, NamedTuple
+from contextlib import contextmanager, suppress
+from typing import Any
 
 from robo.errors import RunError
 
-USB_ID = r"^([0-9A-Fa-f]{4}:[0-9A-Fa-f]{4}(:.+)?)?$"
-"""`2341:0043`, maker and product in hexadecimal digits, or with the serial number behind them."""
+_USB_ID = re.compile(r"([0-9a-fA-F]{4}):([0-9a-fA-F]{4})(?::(.+))?")
+
+_MOST_AT_ONCE = 65_536
+"""Bytes of one read: a device that says more cannot take all memory."""
 
 
 class PortGone(OSError):
-    """A port is not there, may not be opened, or was unplugged; the message says which."""
+    """A port cannot be opened, was unplugged, or takes nothing any more; the message says why."""
 
 
-class FoundPort(NamedTuple):
-    """A port on USB."""
+class SerialPort:
+    """A serial port that is open: 8 data bits, no parity, 1 stop bit, no flow control, nobody else's."""
 
-    path: str
-    usb_id: str
-    """Maker, product and serial number, as `USB_ID` has them."""
-    description: str
+    def __init__(self, place: str, baud: int) -> None:
+        """Open it.
 
-    def __str__(self) -> str:
-        return f"{self.path} ({self.usb_id}, {self.description})"
-
-
-class Port:
-    """A port that is open; nobody else who asks politely opens it meanwhile."""
-
-    def __init__(self, path: str, baud: int) -> None:
-        """Open it; 8 data bits, no parity.
+        Args:
+            place: see `find_port`.
+            baud: bits per second.
 
         Raises:
-            PortGone: it cannot be opened.
+            PortGone: it is not there, may not be opened, is in use, or does not know this speed.
             RunError: pyserial is not installed.
         """
         serial = import_serial()
-        self.path = path
+        self.path = find_port(place)
         try:
-            self._port: Any = serial.Serial(path, baud, timeout=0, exclusive=True)
-        except (OSError, ValueError) as error:  # pyserial's own errors are OSErrors
-            raise PortGone(_why(path, error)) from None
+            self._port = serial.Serial(self.path, baud, timeout=0, write_timeout=0, exclusive=True)
+        except (OSError, ValueError) as error:  # a SerialException is an OSError
+            raise PortGone(f"{self.path}: {_reason(error)}") from None
         self.fd: int = self._port.fileno()
 
     def read(self) -> bytes:
-        """What has come; to be called when `fd` can be read.
+        """What has come since; nothing where nothing has.
 
         Raises:
             PortGone: it was unplugged.
         """
-        with _gone(self.path):
-            try:
-                data = os.read(self.fd, 4096)
-            except BlockingIOError:
+        with self._gone():
+            if not select.select([self.fd], [], [], 0)[0]:
                 return b""
-            if not data:  # it could be read, and there is nothing: which is how a port says that it ends
-                raise PortGone(f"{self.path} was unplugged")
-            return data
+            data = os.read(self.fd, _MOST_AT_ONCE)
+        if not data:  # ready, and has nothing: so the system tells that a device has left
+            raise PortGone(f"{self.path}: it says nothing any more")
+        return data
 
     def write(self, data: bytes) -> None:
-        """Say something, as much of it as goes out at once.
+        """Send all of it, without waiting.
 
         Raises:
-            PortGone: it was unplugged.
+            PortGone: it was unplugged, or its buffer is full since nothing leaves it.
         """
-        with _gone(self.path):
-            try:
-                os.write(self.fd, data)
-            except BlockingIOError:  # who is there does not listen; what it does not answer is noticed
-                return
+        while data:
+            with self._gone():
+                try:
+                    sent = os.write(self.fd, data)
+                except BlockingIOError:
+                    sent = 0
+            if not sent:
+                raise PortGone(f"{self.path}: it takes nothing any more")
+            data = data[sent:]
 
     def close(self) -> None:
-        """Give it back."""
-        with _quiet():
+        """Give it back; safe to call twice, and where it is gone."""
+        with suppress(OSError):
             self._port.close()
 
+    @contextmanager
+    def _gone(self) -> Iterator[None]:
+        """What the system says of a port that has left."""
+        try:
+            yield
+        except (OSError, ValueError) as error:  # the latter of one that is closed
+            raise PortGone(f"{self.path}: {_reason(error)}") from None
 
-def open_port(path: str, usb_id: str, baud: int) -> Port:
-    """Open the port of a board.
+
+def find_port(place: str) -> str:
+    """The path of a port.
 
     Args:
-        path: such as /dev/ttyUSB0; "" to look for it.
-        usb_id: as `USB_ID` says; "" for the only port on USB that there is.
-        baud: bits per second.
+        place: a path, such as /dev/ttyUSB0; or a USB id, vendor:product as `lsusb` shows them, such as 10c4:ea60,
+            with the serial number of one of several behind another colon.
 
     Raises:
-        PortGone: it is not there, or there are several; says which there are.
+        PortGone: no port has this USB id, or several have; says which there are.
         RunError: pyserial is not installed.
     """
-    return Port(path or choose(usb_ports(), usb_id).path, baud)
-
-
-def choose(there: list[FoundPort], usb_id: str) -> FoundPort:
-    """The port that is meant.
-
-    Raises:
-        PortGone: there is none, or more than one.
-    """
-    wanted = usb_id.lower()
-    fit = [one for one in there if f"{one.usb_id.lower()}:".startswith(f"{wanted}:" if wanted else "")]
-    if len(fit) == 1:
-        return fit[0]
-    listed = ", ".join(map(str, fit or there)) or "none"
-    if fit:
-        raise PortGone(f"several ports may be meant, say port or usb_id with a serial number: {listed}")
-    which = f"with the id {usb_id}" if usb_id else "on USB"
-    raise PortGone(f"there is no serial port {which}; there is {listed}")
-
-
-def usb_ports() -> list[FoundPort]:
-    """The serial ports on USB, by their names.
-
-    Raises:
-        RunError: pyserial is not installed.
-    """
+    usb = _USB_ID.fullmatch(place)
+    if usb is None:
+        return place
     import_serial()
-    from serial.tools import list_ports
-
-    found = [port for port in list_ports.comports() if port.vid is not None]
-    return sorted(FoundPort(port.device, _id_of(port), port.description or "no description") for port in found)
+    vendor, product, number = int(usb[1], 16), int(usb[2], 16), usb[3]
+    there = [one for one in _list_ports().comports() if one.vid is not None]
+    found = [one for one in there if (one.vid, one.pid) == (vendor, product) and number in (None, one.serial_number)]
+    if len(found) == 1:
+        return str(found[0].device)
+    named = ", ".join(f"{one.device} ({one.vid:04x}:{one.pid:04x}:{one.serial_number})" for one in found or there)
+    what = "several ports have" if found else "no port has"
+    raise PortGone(f"{what} the USB id {place}; there is {named or 'none on USB'}")
 
 
 def import_serial() -> Any:
@@ -133,54 +118,24 @@ def import_serial() -> Any:
         RunError: it is not installed; names the extra.
     """
     try:
-        import serial
+        return importlib.import_module("serial")
     except ImportError:
-        raise RunError("serial ports need pyserial, which is not installed: pip install 'robo-zenoh[serial]'") from None
-    return serial
+        text = "a serial port needs pyserial, which is not installed: pip install 'robo-zenoh[serial]'"
+        raise RunError(text) from None
 
 
-def _id_of(port: Any) -> str:
-    number = f":{port.serial_number}" if port.serial_number else ""
-    return f"{port.vid:04x}:{port.pid:04x}{number}"
+def _list_ports() -> Any:
+    return importlib.import_module("serial.tools.list_ports")
 
 
-def _why(path: str, error: Exception) -> str:
-    """Why a port cannot be opened, and what to do about it."""
+def _reason(error: Exception) -> str:
+    """Why, and what to do where there is something."""
     number = getattr(error, "errno", None)
-    if number == errno.EACCES:
-        return f"{path} may not be opened by this user{_group_hint(path)}"
-    if number in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in str(error):
-        return f"{path} is open elsewhere: one program at a time talks to a board"
-    if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV):
-        return f"{path} is not there"
-    if number is not None:
-        return f"{path}: {os.strerror(number)}"
-    found = re.search(r"\((\d+), '[^']*'\)", str(error))  # pyserial puts what the system said into its own text
-    return f"{path} is no serial port: {os.strerror(int(found[1]))}" if found is not None else f"{path}: {error}"
-
-
-def _group_hint(path: str) -> str:
-    try:
-        group = grp.getgrgid(os.stat(path).st_gid).gr_name
-    except (OSError, KeyError):
-        return ""
-    return f": sudo usermod -aG {group} $USER, and log in again"
-
-
-@contextmanager
-def _gone(path: str) -> Iterator[None]:
-    try:
-        yield
-    except PortGone:
-        raise
-    except OSError as error:
-        what = "was unplugged" if error.errno in (errno.EIO, errno.ENXIO, errno.ENODEV) else error.strerror
-        raise PortGone(f"{path} {what}") from None
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    try:
-        yield
-    except OSError:
-        return
+    if number is None:
+        return str(error)
+    reason = os.strerror(number)
+    if isinstance(error, PermissionError) or "Permission denied" in reason:
+        return f"{reason}; sudo usermod -aG dialout $USER, and log in again"
+    if isinstance(error, BlockingIOError) or "temporarily unavailable" in reason:
+        return "another program has it open"
+    return reason

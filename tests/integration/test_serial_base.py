@@ -129,7 +129,7 @@ def test_unplugged_it_stands_and_plugged_in_it_goes_on(
         r.drives()
         r.call(r.board.unplug)
         eventually(lambda: r.board._board.rates.left == 0.0, "by its own watchdog")
-        eventually(lambda: "is not there; it is waited for" in r.state[1], "the state says why")
+        eventually(lambda: "No such file or directory; it is waited for" in r.state[1], "the state says why")
         assert r.state[0] == ERROR
         assert "stands by its own watchdog" in caplog.text
         stood = r.base._track.track.pose
@@ -177,7 +177,7 @@ def test_a_port_that_somebody_has_is_not_taken(robo_session: zenoh.Session, tmp_
     with robot(robo_session, tmp_path, {}, {}) as r:
         eventually(lambda: r.state[0] == 0, "the first one drives")
         with SerialBase(name="second", session=robo_session, parameters={"port": str(r.link)}) as second:
-            eventually(lambda: "is open elsewhere" in second.board_answers().message, "it says so")
+            eventually(lambda: "another program has it open" in second.board_answers().message, "it says so")
 
 
 def test_a_link_takes_no_place_of_something_else(robo_session: zenoh.Session, tmp_path: Path) -> None:
