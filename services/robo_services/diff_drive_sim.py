@@ -14,6 +14,7 @@ from robo.tf import StaticTransformBroadcaster, Transform3, TransformBroadcaster
 from robo_messages import (
     Clock,
     Header,
+    Imu,
     JointState,
     LaserScan,
     Odometry,
@@ -28,6 +29,7 @@ from robo_services.drives import Ackermann, DiffDrive, SkidSteer
 from robo_services.kinematics import Pose2, Twist2
 from robo_services.safety import is_finite
 from robo_services.simulated_base import BaseLimits, SimulatedBase
+from robo_services.simulated_errors import ErringWheels, ImuNoise, SimulatedImu, WheelErrors
 from robo_services.uncertainty import NOISE, PoseCovariance
 from robo_services.wheel_odometry import odometry_message, twist_variances
 
@@ -106,6 +108,12 @@ class DiffDriveSim(Node):
         joint_states: Annotated[
             bool, Meta(description="publish joint_states: how far wheels have turned and are steered"), READ_ONLY
         ] = False
+        errors: WheelErrors = WheelErrors()
+        imu: Annotated[bool, Meta(description="publish imu, after every step"), READ_ONLY] = False
+        imu_noise: ImuNoise = ImuNoise()
+        ground_truth: Annotated[bool, Meta(description="publish ground_truth: odometry without errors"), READ_ONLY] = (
+            False
+        )
         radius: Annotated[float, Meta(gt=0, description="radius of the round base"), Unit("m"), READ_ONLY] = 0.2
         max_linear_velocity: Annotated[float, Meta(gt=0, description="it drives no faster"), Unit("m/s"), READ_ONLY] = (
             1.5
@@ -153,6 +161,9 @@ class DiffDriveSim(Node):
         base_frame: Annotated[str, Meta(min_length=1, description="the frame of odometry's velocities"), READ_ONLY] = (
             "base_link"
         )
+        enable_odom_tf: Annotated[
+            bool, Meta(description="say on tf where the base stands in odom; false where a filter does")
+        ] = True
         laser_frame: Annotated[str, Meta(min_length=1, description="the frame of scans"), READ_ONLY] = "base_laser"
         publish_laser_tf: Annotated[
             bool,
@@ -160,10 +171,16 @@ class DiffDriveSim(Node):
             READ_ONLY,
         ] = True
 
+        def __post_init__(self) -> None:
+            """Refuse what is not simulated."""
+            if self.errors and self.drive == "ackermann":
+                raise ValueError("errors are simulated of the drives diff and skid, not of ackermann")
+
     parameters: Parameters
 
     odometry = Publisher(Odometry, "odom")
-    """Where the base is and how fast it moves, after every step of the simulation: true to the last digit.
+    """Where the base is and how fast it moves, after every step of the simulation: true to the last digit, but for
+    `errors`.
 
     Its covariance is that of wheels all the same, as of a real base.
     """
@@ -190,6 +207,11 @@ class DiffDriveSim(Node):
         self._covariance = PoseCovariance()
         self._turned: list[float] = []
         self._joints = self.create_publisher(JointState, "joint_states") if p.joint_states else None
+        self._new_wheels = partial(ErringWheels, self._drive, p.errors, Pose2(p.x, p.y, p.yaw), p.seed)
+        self._erring = self._new_wheels() if p.errors else None
+        self._imu = SimulatedImu(p.imu_noise, p.seed)
+        self._imu_readings = self.create_publisher(Imu, "imu") if p.imu else None
+        self._truth = self.create_publisher(Odometry, "ground_truth") if p.ground_truth else None
         self._laser = world.Laser(
             surroundings,
             rays=p.rays,
@@ -234,6 +256,7 @@ class DiffDriveSim(Node):
     def reset(self, _request: Trigger.Request) -> Trigger.Response:
         """Put the base back to where it started, standing still."""
         self._base = self._new_base()
+        self._erring = self._new_wheels() if self.parameters.errors else None
         self._covariance = PoseCovariance()
         self._turned = []
         self._commands.clear()
@@ -254,6 +277,7 @@ class DiffDriveSim(Node):
             self._arrivals.tick(self._wall.monotonic(), 1.0 / rate)
         due = int((now - self._begin) * rate + 1e-6)
         steps = range(max(self._steps, due - MOST_STEPS), due)
+        turned = 0.0
         for step in steps:
             # What is made up for after a pause happened then: a command moves nothing before it was sent.
             command = in_force(self._commands, self._begin + (step + 1) / rate, timeout)
@@ -261,13 +285,23 @@ class DiffDriveSim(Node):
             self._base.step(command.linear.x, command.angular.z, 1.0 / rate)
             way, turn = self._base.linear / rate, self._base.angular / rate
             self._covariance = self._covariance.after(way, turn, yaw, NOISE)
+            turned += turn
+            if self._erring is not None:
+                self._erring.step(way, turn, 1.0 / rate)
         self._steps = due
         if self._base.bumped:
             self.logger.warning("the base pushes against something", throttle=5.0)
-        odometry = self._odometry()
+        truth = self._odometry()
+        odometry = truth if self._erring is None else self._erring.message(truth.header, truth.child_frame_id)
         self.odometry.publish(odometry)
-        moved = Transform3.from_message(odometry.pose.pose)
-        self.frames.send(moved.to_stamped(odometry.header, odometry.child_frame_id))
+        if self.parameters.enable_odom_tf:
+            moved = Transform3.from_message(odometry.pose.pose)
+            self.frames.send(moved.to_stamped(odometry.header, odometry.child_frame_id))
+        if self._truth is not None:
+            self._truth.publish(truth)
+        if self._imu_readings is not None and steps:
+            header = Header(odometry.header.stamp, self.parameters.base_frame)
+            self._imu_readings.publish(self._imu.message(header, self._base.linear, turned, len(steps) / rate))
         if self._joints is not None:
             self._joints.publish(self._joint_state(odometry.header.stamp, max(len(steps), 1) / rate))
 
@@ -311,7 +345,7 @@ class DiffDriveSim(Node):
         )
 
     def _joint_state(self, stamp: Time, elapsed: float) -> JointState:
-        left, right, steering = self._base.wheels
+        left, right, steering = self._base.wheels if self._erring is None else self._erring.wheels
         turned = {
             "diff": [left, right],
             "skid": [left, left, right, right],

@@ -22,7 +22,7 @@ CAN_SAY: dict[str, frozenset[Quantity]] = {
 }
 """What messages of a type hold."""
 
-PROCESS_NOISE = (1e-6, 1e-6, 1e-6, 1.0, 1e-3, 4.0, 10.0, 10.0)
+PROCESS_NOISE = (0.0, 0.0, 0.0, 1.0, 1e-3, 4.0, 10.0, 10.0)
 """Per second, of x, y, yaw, vx, vy, vyaw, ax, ay: a base's speed may change by 1 m/s in a second, and its turning by 2
 rad/s; its pose changes by moving, and by nothing else.
 """

@@ -46,24 +46,29 @@ class RestBias:
     def __init__(self) -> None:
         self.bias = 0.0
         """rad/s."""
-        self._readings = 0
+        self._count = 0
+        self._waiting: list[float] = []
         self._stands_since = math.inf
         self._heard = -math.inf
 
     def wheels(self, linear: float, angular: float, time: float) -> None:
         """Wheels say how fast the base moves, m/s and rad/s, at a time, s."""
+        waiting, self._waiting = self._waiting, []
         if not (abs(linear) < STANDS and abs(angular) < STANDS):
             self._stands_since = math.inf
         elif time < self._stands_since or time - self._heard > HEARD:
             self._stands_since = time
+        else:  # they stood before what the gyro said meanwhile, and they stand now
+            for rate in waiting:
+                self._count = min(self._count + 1, AVERAGED)
+                self.bias += (rate - self.bias) / self._count
         self._heard = time
 
     def without(self, rate: float, time: float, limit: float) -> float:
         """A gyro's rate without its bias, rad/s; more than `limit` is none."""
         resting = time - self._stands_since >= AT_REST and abs(time - self._heard) <= HEARD
-        if resting and abs(rate) <= limit:
-            self._readings = min(self._readings + 1, AVERAGED)
-            self.bias += (rate - self.bias) / self._readings
+        if resting and abs(rate) <= limit and len(self._waiting) < AVERAGED:
+            self._waiting.append(rate)
         return rate - self.bias if limit else rate
 
 
