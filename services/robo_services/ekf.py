@@ -22,13 +22,12 @@ The covariance is kept in factors (`factors`): symmetric and positive by constru
 
 import math
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from robo_services.factors import Factors, Matrix, NotPositive
 from robo_services.planar import angle_difference, normalize_angle
 
-Quantity = Literal["x", "y", "yaw", "vx", "vy", "vyaw", "ax", "ay"]
-QUANTITIES: tuple[Quantity, ...] = ("x", "y", "yaw", "vx", "vy", "vyaw", "ax", "ay")
+QUANTITIES = ("x", "y", "yaw", "vx", "vy", "vyaw", "ax", "ay")
 X, Y, YAW, VX, VY, VYAW, AX, AY = range(8)
 POSE, TWIST, ACCELERATION = (X, Y, YAW), (VX, VY, VYAW), (AX, AY)
 

@@ -7,14 +7,14 @@ import msgspec
 from msgspec import Meta
 
 from robo import READ_ONLY, Unit
-from robo_services.ekf import QUANTITIES, Quantity
+from robo_services.ekf import QUANTITIES
 
 Angle = Annotated[float, Meta(ge=-7, le=7), Unit("rad"), READ_ONLY]
 
-WAY: frozenset[Quantity] = frozenset({"x", "y", "vx", "vy"})
-HEADING: frozenset[Quantity] = frozenset({"yaw", "vyaw"})
+WAY: frozenset[str] = frozenset({"x", "y", "vx", "vy"})
+HEADING: frozenset[str] = frozenset({"yaw", "vyaw"})
 
-CAN_SAY: dict[str, frozenset[Quantity]] = {
+CAN_SAY: dict[str, frozenset[str]] = {
     "odometry": frozenset({"x", "y", "yaw", "vx", "vy", "vyaw"}),
     "imu": frozenset({"yaw", "vyaw", "ax", "ay"}),
     "pose": frozenset({"x", "y", "yaw"}),
@@ -31,6 +31,9 @@ INITIAL = (1e-6, 1e-6, 1e-6, 1.0, 0.01, 1.0, 1.0, 1.0)
 ANYWHERE = (100.0, 100.0, 10.0)
 """Of a pose that a source is to say, m² and rad²."""
 
+MOST = 1e9
+"""No variance is larger."""
+
 _IN_THREE_DIMENSIONS = (0, 1, 5, 6, 7, 11, 12, 13)
 """Where the eight stand among robot_localization's fifteen."""
 
@@ -40,7 +43,7 @@ class SourceParameters(msgspec.Struct, frozen=True):
 
     topic: Annotated[str, Meta(min_length=1, description="what it publishes"), READ_ONLY]
     use: Annotated[
-        list[Quantity],
+        list[str],
         Meta(min_length=1, max_length=8, description="what is taken of it: x, y, yaw, vx, vy, vyaw, ax, ay"),
         READ_ONLY,
     ]
@@ -81,7 +84,7 @@ class SourceParameters(msgspec.Struct, frozen=True):
         """Infinite where nothing is left out."""
         return self.rejection_threshold or math.inf
 
-    def is_absolute(self, quantity: Quantity) -> bool:
+    def is_absolute(self, quantity: str) -> bool:
         """Whether it says that itself, of a pose."""
         return quantity in self.use and not self.differential and not self.relative
 
@@ -94,14 +97,16 @@ def diagonal(values: list[float], default: tuple[float, ...]) -> tuple[float, ..
         default: eight.
 
     Raises:
-        ValueError: there are as many as none of these.
+        ValueError: there are as many as none of these, or one is no variance.
     """
     if not values:
         return default
-    if len(values) == len(default):
-        return tuple(values)
     if len(values) == 225:
         values = values[::16]
-    if len(values) != 15:
+    if len(values) == 15:
+        values = [values[i] for i in _IN_THREE_DIMENSIONS]
+    if len(values) != len(default):
         raise ValueError(f"{len(values)} numbers: 8 variances, of {', '.join(QUANTITIES)}, or robot_localization's 15")
-    return tuple(values[i] for i in _IN_THREE_DIMENSIONS)
+    if not all(0.0 <= one <= MOST for one in values):
+        raise ValueError(f"a variance is 0 to {MOST:g}")
+    return tuple(values)

@@ -16,6 +16,7 @@ from robo_services.carmen_player import CarmenPlayer
 from robo_services.diagnostic_aggregator import DiagnosticAggregator
 from robo_services.diff_drive_controller import DiffDriveController
 from robo_services.diff_drive_sim import DiffDriveSim
+from robo_services.ekf_filter import EkfFilter
 from robo_services.emulated_board import EmulatedBoard
 from robo_services.joy import Joy
 from robo_services.position_tracker import PositionTracker
@@ -36,6 +37,7 @@ SHIPPED = [
     DiagnosticAggregator,
     DiffDriveController,
     DiffDriveSim,
+    EkfFilter,
     EmulatedBoard,
     Joy,
     PositionTracker,

@@ -292,6 +292,7 @@ def test_robo_announces_the_nodes_that_ship() -> None:
         "diagnostic_aggregator",
         "diff_drive_controller",
         "diff_drive_sim",
+        "ekf_filter",
         "emulated_board",
         "joy",
         "position_tracker",

@@ -1,0 +1,313 @@
+"""Tells where a base is by all that measures it: wheels, and the gyro that knows when they slip."""
+
+import math
+from collections import Counter
+from collections.abc import Set
+from functools import partial
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+import robo
+from robo import READ_ONLY, Health, MessageInfo, Node, Publisher, Unit, check, service, subscribe, timer
+from robo.tf import Transform3, TransformBroadcaster
+from robo_messages import (
+    Header,
+    Imu,
+    Odometry,
+    PoseWithCovarianceStamped,
+    Time,
+    Trigger,
+    TwistWithCovarianceStamped,
+)
+from robo_services.arrivals import Arrivals, Newest, Unstamped
+from robo_services.ekf import AX, QUANTITIES, Estimate, Measurement, Unusable, begin
+from robo_services.ekf_history import Ekf
+from robo_services.ekf_messages import odometry_of, placed
+from robo_services.ekf_parameters import (
+    ANYWHERE,
+    HEADING,
+    INITIAL,
+    PROCESS_NOISE,
+    WAY,
+    SourceParameters,
+    diagonal,
+)
+from robo_services.ekf_sources import Reader
+
+Measured = Odometry | Imu | PoseWithCovarianceStamped | TwistWithCovarianceStamped
+TYPES: dict[str, type[Measured]] = {
+    "odometry": Odometry,
+    "imu": Imu,
+    "pose": PoseWithCovarianceStamped,
+    "twist": TwistWithCovarianceStamped,
+}
+Variances = Annotated[list[float], Meta(max_length=225), READ_ONLY]
+
+AHEAD = 0.5
+"""A stamp that is so far ahead of this node's clock, s, is of a clock that is not set."""
+SETTLING = 2.0
+"""For so long after the start it is no news that nothing has come yet, s."""
+MOST_WAITING = 2000
+"""Measurements that wait for the next tick."""
+
+
+class EkfFilter(Node):
+    """Fuse odometry, IMUs and poses into one odometry, by an extended Kalman filter in the plane.
+
+    What robot_localization's ekf_node is with `two_d_mode`. Measurements are taken in the order of their stamps, late
+    ones too. Where nobody says any more how far the base drives, or how it turns, the filter is silent: it does not
+    guess. Then it goes on from where it was, less sure.
+    """
+
+    class Parameters(robo.Parameters):
+        """Who measures what, and how sure the rest is."""
+
+        sources: dict[str, SourceParameters] = msgspec.field(default_factory=dict)
+        frequency: Annotated[
+            float,
+            Meta(ge=1, le=1000, description="how often measurements are taken and the result told"),
+            Unit("Hz"),
+        ] = 30.0
+        sensor_timeout: Annotated[
+            float, Meta(ge=0.01, le=60, description="a source that has been silent for so long says nothing"), Unit("s")
+        ] = 0.25
+        history_length: Annotated[
+            float, Meta(ge=0, le=10, description="how much older than the newest a measurement may come"), Unit("s")
+        ] = 0.3
+        holonomic: Annotated[
+            bool, Meta(description="the base can drive sideways; else it is taken not to"), READ_ONLY
+        ] = False
+        process_noise_covariance: Annotated[
+            Variances, Meta(description="what a second adds to the variance of x, y, yaw, vx, vy, vyaw, ax, ay")
+        ] = msgspec.field(default_factory=list)
+        initial_estimate_covariance: Annotated[
+            Variances, Meta(description="the variances at the start, in the same order")
+        ] = msgspec.field(default_factory=list)
+        publish_tf: Annotated[bool, Meta(description="whether tf says where the base stands in odom")] = True
+        reset_on_time_jump: Annotated[
+            bool, Meta(description="where time steps back it begins at the origin; else where it was")
+        ] = False
+        odom_frame: Annotated[str, Meta(min_length=1, description="the frame of poses"), READ_ONLY] = "odom"
+        base_link_frame: Annotated[str, Meta(min_length=1, description="the frame of velocities"), READ_ONLY] = (
+            "base_link"
+        )
+        unstamped: Unstamped = True
+
+        def __post_init__(self) -> None:
+            """Refuse lists that are no variances of eight quantities."""
+            for name in ("process_noise_covariance", "initial_estimate_covariance"):
+                try:
+                    diagonal(getattr(self, name), PROCESS_NOISE)
+                except ValueError as error:
+                    raise ValueError(f"{name}: {error}") from None
+
+    parameters: Parameters
+
+    filtered = Publisher(Odometry, "odometry/filtered")
+    """Where the base is and how it moves, as of the newest measurement."""
+    frames = TransformBroadcaster()
+
+    def on_start(self) -> None:
+        """Nothing was measured yet."""
+        p = self.parameters
+        self._wall = self.clock.wall
+        self._arrivals = Arrivals(unstamped=p.unstamped)
+        self._readers = {name: Reader(name, said, holonomic=p.holonomic) for name, said in p.sources.items()}
+        self._heard: dict[str, Newest[Measured]] = {name: Newest() for name in p.sources}
+        self._origin = self.now()
+        """What times of the filter count from: s since the epoch would cost it digits."""
+        self._waiting: list[Measurement] = []
+        self._refused: Counter[str] = Counter()
+        self._before: Counter[str] = Counter()
+        self._hindrance, self._begin = "", self._wall.monotonic()
+        self._ekf = self._new_filter()
+        for name, said in p.sources.items():
+            self.create_subscription(TYPES[said.type], said.topic, partial(self.on_measured, name), depth=50)
+        if not p.sources:
+            self.logger.warning("nothing is measured: name sources in the parameter sources (docs/localization.md)")
+
+    def on_parameters_changed(self, names: Set[str]) -> None:
+        """What is said of a source holds at once."""
+        del names
+        for name, reader in self._readers.items():
+            reader.said = self.parameters.sources[name]
+
+    def _new_filter(self) -> Ekf:
+        p = self.parameters
+        accelerates = any({"ax", "ay"} & {*said.use} for said in p.sources.values())
+        size = AX + 2 if accelerates else AX
+        variances = list(diagonal(p.initial_estimate_covariance, INITIAL))
+        if not p.initial_estimate_covariance:
+            for i, variance in enumerate(ANYWHERE):
+                if any(said.is_absolute(QUANTITIES[i]) for said in p.sources.values()):
+                    variances[i] = variance
+        noise = diagonal(p.process_noise_covariance, PROCESS_NOISE)
+        return Ekf(begin(variances[:size]), noise, history=p.history_length, longest_step=p.sensor_timeout)
+
+    def on_measured(self, name: str, message: Measured, info: MessageInfo) -> None:
+        """Keep what a source measured for the next tick; what makes no sense counts as silence."""
+        now = self.clock.monotonic()
+        try:
+            found = self._read(name, message, info)
+        except Unusable as error:
+            self._refused[name] += 1
+            text = "left out what %s says: %s; %d times so far"
+            self.logger.warning(text, name, error, self._refused[name], throttle=5.0)
+            return
+        self._heard[name].take(message, self._arrivals.sent(info, now, self._wall.monotonic()), now)
+        self._waiting += found
+        del self._waiting[:-MOST_WAITING]
+
+    def _read(self, name: str, message: Measured, info: MessageInfo) -> list[Measurement]:
+        """What a message measures; raises Unusable."""
+        p, reader = self.parameters, self._readers[name]
+        time = self._time_of(message.header.stamp, info)
+        if isinstance(message, Imu):
+            return reader.imu(message, time)
+        frame = message.header.frame_id
+        if isinstance(message, TwistWithCovarianceStamped):
+            _refuse_other(frame, p.base_link_frame)
+            return reader.twist(message.twist, time)
+        if {"x", "y", "yaw"} & {*p.sources[name].use} and not p.sources[name].differential:
+            _refuse_other(frame, p.odom_frame)
+        if isinstance(message, PoseWithCovarianceStamped):
+            return reader.pose(message.pose, time)
+        _refuse_other(message.child_frame_id, p.base_link_frame)
+        twist = message.twist.twist
+        for other in self._readers.values():
+            other.bias.wheels(twist.linear.x, twist.angular.z, time)
+        return reader.odometry(message, time)
+
+    def _time_of(self, stamp: Time, info: MessageInfo) -> float:
+        """When that was, s since this node began; without a stamp when it was sent."""
+        now = self._since_begin(self.now())
+        if stamp == Time():
+            return now - info.age if info.age < math.inf else now
+        time = self._since_begin(stamp)
+        if time > now + AHEAD:
+            raise Unusable(f"its stamp is {time - now:.3g} s ahead of the clock here")
+        return time
+
+    def _since_begin(self, stamp: Time) -> float:
+        return (stamp.to_nanoseconds() - self._origin.to_nanoseconds()) * 1e-9
+
+    @timer(rate="frequency")
+    def fuse(self) -> None:
+        """Take what was measured since the last tick, in the order of its stamps, and tell what is known now."""
+        p, now = self.parameters, self.clock.monotonic()
+        if not p.use_sim_time:
+            self._arrivals.tick(self._wall.monotonic(), 1.0 / p.frequency)
+        here = self._since_begin(self.now())
+        if self._ekf.now.time > here + AHEAD:
+            self._step_back()
+        waiting, self._waiting = self._waiting, []
+        hindrance, hindered = self._why_not(now), bool(self._hindrance)
+        self._say(hindrance)
+        if hindrance or not waiting:
+            return
+        if hindered:
+            self._ekf.lose(min(one.time for one in waiting))
+        before, late = self._ekf.now.time, self._ekf.late
+        self._ekf.history, self._ekf.longest_step = p.history_length, p.sensor_timeout
+        self._ekf.take(waiting)
+        if self._ekf.late > late:
+            text = "measurements came more than %g s late, %d so far; the newest one is %.3g s old"
+            self.logger.warning(text, p.history_length, self._ekf.late, here - self._ekf.now.time, throttle=5.0)
+        if self._ekf.now.time > before or math.isnan(before):
+            self._tell(self._ekf.now, here)
+
+    def _why_not(self, now: float) -> str:
+        """Why nothing is known; empty where all is heard that it takes."""
+        p = self.parameters
+        alive = [said for name, said in p.sources.items() if self._heard[name].age(now) <= p.sensor_timeout]
+        for needed, what in ((WAY, "how far it drives"), (HEADING, "how it turns")):
+            if not any(needed & {*said.use} for said in alive):
+                asked = [self.resolve(said.topic) for said in p.sources.values() if needed & {*said.use}]
+                return f"nothing new of {what} on {', '.join(asked) or 'any topic: no source has it'}"
+        return ""
+
+    def _say(self, hindrance: str) -> None:
+        has_begun = not math.isnan(self._ekf.now.time) or self._wall.monotonic() - self._begin >= SETTLING
+        if hindrance == self._hindrance or (hindrance and not has_begun):
+            return
+        self._hindrance = hindrance
+        if hindrance:
+            self.logger.warning("silent: %s", hindrance)
+        else:
+            self.logger.info("goes on: all that it takes is heard")
+
+    def _step_back(self) -> None:
+        """Time has stepped back: what was is after what comes."""
+        p = self.parameters
+        what = "at the origin" if p.reset_on_time_jump else "where it was"
+        self.logger.warning("time has stepped back: it begins anew %s", what, throttle=5.0)
+        estimate = self._new_filter().now if p.reset_on_time_jump else self._ekf.now
+        self._ekf.begin_anew(estimate._replace(time=math.nan))
+        self._waiting.clear()
+        for reader in self._readers.values():
+            reader.begin_anew()
+
+    def _tell(self, known: Estimate, here: float) -> None:
+        p = self.parameters
+        stamp = Time.from_nanoseconds(self._origin.to_nanoseconds() + round(known.time * 1e9))
+        odometry = odometry_of(known, Header(stamp, p.odom_frame), p.base_link_frame)
+        self.filtered.publish(odometry, max(0.0, here - known.time))
+        if p.publish_tf:
+            stands = Transform3.from_message(odometry.pose.pose)
+            self.frames.send(stands.to_stamped(odometry.header, p.base_link_frame))
+
+    @subscribe("set_pose")
+    def on_pose(self, said: PoseWithCovarianceStamped) -> None:
+        """Begin anew from a pose."""
+        try:
+            _refuse_other(said.header.frame_id, self.parameters.odom_frame)
+            there = placed(self._ekf.now, said.pose)
+        except Unusable as error:
+            self.logger.warning("the pose is not taken: %s", error)
+            return
+        self._ekf.begin_anew(there)
+        self._waiting.clear()
+
+    @service("reset")
+    def reset(self, _request: Trigger.Request) -> Trigger.Response:
+        """Begin anew at the origin."""
+        self._ekf = self._new_filter()
+        self._waiting.clear()
+        for reader in self._readers.values():
+            reader.begin_anew()
+        return Trigger.Response(message="back at the origin")
+
+    @check("sources")
+    def sources_are_heard(self) -> Health:
+        """Whether all that is to be fused comes, and is believed."""
+        p, now, ekf = self.parameters, self.clock.monotonic(), self._ekf
+        if hindrance := self._why_not(now):
+            return Health.error(f"silent: {hindrance}")
+        said = ekf.refused + self._refused
+        figures = {
+            "late": ekf.late,
+            "refused": said.total(),
+            "rejected": ekf.rejected.total(),
+            "replayed": ekf.replayed,
+            **{f"bias.{name}": one.bias.bias for name, one in self._readers.items() if one.said.type == "imu"},
+        }
+        silent = [name for name in p.sources if not self._heard[name].age(now) <= p.sensor_timeout]
+        count, before = said + ekf.rejected, self._before
+        self._before = count
+        doubted = [name for name in count if count[name] > before[name]]
+        if silent:
+            return Health.warn(f"nothing new of {', '.join(silent)}", **figures)
+        if doubted:
+            return Health.warn(f"not believed: {', '.join(doubted)}", **figures)
+        return Health.ok(**figures)
+
+
+def _refuse_other(frame: str, wanted: str) -> None:
+    if frame.removeprefix("/") not in ("", wanted):
+        raise Unusable(f"it is in the frame {frame}, not in {wanted}")
+
+
+if __name__ == "__main__":
+    robo.run(EkfFilter)
