@@ -1,160 +1,222 @@
-"""What a base's wheels and their separation truly are, by drives whose ends were measured.
+"""How large the wheels of a base really are, and how far apart, from where it ended beside where odometry says.
 
-A drive is what odometry took it for, step by step, and where the base truly came to stand. Sought are the radii of both
-wheels and their separation with which odometry would have ended there: the least squares of what is missing (Gauss and
-Newton, damped as Levenberg 1944 has it). A straight line says how large the wheels are and which one is the larger; a
-square each way round how far they are apart (Borenstein, Feng 1996, "Measurement and correction of systematic odometry
-errors in mobile robots", who show why one way round is not enough). What no drive tells stays as it was. Pure.
+    runs = [Run(odometry_of_straight, measured), Run(odometry_of_square_to_the_left, measured), …]
+    found = calibrate(runs, wheel_separation=0.3)
+    print(found.corrections, found.left_over)
+
+Wheels that differ in size bend what should be straight, and wheels that are further apart turn the base less than they
+say. A square shows both, but mixed up; driven to the left and to the right they add up in one and take away from each
+other in the other: that is UMBmark (Borenstein, Feng 1996, "Measurement and correction of systematic odometry errors in
+mobile robots"). Its formulas hold for small errors and exact squares. Here what the wheels did is known step by step:
+the same ways are driven again in thought, with wheels of other sizes, until they end where the base did (least squares
+by Gauss and Newton). Any way will do that turns to both sides; a straight line says how large both wheels are together,
+which a way that closes hardly does.
+
+Pure: no network, no clock.
 """
 
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from robo_services.kinematics import ORIGIN, Pose2, advance
-from robo_services.planar import normalize_angle
+from robo_services.kinematics import ORIGIN, Pose2, Twist2, advance
+from robo_services.planar import angle_difference
 
-TAPE = 0.01
-"""How well people measure, m."""
-DOUBT = 0.1
-"""How far from 1 a correction is expected to be, before anything was measured."""
-FARTHEST = 0.5
-"""A correction is within 1 ± this: what is further off is a wrong parameter, not an error of some per cent."""
-ROUNDS = 60
-_NUDGE = 1e-6
-
-
-class Step(NamedTuple):
-    """An arc, as odometry had it."""
-
-    distance: float
-    """m."""
-    turn: float
-    """rad."""
+SMALLEST, LARGEST = 0.5, 2.0
+"""Of a correction; what is beyond is no error of wheels, but of the figures."""
+CLOSE = 1e-10
+"""Corrections that change by less are found."""
+ROUNDS = 50
+LEAST_SEEN = 1e-4
+"""A correction that moves the ends of all runs by less, m per 1, is not seen in them."""
+YAW_COUNTS = 0.5
+"""An error of the heading by 1 rad counts as one of this many m."""
+DIFFERENCE = 1e-6
 
 
-class Drive(NamedTuple):
-    """From a mark on the floor to where the base came to stand."""
-
-    steps: Sequence[Step]
-    x: float
-    """Where it truly ended: ahead of the mark, m."""
-    y: float
-    """To the left of it, m."""
+class CalibrationError(ValueError):
+    """The runs do not say how large the wheels are; says why."""
 
 
-class Correction(NamedTuple):
-    """By what the present values are to be multiplied."""
+class Corrections(NamedTuple):
+    """By what wheels and their separation are to be multiplied."""
 
-    left_radius: float = 1.0
-    right_radius: float = 1.0
+    left: float = 1.0
+    right: float = 1.0
     separation: float = 1.0
 
 
-class Found(NamedTuple):
-    """What came of some drives."""
+NONE = Corrections()
 
-    correction: Correction
+
+class Measured(NamedTuple):
+    """Where a base ended, seen from where it began: x ahead of it, y to its left."""
+
+    x: float
+    """m."""
+    y: float
+    """m."""
+    yaw: float | None = None
+    """rad; None where nobody has measured it."""
+
+
+class Run(NamedTuple):
+    """One way, by odometry and in truth."""
+
+    steps: Sequence[Twist2]
+    """What odometry says, step by step: the way, m, and the turn, rad."""
+    measured: Measured
+
+
+class Calibration(NamedTuple):
+    """What was found."""
+
+    corrections: Corrections
     before: float
-    """How far odometry's ends were from the measured ones: root mean square, m."""
-    after: float
-    """How far they are with the correction, m."""
+    """How far the runs ended from where odometry says, m: the root of the mean square."""
+    left_over: float
+    """The same with the corrections."""
 
 
-def step_between(before: Pose2, after: Pose2) -> Step:
-    """The arc from one of odometry's poses to the next."""
-    turn = normalize_angle(after.yaw - before.yaw)
+class Track:
+    """Odometry as steps, from its poses."""
+
+    def __init__(self) -> None:
+        self.steps: list[Twist2] = []
+        self.way = 0.0
+        """How far it has driven forward, m; backward it takes away."""
+        self.turned = 0.0
+        """By how much it has turned, to the left, rad."""
+        self._last: Pose2 | None = None
+
+    def add(self, pose: Pose2) -> None:
+        """Take the next pose; the base has driven an arc since the last one."""
+        last, self._last = self._last, pose
+        if last is None:
+            return
+        step = arc(last, pose)
+        self.way += step.linear
+        self.turned += step.angular
+        if step != Twist2():
+            self.steps.append(step)
+
+
+def arc(begin: Pose2, end: Pose2) -> Twist2:
+    """The way and the turn of the arc that leads from one pose to another; what leads sideways does not count."""
+    turn = angle_difference(end.yaw, begin.yaw)
     half = turn / 2
-    x, y = after.x - before.x, after.y - before.y
-    ahead = x * math.cos(before.yaw + half) + y * math.sin(before.yaw + half)
-    return Step(ahead * (half / math.sin(half) if half else 1.0), turn)
+    x, y = end.x - begin.x, end.y - begin.y
+    along = math.cos(begin.yaw + half) * x + math.sin(begin.yaw + half) * y
+    return Twist2(along * (half / math.sin(half) if half else 1.0), turn)
 
 
-def end_of(steps: Sequence[Step], separation: float, correction: Correction = Correction()) -> Pose2:  # noqa: B008
-    """Where wheels that are corrected so have led, from the origin.
+def seen_from(begin: Pose2, end: Pose2) -> Measured:
+    """Where one pose stands, seen from another."""
+    x, y = end.x - begin.x, end.y - begin.y
+    cos, sin = math.cos(begin.yaw), math.sin(begin.yaw)
+    return Measured(cos * x + sin * y, cos * y - sin * x, angle_difference(end.yaw, begin.yaw))
+
+
+def driven(steps: Sequence[Twist2], separation: float, corrections: Corrections = NONE) -> Pose2:
+    """Where steps of odometry lead from the origin, if the wheels were so much larger and so much further apart.
 
     Args:
-        steps: as they were taken for.
-        separation: with which they were, m.
-        correction: of the radii and of the separation.
+        steps: as odometry has them.
+        separation: between the wheels, as odometry takes it, m.
+        corrections: of its wheels.
     """
-    pose = ORIGIN
-    for distance, turn in steps:
-        left = (distance - turn * separation / 2) * correction.left_radius
-        right = (distance + turn * separation / 2) * correction.right_radius
-        pose = advance(pose, (left + right) / 2, (right - left) / (separation * correction.separation), 1.0)
+    pose, half = ORIGIN, separation / 2
+    for way, turn in steps:
+        left, right = (way - turn * half) * corrections.left, (way + turn * half) * corrections.right
+        pose = advance(pose, (left + right) / 2, (right - left) / (separation * corrections.separation), 1.0)
     return pose
 
 
-def calibrate(drives: Sequence[Drive], separation: float) -> Found:
-    """The correction with which drives would have ended where they did.
+def calibrate(runs: Sequence[Run], wheel_separation: float) -> Calibration:
+    """How large the wheels are, and how far apart, by where the runs ended.
 
     Args:
-        drives: at least one.
-        separation: with which odometry was made, m.
+        runs: a straight line, and squares to the left and to the right, or any others that say as much.
+        wheel_separation: as odometry takes it, with its multiplier, m.
+
+    Raises:
+        CalibrationError: the runs do not say it, or what they say cannot be.
     """
-    values, damping = [0.0, 0.0, 0.0], 1e-3
-    errors = _errors(drives, separation, values)
+    _refuse_nonsense(runs, wheel_separation)
+    found = NONE
+    before = gaps = _gaps(runs, wheel_separation, found)
     for _ in range(ROUNDS):
-        slopes = [
-            [
-                (after - before) / _NUDGE
-                for before, after in zip(errors, _nudged(drives, separation, values, i), strict=True)
-            ]
-            for i in range(3)
-        ]
-        square = [[_dot(slopes[i], slopes[j]) for j in range(3)] for i in range(3)]
-        downhill = [-_dot(slope, errors) for slope in slopes]
-        for i in range(3):
-            square[i][i] *= 1.0 + damping
-        moved = [_held(value + change) for value, change in zip(values, _solved(square, downhill), strict=True)]
-        tried = _errors(drives, separation, moved)
-        if _dot(tried, tried) < _dot(errors, errors):
-            values, errors, damping = moved, tried, damping / 5
-        else:
-            damping *= 5
-        if damping > 1e9:
+        columns = []
+        for k in range(3):
+            shifted = Corrections(*(one + DIFFERENCE * (i == k) for i, one in enumerate(found)))
+            moved = _gaps(runs, wheel_separation, shifted)
+            columns.append([(new - old) / DIFFERENCE for new, old in zip(moved, gaps, strict=True)])
+        change = _least_squares(columns, gaps)
+        # A longer step leaves the neighbourhood in which the derivative holds.
+        scale = min(1.0, 0.2 / max(map(abs, change)) if any(change) else 1.0)
+        found = Corrections(*(one - scale * step for one, step in zip(found, change, strict=True)))
+        if not all(SMALLEST <= one <= LARGEST for one in found):
+            raise CalibrationError(
+                "no wheels lead from what odometry says to where it was measured: x counts ahead and y to the left, "
+                "in m, from where each run began and how the base stood there"
+            )
+        gaps = _gaps(runs, wheel_separation, found)
+        if max(map(abs, change)) < CLOSE:
             break
-    correction = Correction(*(1.0 + value for value in values))
-    return Found(correction, _distance(drives, separation, Correction()), _distance(drives, separation, correction))
+    return Calibration(found, _size(before, runs), _size(gaps, runs))
 
 
-def _errors(drives: Sequence[Drive], separation: float, values: Sequence[float]) -> list[float]:
-    """What is missing, in units of how well it is known; the last three hold corrections that nothing tells at 1."""
-    correction = Correction(*(1.0 + value for value in values))
-    found = []
-    for drive in drives:
-        end = end_of(drive.steps, separation, correction)
-        found += [(end.x - drive.x) / TAPE, (end.y - drive.y) / TAPE]
-    return [*found, *(value / DOUBT for value in values)]
+def _refuse_nonsense(runs: Sequence[Run], separation: float) -> None:
+    if not 1e-3 <= separation <= 100.0:
+        raise CalibrationError(f"wheel_separation = {separation:g} m: 0.001 to 100")
+    for number, (steps, measured) in enumerate(runs, start=1):
+        values = [measured.x, measured.y, measured.yaw or 0.0, *(one for step in steps for one in step)]
+        if not all(map(math.isfinite, values)):
+            raise CalibrationError(f"run {number} holds what is not finite")
+        if not sum(abs(step.linear) for step in steps) > 0.1:
+            raise CalibrationError(f"in run {number} the base has hardly moved")
 
 
-def _nudged(drives: Sequence[Drive], separation: float, values: Sequence[float], which: int) -> list[float]:
-    return _errors(drives, separation, [value + _NUDGE * (i == which) for i, value in enumerate(values)])
-
-
-def _distance(drives: Sequence[Drive], separation: float, correction: Correction) -> float:
-    ends = [(end_of(drive.steps, separation, correction), drive) for drive in drives]
-    return math.sqrt(sum((end.x - drive.x) ** 2 + (end.y - drive.y) ** 2 for end, drive in ends) / len(drives))
-
-
-def _held(value: float) -> float:
-    return max(-FARTHEST, min(value, FARTHEST))
-
-
-def _dot(one: Sequence[float], other: Sequence[float]) -> float:
-    return sum(a * b for a, b in zip(one, other, strict=True))
-
-
-def _solved(matrix: list[list[float]], right: Sequence[float]) -> list[float]:
-    """The x with A x = b, for a positive definite A (Gauss, without exchange of rows)."""
-    rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
-    size = len(rows)
-    for i in range(size):
-        for j in range(i + 1, size):
-            factor = rows[j][i] / rows[i][i]
-            rows[j] = [a - factor * b for a, b in zip(rows[j], rows[i], strict=True)]
-    found = [0.0] * size
-    for i in reversed(range(size)):
-        found[i] = (rows[i][size] - _dot(rows[i][i + 1 : size], found[i + 1 :])) / rows[i][i]
+def _gaps(runs: Sequence[Run], separation: float, corrections: Corrections) -> list[float]:
+    """How far each run ends from where it was measured: x and y, m, and the heading where there is one."""
+    found: list[float] = []
+    for steps, measured in runs:
+        there = driven(steps, separation, corrections)
+        found += [there.x - measured.x, there.y - measured.y]
+        if measured.yaw is not None:
+            found.append(YAW_COUNTS * angle_difference(there.yaw, measured.yaw))
     return found
+
+
+def _size(gaps: Sequence[float], runs: Sequence[Run]) -> float:
+    return math.sqrt(sum(gap * gap for gap in gaps) / len(runs))
+
+
+def _least_squares(columns: Sequence[Sequence[float]], gaps: Sequence[float]) -> list[float]:
+    """What changes the gaps to 0 as nearly as can be, by modified Gram-Schmidt.
+
+    Raises:
+        CalibrationError: something is not seen in the gaps.
+    """
+    columns, n = [list(column) for column in columns], len(columns)
+    rest, basis = list(gaps), [[0.0] * n for _ in range(n)]
+    shares = [0.0] * n
+    for k in range(n):
+        norm = math.sqrt(sum(one * one for one in columns[k]))
+        if norm < LEAST_SEEN * len(gaps):
+            raise CalibrationError("the runs do not tell the wheels' sizes and their separation apart: drive " + NEEDED)
+        unit = [one / norm for one in columns[k]]
+        basis[k][k] = norm
+        shares[k] = sum(a * b for a, b in zip(unit, rest, strict=True))
+        rest = [a - shares[k] * b for a, b in zip(rest, unit, strict=True)]
+        for j in range(k + 1, n):
+            basis[k][j] = sum(a * b for a, b in zip(unit, columns[j], strict=True))
+            columns[j] = [a - basis[k][j] * b for a, b in zip(columns[j], unit, strict=True)]
+    found = [0.0] * n
+    for k in reversed(range(n)):
+        found[k] = (shares[k] - sum(basis[k][j] * found[j] for j in range(k + 1, n))) / basis[k][k]
+    return found
+
+
+NEEDED = "a straight line, and a square to the left and one to the right"
+"""What says all."""

@@ -1,56 +1,129 @@
-"""The node that finds a base's wheels: drives recorded, ends measured, parameters told."""
+"""A base whose wheels are not as they are said to be is calibrated: by a simulator's truth, and by a ruler."""
 
 import math
+from typing import Any
 
+import msgspec
 import pytest
+import yaml
 
-from robo.testing import NodeUnderTest, RunNode
-from robo_messages import Header, Odometry, Point, Pose, PoseWithCovariance, Quaternion, Trigger
+from robo.testing import Clock, NodeUnderTest, RunNode
+from robo_messages import Odometry, Point, Trigger, Twist
 from robo_services.calibrate_base import CalibrateBase
-from robo_services.calibration import Correction, Step, end_of
-from robo_services.kinematics import ORIGIN, advance
-from tests.unit.test_calibration import DRIVES
+from robo_services.calibration import seen_from
+from robo_services.diff_drive_sim import DiffDriveSim
+from robo_services.kinematics import Pose2
+from robo_services.planar import yaw_from_quaternion
+
+ERRORS = {"left_wheel_radius": 0.02, "right_wheel_radius": -0.01, "wheel_separation": 0.04}
+QUICK: dict[str, Any] = {"length": 2.0, "side": 1.0, "speed": 0.5, "turning_speed": 1.5, "acceleration": 0.5}
+
+Base = NodeUnderTest[DiffDriveSim]
+Tool = NodeUnderTest[CalibrateBase]
 
 
-def drive(node: NodeUnderTest[CalibrateBase], steps: list[Step]) -> None:
-    pose = ORIGIN
-    for distance, turn in [Step(0.0, 0.0), *steps]:
-        pose = advance(pose, distance, turn, 1.0)
-        turned = Quaternion(z=math.sin(pose.yaw / 2), w=math.cos(pose.yaw / 2))
-        there = PoseWithCovariance(Pose(Point(pose.x, pose.y), turned))
-        node.send("odom", Odometry(Header(), "base_link", there))
+def base_of(run_node: RunNode, **errors: float) -> Base:
+    return run_node(DiffDriveSim, ground_truth=True, laser=False, errors=errors, x=-1.0, y=-0.5)
 
 
-def told(node: NodeUnderTest[CalibrateBase]) -> dict[str, float]:
-    lines = node.published(CalibrateBase.result)[-1].data.splitlines()
-    return {name: float(value) for name, _, value in (line.partition(": ") for line in lines)}
+def until(tool: Tool, clock: Clock, what: str) -> None:
+    for _ in range(240):
+        if tool.has_ended() or tool.node.run().message == what:
+            return
+        clock.advance(0.5)
+    raise AssertionError(f"not within two minutes: {what}")
 
 
-def test_a_line_and_two_squares_tell_the_parameters(run_node: RunNode) -> None:
-    truth = Correction(1.01, 0.99, 1.05)
-    node = run_node(CalibrateBase, wheel_separation=0.3, left_wheel_radius_multiplier=1.1)
-    for steps in DRIVES:
-        node.send("odom", Odometry(pose=PoseWithCovariance(Pose(orientation=Quaternion(w=1.0)))))
-        assert node.call("calibration/begin", Trigger.Request()).success
-        drive(node, steps)
-        end = end_of(steps, 0.3, truth)
-        node.send("calibration/measured", Point(end.x, end.y))
-    found = told(node)
-    assert found["left_wheel_radius_multiplier"] == pytest.approx(1.1 * 1.01, abs=3e-3)
-    assert found["right_wheel_radius_multiplier"] == pytest.approx(0.99, abs=3e-3)
-    assert found["wheel_separation_multiplier"] == pytest.approx(1.05, abs=3e-3)
-    assert node.call("calibration/forget", Trigger.Request()).message == "2 drives are left"
+def found(tool: Tool) -> dict[str, float]:
+    (said,) = tool.published(CalibrateBase.calibration)
+    return msgspec.convert(yaml.safe_load(said.data), dict[str, dict[str, float]])["diff_drive_controller"]
 
 
-def test_what_makes_no_drive_is_said(run_node: RunNode, caplog: pytest.LogCaptureFixture) -> None:
-    node = run_node(CalibrateBase)
-    answer = node.call("calibration/begin", Trigger.Request())
-    assert (answer.success, answer.message) == (False, "nothing has come on odom")
-    node.send("calibration/measured", Point(1.0, 0.0))
-    assert "no drive is under way: call calibration/begin first, and drive" in caplog.text
-    drive(node, DRIVES[0])
-    node.call("calibration/begin", Trigger.Request())
-    drive(node, DRIVES[0])
-    node.send("calibration/measured", Point(math.nan, 0.0))
-    assert "at no place such as nan, 0" in caplog.text
-    assert node.published(CalibrateBase.result) == []
+def truth_of(base: Base) -> Pose2:
+    said: Odometry = base.published("ground_truth")[-1]
+    pose = said.pose.pose
+    return Pose2(pose.position.x, pose.position.y, yaw_from_quaternion(pose.orientation))
+
+
+def test_by_the_truth_of_a_simulator_it_finds_the_wheels(
+    run_node: RunNode, clock: Clock, capsys: pytest.CaptureFixture[str]
+) -> None:
+    base_of(run_node, **ERRORS, slip=0.0003)
+    tool = run_node(CalibrateBase, ground_truth="ground_truth", **QUICK)
+    until(tool, clock, "")
+    assert tool.exit_code == 0
+    assert found(tool) == pytest.approx(
+        {
+            "left_wheel_radius_multiplier": 1.02,
+            "right_wheel_radius_multiplier": 0.99,
+            "wheel_separation_multiplier": 1.04,
+        },
+        rel=0.005,
+    )
+    assert "diff_drive_controller:\n  left_wheel_radius_multiplier: 1.0" in capsys.readouterr().out
+
+
+def test_by_a_ruler_each_run_waits_to_be_begun_and_measured(
+    run_node: RunNode, clock: Clock, caplog: pytest.LogCaptureFixture
+) -> None:
+    base = base_of(run_node, **ERRORS)
+    tool = run_node(CalibrateBase, right_wheel_radius_multiplier=1.1, wheel_separation=0.3, **QUICK)
+    clock.advance(1.0)
+    assert "straight: robo service call calibrate_base/go begins it" in caplog.text
+    for kind in ("straight", "left", "right"):
+        begun = truth_of(base)
+        assert tool.call("~/go", Trigger.Request()).message == f"drives: {kind}"
+        assert tool.call("~/go", Trigger.Request()).message == f"it drives already: {kind}"
+        until(tool, clock, "waits to be told where the base is")
+        assert not tool.call("~/go", Trigger.Request()).success
+        x, y, _ = seen_from(begun, truth_of(base))
+        for wrong in (math.nan, 5.0):
+            tool.send("~/measured", Point(x + wrong, y))
+        assert "left out" in caplog.text
+        tool.send("~/measured", Point(round(x, 3), round(y, 3)))
+        clock.advance(1.0)
+    assert tool.exit_code == 0
+    assert found(tool) == pytest.approx(
+        {
+            "left_wheel_radius_multiplier": 1.02,
+            "right_wheel_radius_multiplier": 0.99 * 1.1,
+            "wheel_separation_multiplier": 1.04,
+        },
+        rel=0.005,
+    )
+
+
+def test_a_base_that_does_not_move_is_given_up(
+    run_node: RunNode, clock: Clock, caplog: pytest.LogCaptureFixture
+) -> None:
+    run_node(DiffDriveSim, ground_truth=True, laser=False, command_source="nobody")
+    tool = run_node(CalibrateBase, ground_truth="ground_truth", **QUICK)
+    clock.advance(8.0)
+    assert tool.has_ended()
+    assert tool.exit_code == 1
+    assert "it comes no further: does the base follow cmd_vel" in caplog.text
+    assert tool.published(CalibrateBase.command)[-1] == Twist()
+
+
+def test_without_odometry_it_stops(run_node: RunNode, clock: Clock, caplog: pytest.LogCaptureFixture) -> None:
+    base = base_of(run_node)
+    tool = run_node(CalibrateBase, **QUICK)
+    assert tool.call("~/go", Trigger.Request()).message == "nothing new on odom"
+    clock.advance(0.5)
+    assert tool.call("~/go", Trigger.Request()).success
+    clock.advance(1.0)
+    assert tool.published(CalibrateBase.command)[-1].linear.x > 0.1
+    base.close()
+    clock.advance(1.0)
+    assert tool.exit_code == 1
+    assert tool.published(CalibrateBase.command)[-1] == Twist()
+    assert "nothing new on odom" in caplog.text
+
+
+def test_without_the_truth_it_waits_and_says_so(run_node: RunNode, clock: Clock) -> None:
+    run_node(DiffDriveSim, laser=False)
+    tool = run_node(CalibrateBase, ground_truth="ground_truth", **QUICK)
+    clock.advance(2.0)
+    assert tool.node.run().message == "nothing new on ground_truth"
+    assert tool.published(CalibrateBase.command) == []
+    tool.send("~/measured", Point())
