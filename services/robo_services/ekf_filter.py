@@ -10,7 +10,7 @@ import msgspec
 from msgspec import Meta
 
 import robo
-from robo import READ_ONLY, Health, MessageInfo, Node, Publisher, Unit, check, service, subscribe, timer
+from robo import READ_ONLY, Health, MessageInfo, Node, Publisher, Unit, check, service, timer
 from robo.tf import Transform3, TransformBroadcaster
 from robo_messages import (
     Header,
@@ -125,6 +125,8 @@ class EkfFilter(Node):
         self._ekf = self._new_filter()
         for name, said in p.sources.items():
             self.create_subscription(TYPES[said.type], said.topic, partial(self.on_measured, name), depth=50)
+        # Not declared: nobody has to publish it, and a manifest is not to promise that somebody does.
+        self.create_subscription(PoseWithCovarianceStamped, "set_pose", self.on_pose)
         if not p.sources:
             self.logger.warning("nothing is measured: name sources in the parameter sources (docs/localization.md)")
 
@@ -258,7 +260,6 @@ class EkfFilter(Node):
             stands = Transform3.from_message(odometry.pose.pose)
             self.frames.send(stands.to_stamped(odometry.header, p.base_link_frame))
 
-    @subscribe("set_pose")
     def on_pose(self, said: PoseWithCovarianceStamped) -> None:
         """Begin anew from a pose."""
         try:
