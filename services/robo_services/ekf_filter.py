@@ -122,7 +122,7 @@ class EkfFilter(Node):
         self._refused: Counter[str] = Counter()
         self._before: Counter[str] = Counter()
         self._hindrance, self._begin = "", self._wall.monotonic()
-        self._ekf = self._new_filter()
+        self._ekf = filter_of(p)
         for name, said in p.sources.items():
             self.create_subscription(TYPES[said.type], said.topic, partial(self.on_measured, name), depth=50)
         # Not declared: nobody has to publish it, and a manifest is not to promise that somebody does.
@@ -135,18 +135,6 @@ class EkfFilter(Node):
         del names
         for name, reader in self._readers.items():
             reader.said = self.parameters.sources[name]
-
-    def _new_filter(self) -> Ekf:
-        p = self.parameters
-        accelerates = any({"ax", "ay"} & {*said.use} for said in p.sources.values())
-        size = AX + 2 if accelerates else AX
-        variances = list(diagonal(p.initial_estimate_covariance, INITIAL))
-        if not p.initial_estimate_covariance:
-            for i, variance in enumerate(ANYWHERE):
-                if any(said.is_absolute(QUANTITIES[i]) for said in p.sources.values()):
-                    variances[i] = variance
-        noise = diagonal(p.process_noise_covariance, PROCESS_NOISE)
-        return Ekf(begin(variances[:size]), noise, history=p.history_length, longest_step=p.sensor_timeout)
 
     def on_measured(self, name: str, message: Measured, info: MessageInfo) -> None:
         """Keep what a source measured for the next tick; what makes no sense counts as silence."""
@@ -245,7 +233,7 @@ class EkfFilter(Node):
         p = self.parameters
         what = "at the origin" if p.reset_on_time_jump else "where it was"
         self.logger.warning("time has stepped back: it begins anew %s", what, throttle=5.0)
-        estimate = self._new_filter().now if p.reset_on_time_jump else self._ekf.now
+        estimate = filter_of(p).now if p.reset_on_time_jump else self._ekf.now
         self._ekf.begin_anew(estimate._replace(time=math.nan))
         self._waiting.clear()
         for reader in self._readers.values():
@@ -274,7 +262,7 @@ class EkfFilter(Node):
     @service("reset")
     def reset(self, _request: Trigger.Request) -> Trigger.Response:
         """Begin anew at the origin."""
-        self._ekf = self._new_filter()
+        self._ekf = filter_of(self.parameters)
         self._waiting.clear()
         for reader in self._readers.values():
             reader.begin_anew()
@@ -303,6 +291,19 @@ class EkfFilter(Node):
         if doubted:
             return Health.warn(f"not believed: {', '.join(doubted)}", **figures)
         return Health.ok(**figures)
+
+
+def filter_of(p: EkfFilter.Parameters) -> Ekf:
+    """One that knows nothing yet but what its parameters say."""
+    accelerates = any({"ax", "ay"} & {*said.use} for said in p.sources.values())
+    size = AX + 2 if accelerates else AX
+    variances = list(diagonal(p.initial_estimate_covariance, INITIAL))
+    if not p.initial_estimate_covariance:
+        for i, variance in enumerate(ANYWHERE):
+            if any(said.is_absolute(QUANTITIES[i]) for said in p.sources.values()):
+                variances[i] = variance
+    noise = diagonal(p.process_noise_covariance, PROCESS_NOISE)
+    return Ekf(begin(variances[:size]), noise, history=p.history_length, longest_step=p.sensor_timeout)
 
 
 def _refuse_other(frame: str, wanted: str) -> None:

@@ -302,3 +302,27 @@ def test_what_is_said_of_a_source_holds_at_once(run_node: RunNode, clock: Clock)
     clock.advance(0.05)
     assert node.node._ekf.rejected == {"wheels": 1}
     clock.advance(1.0)
+
+
+@pytest.mark.parametrize(("reset", "where"), [(False, 0.5), (True, 0.0)])
+def test_where_time_steps_back_it_begins_anew(
+    run_node: RunNode,
+    clock: Clock,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    reset: bool,
+    where: float,
+) -> None:
+    """As where a simulator that says the time is started again."""
+    node = run_node(EkfFilter, sources=SOURCES, reset_on_time_jump=reset)
+    drive(node, clock, 1.0, 0.5)
+    assert place(told(node)[-1])[0] == pytest.approx(0.48, abs=0.03)
+    node.clear()
+    monkeypatch.setattr(node.node, "now", lambda: stamp(clock, 90.0))
+    for _ in range(50):
+        clock.advance(PERIOD)
+        node.send("odom", odometry(clock, 0.0, ago=90.0))
+        node.send("imu", imu(clock, ago=90.0))
+    assert "time has stepped back" in caplog.text
+    assert place(told(node)[-1])[0] == pytest.approx(where, abs=0.05)
+    assert told(node)[-1].header.stamp.to_seconds() == pytest.approx(clock.now().to_seconds() - 90.0, abs=0.1)
