@@ -10,7 +10,7 @@ import msgspec
 from msgspec import Meta
 
 import robo
-from robo import READ_ONLY, Health, MessageInfo, Node, Publisher, Unit, check, service, timer
+from robo import READ_ONLY, ContractError, Health, MessageInfo, Node, Publisher, Unit, check, service, timer
 from robo.tf import Transform3, TransformBroadcaster
 from robo_messages import (
     Header,
@@ -124,6 +124,8 @@ class EkfFilter(Node):
         self._hindrance, self._begin = "", self._wall.monotonic()
         self._ekf = filter_of(p)
         for name, said in p.sources.items():
+            if self.resolve(said.topic) == self.resolve("odometry/filtered"):
+                raise ContractError(f"{self.full_name}: sources.{name}.topic is what it publishes itself: {said.topic}")
             self.create_subscription(TYPES[said.type], said.topic, partial(self.on_measured, name), depth=50)
         # Not declared: nobody has to publish it, and a manifest is not to promise that somebody does.
         self.create_subscription(PoseWithCovarianceStamped, "set_pose", self.on_pose)

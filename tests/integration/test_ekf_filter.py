@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from robo import ParameterError
+from robo import ContractError, ParameterError
 from robo.testing import Clock, NodeUnderTest, RunNode
 from robo_messages import (
     Header,
@@ -249,6 +249,11 @@ def test_parameters_that_make_no_sense_are_refused(run_node: RunNode) -> None:
     ):
         with pytest.raises(ParameterError):
             run_node(EkfFilter, **wrong)
+
+
+def test_it_does_not_hear_itself(run_node: RunNode) -> None:
+    with pytest.raises(ContractError, match=r"sources\.wheels\.topic is what it publishes itself: odom"):
+        run_node(EkfFilter, sources=SOURCES, remap={"odometry/filtered": "odom"})
 
 
 def test_with_the_simulated_base_it_is_nearer_to_the_truth(run_node: RunNode, clock: Clock) -> None:

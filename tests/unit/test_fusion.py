@@ -30,6 +30,7 @@ from robo_services.limits import ramp
 from robo_services.planar import angle_difference, quaternion_from_yaw, yaw_from_quaternion
 from robo_services.simulated_errors import ErringWheels, ImuNoise, SimulatedImu, WheelErrors
 from robo_services.uncertainty import NOT_MEASURED
+from tests.unit.test_factors import is_covariance
 
 DRIVE = DiffDrive(wheel_separation=0.3, wheel_radius=0.05)
 ERRORS = {
@@ -289,6 +290,74 @@ def test_a_gyro_that_turns_while_the_wheels_stand_is_not_believed_to_be_biased()
     for step in range(100):
         bias.without(0.05, 10.04 + step * 0.02, 0.05)
     assert bias.bias == pytest.approx(0.03), "the wheels turn"
+
+
+READERS = [
+    reader("odometry", "x", "y", "yaw", "vx", "vyaw"),
+    reader("odometry", "x", "y", "yaw", "vx", relative=True),
+    reader("odometry", "x", "yaw", differential=True),
+    reader("imu", "yaw", "vyaw", "ax", "ay", roll=0.3, remove_gravitational_acceleration=True),
+    reader("imu", "yaw", "ax", differential=True),
+]
+ODD = (0.0, -1.0, 1e-300, 1e6, 1e7, 1e308, math.nan, math.inf, -math.inf)
+
+
+class Nonsense:
+    """Messages of numbers, of which one in so many is odd."""
+
+    def __init__(self, seed: int) -> None:
+        self._random = random.Random(seed)
+        self._odd = self._random.choice([0.0, 0.01, 0.1, 0.5])
+
+    def number(self) -> float:
+        return self._random.choice(ODD) if self._random.random() < self._odd else self._random.uniform(-2, 2)
+
+    def vector(self) -> Vector3:
+        return Vector3(self.number(), self.number(), self.number())
+
+    def turn(self) -> Quaternion:
+        return Quaternion(self.number(), self.number(), self.number(), self.number())
+
+    def numbers(self, size: int) -> tuple[float, ...]:
+        """A covariance, mostly of errors that are independent."""
+        diagonal = [abs(self.number()) if i % (size + 1) == 0 else 0.0 for i in range(size * size)]
+        return tuple(diagonal if self._random.random() < 0.7 else (self.number() for _ in diagonal))
+
+    def odometry(self) -> Odometry:
+        pose = Pose(Point(self.number(), self.number()), self.turn())
+        twist = Twist(self.vector(), self.vector())
+        return Odometry(
+            Header(), "", PoseWithCovariance(pose, self.numbers(6)), TwistWithCovariance(twist, self.numbers(6))
+        )
+
+    def imu(self) -> Imu:
+        return Imu(
+            Header(), self.turn(), self.numbers(3), self.vector(), self.numbers(3), self.vector(), self.numbers(3)
+        )
+
+    def run(self) -> int:
+        """Feed a filter with it; how much was taken."""
+        ekf, time, taken = Ekf(begin(INITIAL), PROCESS_NOISE), 0.0, 0
+        for one in READERS:
+            one.begin_anew()
+        for _ in range(12):
+            time += self._random.uniform(-0.1, 0.5)
+            one, said = self._random.choice(READERS), self.odometry()
+            try:
+                found = one.imu(self.imu(), time) if one.said.type == "imu" else one.odometry(said, time)
+            except Unusable:
+                continue
+            one.bias.wheels(said.twist.twist.linear.x, said.twist.twist.angular.z, time)
+            ekf.take(found)
+            taken += len(found)
+            assert all(map(math.isfinite, ekf.now.mean))
+            assert is_covariance(ekf.now.factors.matrix())
+            assert math.isfinite(one.bias.bias)
+        return taken
+
+
+def test_whatever_messages_hold_the_filter_stays_one() -> None:
+    assert sum(Nonsense(seed).run() for seed in range(300)) > 1000
 
 
 # -- what is known as a message, and parameters ------------------------------------------------------------------------
