@@ -40,7 +40,6 @@ def modules_after(code: str) -> set[str]:
         "import robo_services.carmen_player, robo.process.node",
         "import robo_services.diagnostic_aggregator, robo.process.node",
         "import robo_services.diff_drive_controller, robo.process.node",
-        "import robo_services.calibrate_base, robo.process.node",
         "import robo_services.ekf_filter, robo.process.node",
         "import robo_services.robot_state_publisher, robo.process.node",
         "import robo_services.emulated_board, robo.process.node",
