@@ -27,6 +27,8 @@ SMALLEST, LARGEST = 0.5, 2.0
 CLOSE = 1e-10
 """Corrections that change by less are found."""
 ROUNDS = 50
+HALVINGS = 8
+"""How often a step that makes it no better is halved."""
 LEAST_SEEN = 1e-4
 """A correction that moves the ends of all runs by less, m per 1, is not seen in them."""
 YAW_COUNTS = 0.5
@@ -143,8 +145,10 @@ def calibrate(runs: Sequence[Run], wheel_separation: float) -> Calibration:
         CalibrationError: the runs do not say it, or what they say cannot be.
     """
     _refuse_nonsense(runs, wheel_separation)
-    found = NONE
-    before = gaps = _gaps(runs, wheel_separation, found)
+    before = _gaps(runs, wheel_separation, NONE)
+    # Wheels that differ much wind a line up to where it says nothing of how to unwind it: it begins near the truth.
+    found = min(_BEGINNINGS, key=lambda one: _size(_gaps(runs, wheel_separation, one), runs))
+    gaps = _gaps(runs, wheel_separation, found)
     for _ in range(ROUNDS):
         columns = []
         for k in range(3):
@@ -154,16 +158,28 @@ def calibrate(runs: Sequence[Run], wheel_separation: float) -> Calibration:
         change = _least_squares(columns, gaps)
         # A longer step leaves the neighbourhood in which the derivative holds.
         scale = min(1.0, 0.2 / max(map(abs, change)) if any(change) else 1.0)
-        found = Corrections(*(one - scale * step for one, step in zip(found, change, strict=True)))
+        for _ in range(HALVINGS):
+            tried = Corrections(*(one - scale * step for one, step in zip(found, change, strict=True)))
+            gaps_there = _gaps(runs, wheel_separation, tried)
+            if _size(gaps_there, runs) <= _size(gaps, runs):
+                break
+            scale /= 2
+        found, gaps = tried, gaps_there
         if not all(SMALLEST <= one <= LARGEST for one in found):
             raise CalibrationError(
                 "no wheels lead from what odometry says to where it was measured: x counts ahead and y to the left, "
                 "in m, from where each run began and how the base stood there"
             )
-        gaps = _gaps(runs, wheel_separation, found)
         if max(map(abs, change)) < CLOSE:
             break
     return Calibration(found, _size(before, runs), _size(gaps, runs))
+
+
+_BEGINNINGS = [
+    Corrections(1.0 - differ / 2, 1.0 + differ / 2, apart)
+    for differ in (0.0, 0.05, -0.05, 0.1, -0.1, 0.15, -0.15, 0.2, -0.2)
+    for apart in (1.0, 0.9, 1.1)
+]
 
 
 def _refuse_nonsense(runs: Sequence[Run], separation: float) -> None:

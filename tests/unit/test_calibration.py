@@ -4,7 +4,7 @@ import math
 import random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from robo_messages import Header
@@ -68,6 +68,9 @@ def course(errors: WheelErrors, seed: int = 0, *, yaw: bool = False) -> list[Run
 
 
 @settings(max_examples=10)
+@example(0.09375, -0.0625, 0.0, False)
+@example(-0.1, 0.1, 0.15, False)
+@example(0.1, -0.1, -0.15, True)
 @given(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(-0.15, 0.15), st.booleans())
 def test_wheels_that_roll_are_found_exactly(left: float, right: float, separation: float, yaw: bool) -> None:
     errors = WheelErrors(left_wheel_radius=left, right_wheel_radius=right, wheel_separation=separation)
