@@ -32,6 +32,8 @@ class Answer(msgspec.Struct, frozen=True, kw_only=True):
     contract: ContractData | None = None
     mistakes: dict[str, str] = {}
     """By name, why a value is refused."""
+    lacking: str = ""
+    """What the class says that this machine does not have for it."""
 
 
 def typed(value: object, parameter_type: str | None) -> object:
@@ -118,4 +120,13 @@ def _answer(asked: Question, loaded: dict[str, Any]) -> Answer:
         for name, value in asked.values.items()
         if (known := declared_as(name, types)) is not None
     }
-    return Answer(contract=contract, mistakes=parameters.mistakes(node_class.Parameters, values, contract.name))
+    mistakes = parameters.mistakes(node_class.Parameters, values, contract.name)
+    if mistakes:
+        return Answer(contract=contract, mistakes=mistakes)
+    try:
+        lacking = node_class.lacking(parameters.build(node_class.Parameters, values, contract.name))
+    except Exception as error:  # likewise
+        from robo.text.import_errors import explained
+
+        return Answer(error=f"service {asked.service!r} cannot say what it lacks: {explained(error)}")
+    return Answer(contract=contract, lacking=lacking)

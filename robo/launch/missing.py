@@ -1,4 +1,4 @@
-"""What a launch needs of this machine and is not there: programs, modules, and files that arguments name."""
+"""What a launch needs of this machine and is not there: programs, what nodes ask for, and files that arguments name."""
 
 import os
 import shutil
@@ -28,14 +28,19 @@ def programs(found: Resolution, search: str) -> list[Problem]:
     ]
 
 
-def modules(found: Resolution) -> list[Problem]:
-    """Modules that node classes say they import when they run, and that are not installed; each with what brings it."""
+def for_nodes(found: Resolution) -> list[Problem]:
+    """What nodes need that is not there: modules that their classes require, and what these say that they lack."""
     return [
         Problem(found.positions[process.full_name], f"{process.full_name}: {text}")
         for process in found.plan.processes
-        if process.full_name in found.contracts
-        for text in absent(found.contracts[process.full_name].requires)
+        for text in _lacks(found, process.full_name)
     ]
+
+
+def _lacks(found: Resolution, node: str) -> list[str]:
+    contract, lacking = found.contracts.get(node), found.lacking.get(node)
+    needed = absent(contract.requires) if contract is not None else []
+    return needed or ([lacking] if lacking else [])
 
 
 def files(found: Resolution) -> list[Problem]:

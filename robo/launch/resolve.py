@@ -34,6 +34,8 @@ class Resolution(msgspec.Struct, frozen=True, kw_only=True):
     """Where parameter files contradict themselves."""
     contracts: dict[str, ContractData]
     """By full name, what a node's class promises, where that is known."""
+    lacking: dict[str, str]
+    """By full name, what a node needs and this machine does not have."""
     positions: dict[str, Position]
     """By full name, where the node is written."""
     remaps: dict[str, dict[str, Origin]]
@@ -115,6 +117,7 @@ def resolve(
         loose=in_order(settled.loose),
         warnings=in_order(unfolded.files.warnings()),
         contracts=settled.contracts,
+        lacking=settled.lacking,
         positions={draft.plan.full_name: draft.position for draft in settled.drafts},
         remaps={draft.plan.full_name: draft.remap_at for draft in settled.drafts},
         unmatched=tuple(

@@ -29,6 +29,8 @@ class Settlement(msgspec.Struct, frozen=True, kw_only=True):
     """Those that are to be started."""
     contracts: dict[str, ContractData]
     """By full name, what a node's class promises, where that is known."""
+    lacking: dict[str, str]
+    """By full name, what a node needs and this machine does not have."""
     loose: list[Problem]
     """What is said and reaches nobody."""
 
@@ -69,6 +71,7 @@ def settle(
         drafts=drafts,
         processes=_chosen(processes, groups, host),
         contracts={name: answer.contract for name, answer in answers.items() if answer.contract is not None},
+        lacking={name: answer.lacking for name, answer in answers.items() if answer.lacking},
         loose=loose,
     )
 

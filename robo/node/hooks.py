@@ -11,6 +11,15 @@ from robo.node.declare import Declares
 class Hooks(Declares):
     """The methods of a node that are there to be overridden."""
 
+    @classmethod
+    def lacking(cls, parameters: Any) -> str:  # noqa: ARG003 - for whoever overrides it
+        """What a node with these parameters needs and this machine does not have, and how to get it; empty for nothing.
+
+        `robo up` asks before anything starts. Override it for a library that comes with an extra, and look for that
+        without importing it (`importlib.util.find_spec`). It is asked without a node, so it has nothing but parameters.
+        """
+        return ""
+
     def on_start(self) -> None:
         """Called when the publishers exist and before any other callback runs."""
 

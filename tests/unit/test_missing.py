@@ -36,6 +36,47 @@ def program(path: str) -> Path:
     return file
 
 
+# -- what nodes ask for --------------------------------------------------------------------------------------
+
+PICKY = """\
+import robo
+
+class Picky(robo.Node):
+    class Parameters(robo.Parameters):
+        fast: bool = False
+
+    @classmethod
+    def lacking(cls, parameters):
+        if parameters.fast is None:
+            raise RuntimeError("never")
+        return "needs a library: pip install it" if parameters.fast else ""
+"""
+
+
+def test_a_node_says_what_it_lacks_with_its_parameters(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "picky.py").write_text(PICKY)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    found = resolution(
+        """\
+groups:
+  g:
+    nodes:
+      slow: {service: picky}
+      fast: {service: picky, params: {fast: true}}
+"""
+    )
+    assert [str(one) for one in missing.for_nodes(found)] == ["m.yaml:5:7: /fast: needs a library: pip install it"]
+
+
+def test_a_node_that_cannot_say_what_it_lacks_is_a_mistake(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "odd_picky.py").write_text(PICKY.replace("is None", "is False"))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (answer,) = examine([Question("odd_picky", {})])
+    assert answer.error is not None
+    assert "'odd_picky' cannot say what it lacks" in answer.error
+    assert "never" in answer.error
+
+
 # -- programs and files --------------------------------------------------------------------------------------
 
 
@@ -208,7 +249,7 @@ def test_modules_that_a_node_class_needs_have_to_be_installed() -> None:
     Path("needy.py").write_text(NEEDY)
     found = resolution("groups: {g: {nodes: {camera: {service: needy}}}}")
     assert found.problems == ()
-    assert [str(problem) for problem in missing.modules(found)] == [
+    assert [str(problem) for problem in missing.for_nodes(found)] == [
         "m.yaml:1:22: /camera: needs the module no_such, which is not installed: pip install no-such",
         "m.yaml:1:22: /camera: needs the module no_such.part, which is not installed: pip install 'robo-zenoh[such]'",
     ]

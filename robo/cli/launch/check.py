@@ -65,7 +65,7 @@ def _check_one(
     resolution = resolve.resolve(file, given, robot=robot_name, stand_ins=True)
     findings = check(resolution)
     # They may be there where the robot is.
-    absent_here = [*missing.programs(resolution, search_path()), *missing.modules(resolution)]
+    absent_here = [*missing.programs(resolution, search_path()), *missing.for_nodes(resolution)]
     findings = Findings(findings.faults, faults.in_order([*findings.notes, *absent_here]))
     absent = resolution.stood_in
     if absent:

@@ -57,12 +57,8 @@ def run_up(request: UpRequest, begun: HeadStart | None) -> int:
     found = read()
     problems = found.problems
     if not request.dry_run:
-        problems = (
-            *problems,
-            *missing.programs(found, search_path()),
-            *missing.modules(found),
-            *missing.files(found),
-        )
+        absent = (*missing.programs(found, search_path()), *missing.for_nodes(found), *missing.files(found))
+        problems = (*problems, *absent)
     if problems:
         return _refuse(problems, request)
     warnings = [*found.loose, *found.warnings, *(problem for problem, _ in unmatched(found))]
