@@ -1,9 +1,9 @@
 """A simulated base with a laser: the default robot, for a desk without one."""
 
 from collections import deque
-from collections.abc import Iterable, Set
+from collections.abc import Set
 from functools import partial
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 from msgspec import Meta
 
@@ -28,35 +28,11 @@ from robo_services.arrivals import Arrivals
 from robo_services.drives import Ackermann, DiffDrive, SkidSteer
 from robo_services.kinematics import Pose2, Twist2
 from robo_services.safety import is_finite
-from robo_services.simulated_base import BaseLimits, SimulatedBase
+from robo_services.simulated_base import SimulatedBase
 from robo_services.simulated_errors import ErringWheels, ImuNoise, SimulatedImu, WheelErrors
+from robo_services.simulator import MOST_STEPS, REMEMBERED, Command, SimulatorParameters, in_force
 from robo_services.uncertainty import NOISE, PoseCovariance
 from robo_services.wheel_odometry import odometry_message, twist_variances
-
-MOST_STEPS = 50
-"""Steps made up for at once after the process was held up; beyond them simulated time falls behind."""
-
-
-_REMEMBERED = 64
-"""Commands, for the steps that are made up for."""
-
-
-class Command(NamedTuple):
-    """A velocity command."""
-
-    twist: Twist
-    sent: float
-    """By the base's clock, s; -inf where that is not known."""
-
-
-def in_force(commands: Iterable[Command], moment: float, timeout: float) -> Twist:
-    """The velocity that holds at a moment: that of the last command before it, if it is no older than `timeout` s."""
-    twist = Twist()
-    for command in commands:
-        if command.sent <= moment + 1e-6:
-            twist = command.twist if moment - command.sent <= timeout else Twist()
-    return twist
-
 
 _JOINTS = {
     "diff": ("left_wheel_joint", "right_wheel_joint"),
@@ -73,29 +49,14 @@ _JOINTS = {
 class DiffDriveSim(Node):
     """Simulate a base and its laser in a flat world: a differential drive, or a skid steer, or a car."""
 
-    class Parameters(robo.Parameters):
+    class Parameters(SimulatorParameters):
         """The base, its laser and its world."""
 
-        world: Annotated[
-            str, Meta(description="YAML file of walls, boxes and circles; empty: a 10 m room"), READ_ONLY
-        ] = ""
-        x: Annotated[float, Meta(description="where it starts, along x of the world"), Unit("m"), READ_ONLY] = 0.0
-        y: Annotated[float, Meta(description="where it starts, along y"), Unit("m"), READ_ONLY] = 0.0
-        yaw: Annotated[float, Meta(description="where it looks at the start"), Unit("rad"), READ_ONLY] = 0.0
-        seed: Annotated[
-            int, Meta(description="what the laser's noise begins from: the same seed, the same noise"), READ_ONLY
-        ] = 0
         drive: Annotated[
             Literal["diff", "skid", "ackermann"],
             Meta(description="two wheels, rows of wheels that slide in turns, or a car, which cannot turn on the spot"),
             READ_ONLY,
         ] = "diff"
-        wheel_separation: Annotated[
-            float, Meta(ge=0.001, le=100, description="between the wheels of the two sides"), Unit("m"), READ_ONLY
-        ] = 0.3
-        wheel_radius: Annotated[
-            float, Meta(ge=0.001, le=100, description="radius of a wheel"), Unit("m"), READ_ONLY
-        ] = 0.05
         wheelbase: Annotated[
             float, Meta(ge=0.001, le=100, description="between the axles of a car"), Unit("m"), READ_ONLY
         ] = 0.3
@@ -105,70 +66,14 @@ class DiffDriveSim(Node):
         max_steering_velocity: Annotated[
             float, Meta(ge=0.01, le=100, description="how quickly it steers"), Unit("rad/s"), READ_ONLY
         ] = 2.0
-        joint_states: Annotated[
-            bool, Meta(description="publish joint_states: how far wheels have turned and are steered"), READ_ONLY
-        ] = False
         errors: WheelErrors = WheelErrors()
         imu: Annotated[bool, Meta(description="publish imu, after every step"), READ_ONLY] = False
         imu_noise: ImuNoise = ImuNoise()
         ground_truth: Annotated[bool, Meta(description="publish ground_truth: odometry without errors"), READ_ONLY] = (
             False
         )
-        radius: Annotated[float, Meta(gt=0, description="radius of the round base"), Unit("m"), READ_ONLY] = 0.2
-        max_linear_velocity: Annotated[float, Meta(gt=0, description="it drives no faster"), Unit("m/s"), READ_ONLY] = (
-            1.5
-        )
-        max_angular_velocity: Annotated[
-            float, Meta(gt=0, description="it turns no faster"), Unit("rad/s"), READ_ONLY
-        ] = 3.0
-        linear_acceleration: Annotated[float, Meta(gt=0, description="how it gains speed"), Unit("m/s²"), READ_ONLY] = (
-            2.0
-        )
-        linear_deceleration: Annotated[float, Meta(gt=0, description="how it brakes"), Unit("m/s²"), READ_ONLY] = 5.0
-        angular_acceleration: Annotated[
-            float, Meta(gt=0, description="how its turning changes"), Unit("rad/s²"), READ_ONLY
-        ] = 6.0
-        cmd_vel_timeout: Annotated[
-            float, Meta(ge=0.01, le=10, description="stand still without a command for this long"), Unit("s")
-        ] = 0.5
-        command_source: Annotated[
-            str,
-            Meta(description="whose commands alone move it: a node, plain (Zenoh clients), or empty: the first node"),
-            READ_ONLY,  # else whoever may set a parameter may drive
-        ] = ""
-        odom_rate: Annotated[
-            float, Meta(ge=1, le=1000, description="steps and odometry messages per second"), Unit("Hz"), READ_ONLY
-        ] = 50.0
-        laser: Annotated[bool, Meta(description="whether there is a laser")] = True
-        scan_rate: Annotated[float, Meta(ge=0.1, le=100, description="scans per second"), Unit("Hz")] = 10.0
-        rays: Annotated[int, Meta(ge=1, le=10_000, description="rays of a scan, over the full turn"), READ_ONLY] = 360
-        range_min: Annotated[
-            float, Meta(ge=0, description="the laser measures nothing nearer"), Unit("m"), READ_ONLY
-        ] = 0.05
-        range_max: Annotated[
-            float, Meta(gt=0, description="the laser measures nothing further"), Unit("m"), READ_ONLY
-        ] = 12.0
-        range_noise: Annotated[float, Meta(ge=0, description="standard deviation of a range"), Unit("m"), READ_ONLY] = (
-            0.005
-        )
-        publish_clock: Annotated[
-            bool, Meta(description="publish /clock: time is what is simulated, for nodes with use_sim_time"), READ_ONLY
-        ] = False
-        real_time_factor: Annotated[
-            float, Meta(ge=0.01, le=100, description="how fast the published time runs, 1 is real time"), READ_ONLY
-        ] = 1.0
-        odom_frame: Annotated[str, Meta(min_length=1, description="the frame of odometry's poses"), READ_ONLY] = "odom"
-        base_frame: Annotated[str, Meta(min_length=1, description="the frame of odometry's velocities"), READ_ONLY] = (
-            "base_link"
-        )
         enable_odom_tf: Annotated[
             bool, Meta(description="say on tf where the base stands in odom; false where a filter does")
-        ] = True
-        laser_frame: Annotated[str, Meta(min_length=1, description="the frame of scans"), READ_ONLY] = "base_laser"
-        publish_laser_tf: Annotated[
-            bool,
-            Meta(description="say on tf_static where the laser stands; false where a robot_state_publisher does"),
-            READ_ONLY,
         ] = True
 
         def __post_init__(self) -> None:
@@ -193,16 +98,8 @@ class DiffDriveSim(Node):
         """Build the world and put the base into it."""
         p = self.parameters
         surroundings = world.load(p.world) if p.world else world.ROOM
-        limits = BaseLimits(
-            radius=p.radius,
-            max_linear_velocity=p.max_linear_velocity,
-            max_angular_velocity=p.max_angular_velocity,
-            linear_acceleration=p.linear_acceleration,
-            linear_deceleration=p.linear_deceleration,
-            angular_acceleration=p.angular_acceleration,
-        )
         self._drive = _drive_of(p)
-        self._new_base = partial(SimulatedBase, surroundings, limits, Pose2(p.x, p.y, p.yaw), self._drive)
+        self._new_base = partial(SimulatedBase, surroundings, p.limits, Pose2(p.x, p.y, p.yaw), self._drive)
         self._base = self._new_base()
         self._covariance = PoseCovariance()
         self._turned: list[float] = []
@@ -220,7 +117,7 @@ class DiffDriveSim(Node):
             noise=p.range_noise,
             seed=p.seed,
         )
-        self._commands: deque[Command] = deque(maxlen=_REMEMBERED)
+        self._commands: deque[Command] = deque(maxlen=REMEMBERED)
         self._arrivals = Arrivals(unstamped=True)  # of whom `command_source` lets in
         self._wall = wall = self.clock.wall
         self._steps = 0
