@@ -12,7 +12,7 @@ import random
 import time
 from collections import deque
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from robo_messages import LaserScan, Twist, Vector3
 from robo_services.collision import Sighting
@@ -85,6 +85,36 @@ class Drive(NamedTuple):
     """The least distance of its surface from anything while it moved, m."""
     driven: float
     """m."""
+
+
+class Base(Protocol):
+    """What is driven."""
+
+    @property
+    def pose(self) -> Pose2: ...
+
+    @property
+    def linear(self) -> float:
+        """m/s."""
+
+    @property
+    def angular(self) -> float:
+        """rad/s."""
+
+    def step(self, linear: float, angular: float, dt: float) -> None:
+        """Drive for `dt` s."""
+
+
+class Scanner(Protocol):
+    """What looks around."""
+
+    angle_min: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+
+    def scan(self, pose: Pose2) -> list[float]:
+        """Ranges, m."""
 
 
 class Mover(NamedTuple):
@@ -207,7 +237,7 @@ class Loop:
             radius=RADIUS, max_linear_velocity=1.5, max_angular_velocity=3.0, linear_acceleration=2.0,
             linear_deceleration=rng.uniform(*variant.deceleration), angular_acceleration=6.0,
         )  # fmt: skip
-        self.base = SimulatedBase(World(), limits, pose)  # what it touches is looked at here
+        self.base = self.new_base(limits, pose)
         self.laser = self._laser_in(self.world)
         self.commander = Commander(rng, self.world)
         self.mover = self._new_mover() if variant.obstacle_speed else None
@@ -254,6 +284,10 @@ class Loop:
                 break  # something has run into a robot that stands
         return Drive(False, tightest, driven)
 
+    def new_base(self, limits: BaseLimits, pose: Pose2) -> Base:
+        """Something else to drive; what it touches is looked at here."""
+        return SimulatedBase(World(), limits, pose)
+
     def _room(self, now: float) -> float:
         if self.variant.corners:
             return self._room_of_corners()
@@ -280,7 +314,7 @@ class Loop:
         along = self.base.linear * (dx * math.cos(pose.yaw) + dy * math.sin(pose.yaw))
         return along < 0.0 and away <= self._room(now)
 
-    def _laser_in(self, world: World) -> Laser:
+    def _laser_in(self, world: World) -> Scanner:
         return Laser(world, rays=360, range_min=0.05, range_max=12.0, noise=0.005, seed=self.rng.randrange(2**32))
 
     def _scanned(self, now: float) -> LaserScan:
