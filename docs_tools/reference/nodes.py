@@ -35,6 +35,8 @@ WITHOUT_UNIT = {
     "emulated_board.noise",
     "emulated_board.ticks_per_revolution",
     "joy.deadzone",
+    "mujoco_sim.friction",
+    "mujoco_sim.real_time_factor",
     "serial_base.left_wheel_radius_multiplier",
     "serial_base.right_wheel_radius_multiplier",
     "serial_base.ticks_per_revolution",

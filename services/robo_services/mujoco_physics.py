@@ -24,6 +24,8 @@ from robo_services.simulated_base import BaseLimits
 MISSING = "needs MuJoCo, which is not installed: pip install 'robo-zenoh[mujoco]'"
 PREFIX = "robot/"
 """Before every name of the robot's, so that a world may have the same ones."""
+SETTLING = 0.1
+"""For so long it stands before anything is reckoned, s."""
 TIMESTEP = 0.002
 """Of the physics, s; no longer than this unless somebody says so."""
 
@@ -114,9 +116,11 @@ class MujocoBase:
         self.reset()
 
     def reset(self) -> None:
-        """Back to where it began, standing still."""
+        """Back to where it began, standing still, with its weight on its wheels."""
+        self.model.opt.timestep = self._timestep
         self.mujoco.mj_resetData(self.model, self.data)
-        self.mujoco.mj_forward(self.model, self.data)
+        self.mujoco.mj_step(self.model, self.data, math.ceil(SETTLING / self._timestep))
+        self.data.time = 0.0
         self.bumped, self.touches = False, 0
         self._commanded, self._added = Twist2(), [0.0, 0.0]
         self._felt = [float(value) for value in self.data.sensordata[self._at.sensors]]
@@ -213,7 +217,7 @@ class MujocoBase:
         import numpy as np
 
         turned = np.zeros(4)
-        self.mujoco.mj_mat2Quat(turned, rotation)
+        self.mujoco.mju_mat2Quat(turned, rotation)
         w, x, y, z = turned.tolist()
         there = Transform3(*position.tolist(), x, y, z, w)
         w, x, y, z = self.data.xquat[self._at.base].tolist()

@@ -295,6 +295,7 @@ def test_robo_announces_the_nodes_that_ship() -> None:
         "ekf_filter",
         "emulated_board",
         "joy",
+        "mujoco_sim",
         "position_tracker",
         "robot_state_publisher",
         "safety_monitor",

@@ -1,0 +1,81 @@
+"""The reference robot in MuJoCo: by one word on the command line it drives there, and reaches its course."""
+
+import math
+
+import pytest
+
+from robo.launch import missing
+from robo.launch.find import find_manifest
+from robo.launch.resolve import resolve
+from robo.testing import Launch
+from robo_services import courses, mujoco_sim, world
+from robo_services.mujoco_physics import is_installed
+from tests.e2e.test_waypoints import CONFIG, FAST, OPTIONS
+from tests.support import run_robo
+
+needs_mujoco = pytest.mark.skipif(
+    not is_installed(), reason="MuJoCo is not installed: pip install 'robo-zenoh[mujoco]'"
+)
+
+
+@needs_mujoco
+@pytest.mark.timeout(150)
+def test_the_course_of_twenty_waypoints_is_reached(launch: Launch) -> None:
+    robot = launch("robot.yaml", physics="mujoco", use_sim_time=True, real_time_factor=FAST, options=OPTIONS)
+    robot.wait_for("follower_state", lambda state: state.values[0].value == "finished", timeout=120.0)
+    by_wheels = [one.pose.pose.position for one in robot.messages("odom")]
+    track = [one.pose.pose.position for one in robot.messages("ground_truth")]
+    course = courses.load(str(CONFIG / "course.yaml"))
+    misses = [min(math.hypot(p.x - w.x, p.y - w.y) for p in by_wheels) for w in course.waypoints]
+    assert len(misses) == 20
+    assert max(misses) <= 0.25, misses
+    off = math.hypot(by_wheels[-1].x - track[-1].x, by_wheels[-1].y - track[-1].y)
+    assert off < 0.5, "what its wheels have lost on 60 m"
+    hall = world.load(str(CONFIG / "hall.yaml"))
+    nearest = min(world.clearance(hall.segments(), hall.circles, p.x, p.y) for p in track)
+    assert nearest > 0.2 + 0.1, "the base has a radius of 0.2 m"
+    print(f"largest miss {max(misses):.3f} m, clearance {nearest:.3f} m, odometry off by {off:.3f} m")
+    assert "pushes against" not in robot.output
+
+
+@needs_mujoco
+@pytest.mark.timeout(120)
+def test_its_camera_sees_the_hall_or_it_says_why_not(launch: Launch) -> None:
+    robot = launch("simulation.yaml", physics="mujoco", demo="none", options=["-p", "diff_drive_sim.camera:=true"])
+    robot.wait_for(
+        "diagnostics",
+        lambda report: any(
+            one.name.endswith("diff_drive_sim: camera") and (one.message or robot.messages("image"))
+            for one in report.status
+        ),
+        timeout=60.0,
+    )
+    if not robot.messages("image"):
+        line = robot.wait_for_line("no pictures: ")
+        pytest.skip(line.strip())
+    image = robot.messages("image")[-1]
+    assert (image.width, image.height, image.encoding) == (320, 240, "rgb8")
+    sky, floor = image.array[:20].mean(axis=(0, 1)), image.array[-20:].mean(axis=(0, 1))
+    assert sky[2] > sky[0], "the sky is blue"
+    assert max(floor) - min(floor) < 20, "the floor is grey"
+
+
+@pytest.mark.skipif(is_installed(), reason="MuJoCo is installed")
+def test_without_the_library_nothing_starts() -> None:
+    result = run_robo("up", "simulation.yaml", "physics:=mujoco")
+    assert result.returncode == 1
+    assert "pip install 'robo-zenoh[mujoco]'" in result.stderr
+    assert "nothing is started" in result.stderr
+
+
+def test_without_the_library_or_a_screen_nothing_would_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    file = find_manifest("simulation.yaml")
+    monkeypatch.setattr(mujoco_sim, "is_installed", lambda: False)
+    (lacking,) = missing.for_nodes(resolve(file, {"physics": "mujoco"}))
+    assert "/diff_drive_sim: needs MuJoCo, which is not installed: pip install 'robo-zenoh[mujoco]'" in str(lacking)
+    assert missing.for_nodes(resolve(file, {})) == []
+    monkeypatch.setattr(mujoco_sim, "is_installed", lambda: True)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    (screen,) = missing.for_nodes(resolve(file, {"physics": "mujoco", "viewer": "mujoco"}))
+    assert "window: there is no screen here" in str(screen)
