@@ -78,10 +78,13 @@ def world_mjcf(world: World, *, friction: float, height: float = WALL_HEIGHT) ->
     things += [_box(number, box, height) for number, box in enumerate(world.boxes)]
     things += [_circle(number, circle, height) for number, circle in enumerate(world.circles)]
     lines = "\n    ".join(things)
+    # The extent is what cameras see from 1 % of it to 50 times as far.
     # An elliptic cone with a high impratio, and stiff contacts, keep wheels from creeping while they grip. The implicit
     # integrators take the motors' damping into account only after the contacts: their wheels lag while they speed up.
     return f"""<mujoco model="world">
   <option cone="elliptic" impratio="10" integrator="Euler"/>
+  <statistic extent="5"/>
+  <visual><headlight ambient=".4 .4 .4" diffuse=".3 .3 .3"/></visual>
   <asset>
     <texture name="floor" type="2d" builtin="checker" rgb1=".75 .75 .75" rgb2=".6 .6 .6" width="256" height="256"/>
     <material name="floor" texture="floor" texrepeat="1 1" texuniform="true"/>

@@ -19,6 +19,8 @@ from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.ekf_filter import EkfFilter
 from robo_services.emulated_board import EmulatedBoard
 from robo_services.joy import Joy
+from robo_services.mujoco_physics import is_installed
+from robo_services.mujoco_sim import MujocoSim
 from robo_services.position_tracker import PositionTracker
 from robo_services.robot_state_publisher import RobotStatePublisher
 from robo_services.safety_monitor import SafetyMonitor
@@ -40,6 +42,12 @@ SHIPPED = [
     EkfFilter,
     EmulatedBoard,
     Joy,
+    pytest.param(
+        MujocoSim,
+        marks=pytest.mark.skipif(
+            not is_installed(), reason="MuJoCo is not installed: pip install 'robo-zenoh[mujoco]'"
+        ),
+    ),
     PositionTracker,
     RobotStatePublisher,
     SafetyMonitor,
