@@ -1,4 +1,4 @@
-"""A base and its laser in MuJoCo: stepped from outside, and for the same steps the same to the last bit.
+"""A base in MuJoCo: stepped from outside, and for the same steps the same to the last bit.
 
     base = MujocoBase(world_mjcf(…), robot_mjcf(…), limits, drive, Pose2())
     base.step(0.5, 0.0, 0.02)                       # as `SimulatedBase`: m/s, rad/s, s
@@ -11,7 +11,7 @@ import importlib
 import importlib.util
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from robo.errors import RunError
 from robo.tf import Transform3
@@ -19,41 +19,29 @@ from robo_services import mjcf
 from robo_services.drives import DiffDrive, Wheels
 from robo_services.kinematics import Pose2, Twist2
 from robo_services.limits import clamp, ramp
+from robo_services.mujoco_sensors import SEEN, Feeling, Imu, ModelError, add_sensors
 from robo_services.simulated_base import BaseLimits
 
 MISSING = "needs MuJoCo, which is not installed: pip install 'robo-zenoh[mujoco]'"
 PREFIX = "robot/"
 """Before every name of the robot's, so that a world may have the same ones."""
+LOOK = 0.01
+"""How often the motors' controllers, the inertial measurement unit and what is touched are looked at, s."""
 SETTLING = 0.1
 """For so long it stands before anything is reckoned, s."""
 TIMESTEP = 0.002
 """Of the physics, s; no longer than this unless somebody says so."""
 
-_SEEN, _HIDDEN, _ROBOT = (0, 1), 2, 2
-"""Groups of geoms: those that a laser sees; a world's may not be in the robot's."""
+_VISIBLE, _ROBOT = 2, 2
+"""Groups of geoms: the last one that is shown, and that of the robot; a world's are moved out of that."""
 _INTEGRAL, _NEAR = 10.0, 1.0
 """Of the motors' controllers: by how much of an error they add, 1/s, and up to which error, rad/s."""
 _STEEP = 0.7
 """A contact whose normal leans less, as the part of it that points up, is with something that stands around."""
 
 
-class ModelError(RunError):
-    """A world or a robot is none for MuJoCo, or lacks something; says what."""
-
-
 class Diverged(RunError):
     """The physics has come to numbers that mean nothing."""
-
-
-class Imu(NamedTuple):
-    """What an inertial measurement unit measures, in the frame of its site."""
-
-    orientation: tuple[float, float, float, float]
-    """From the world's axes to its own, x, y, z, w."""
-    angular_velocity: tuple[float, float, float]
-    """rad/s, the mean over the last step."""
-    linear_acceleration: tuple[float, float, float]
-    """m/s², likewise; at rest 9.81 upwards."""
 
 
 def is_installed() -> bool:
@@ -106,13 +94,15 @@ class MujocoBase:
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         self.data = mujoco.MjData(self.model)
         self.touches = 0
-        """In how many steps of the physics it has touched something that stands around."""
+        """How often it was seen to touch something that stands around, of the looks at it."""
         self.bumped = False
         """Whether it did in the last step."""
+        self.imu: Imu
+        """What its inertial measurement unit has felt in the last step."""
         self._limits, self._drive, self._timestep = limits, drive, timestep
         self._at = _Places(mujoco, self.model)
+        self._feeling = Feeling(mujoco, self.model, self.data, PREFIX + mjcf.IMU)
         self._commanded, self._added = Twist2(), [0.0, 0.0]
-        self._felt = [0.0] * 6
         self.reset()
 
     def reset(self) -> None:
@@ -123,7 +113,7 @@ class MujocoBase:
         self.data.time = 0.0
         self.bumped, self.touches = False, 0
         self._commanded, self._added = Twist2(), [0.0, 0.0]
-        self._felt = [float(value) for value in self.data.sensordata[self._at.sensors]]
+        self.imu = self._feeling.begin_anew()
 
     def step(self, linear: float, angular: float, dt: float) -> None:
         """Drive for `dt` s towards the wanted velocities (m/s, rad/s).
@@ -132,19 +122,18 @@ class MujocoBase:
             Diverged: the physics has come to nothing.
         """
         mujoco, model, data, places = self.mujoco, self.model, self.data, self._at
-        substeps = max(1, math.ceil(dt / self._timestep - 1e-9))
-        short = model.opt.timestep = dt / substeps
-        felt = 0.0
+        looks = max(1, round(dt / LOOK))
+        steps = max(1, math.ceil(dt / looks / self._timestep - 1e-9))
+        model.opt.timestep = dt / looks / steps
         touches = self.touches
-        for _ in range(substeps):
-            self._commanded = self._towards(linear, angular, short)
-            self._tell_motors(self._drive.wheels(self._commanded), short)
-            mujoco.mj_step(model, data)
-            felt = felt + data.sensordata[places.sensors]
-            if places.touching(data.contact):
-                self.touches += 1
+        for _ in range(looks):
+            self._commanded = self._towards(linear, angular, dt / looks)
+            self._tell_motors(self._drive.wheels(self._commanded), dt / looks)
+            mujoco.mj_step(model, data, steps)
+            self._feeling.look()
+            self.touches += places.touching(data.contact)
         self.bumped = self.touches > touches
-        self._felt = [float(value) / substeps for value in felt]  # type: ignore[attr-defined]
+        self.imu = self._feeling.felt(dt)
         self._check()
 
     @property
@@ -193,16 +182,13 @@ class MujocoBase:
         force = self.data.actuator_force
         return Wheels(float(force[self._at.left_motor]), float(force[self._at.right_motor]))
 
-    @property
-    def imu(self) -> Imu:
-        """What its inertial measurement unit has felt in the last step."""
-        w, x, y, z = self.data.sensordata[self._at.orientation].tolist()
-        a, b, c, d, e, f = self._felt
-        return Imu((x, y, z, w), (a, b, c), (d, e, f))
+    def number_of_site(self, name: str) -> int:
+        """MuJoCo's number of a site of the robot's; -1 where there is none."""
+        return int(self.mujoco.mj_name2id(self.model, self.mujoco.mjtObj.mjOBJ_SITE, PREFIX + name))
 
     def site(self, name: str) -> Transform3 | None:
         """Where a site of the robot's stands in its base; None where there is none."""
-        number = self.mujoco.mj_name2id(self.model, self.mujoco.mjtObj.mjOBJ_SITE, PREFIX + name)
+        number = self.number_of_site(name)
         return self._in_base(self.data.site_xpos[number], self.data.site_xmat[number]) if number >= 0 else None
 
     def camera(self, name: str) -> Transform3 | None:
@@ -255,59 +241,6 @@ class MujocoBase:
             raise Diverged(f"the physics has come to numbers that mean nothing after {self.data.time:.3f} s")
 
 
-class MujocoLaser:
-    """A planar laser that looks all around from the robot's site, by MuJoCo's ray casting."""
-
-    def __init__(
-        self, base: MujocoBase, *, rays: int, range_min: float, range_max: float, noise: float, seed: int
-    ) -> None:
-        """`noise` is the standard deviation of a range, m; the same seed gives the same noise.
-
-        Raises:
-            ModelError: the robot has no site for it.
-        """
-        import numpy as np
-
-        self.rays, self.range_min, self.range_max = rays, range_min, range_max
-        self.angle_min = -math.pi
-        self.angle_increment = math.tau / rays
-        self._base, self._noise, self._seed = base, noise, seed
-        self._site = base.mujoco.mj_name2id(base.model, base.mujoco.mjtObj.mjOBJ_SITE, PREFIX + mjcf.LASER)
-        if self._site < 0:
-            raise ModelError(f"the robot has no site {mjcf.LASER!r}, from which its laser looks")
-        angles = self.angle_min + np.arange(rays) * self.angle_increment
-        self._directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(rays)], axis=1)
-        self._groups = np.array([group in _SEEN for group in range(6)], dtype=np.uint8)
-        self._met, self._ranges = np.zeros(rays, dtype=np.int32), np.zeros(rays)
-        self._normals = [None] if "normal:" in base.mujoco.mj_multiRay.__doc__ else []  # since MuJoCo 3.5
-        self.reset()
-
-    def reset(self) -> None:
-        """Let the noise begin anew."""
-        import numpy as np
-
-        self._random = np.random.default_rng(self._seed & (2**64 - 1))
-
-    def scan(self) -> list[float]:
-        """The ranges that are seen now, m; REP-117: -inf too close, +inf no return."""
-        import numpy as np
-
-        mujoco, model, data = self._base.mujoco, self._base.model, self._base.data
-        mujoco.mj_kinematics(model, data)  # sites stand where they were before the last step
-        turned = np.ascontiguousarray(self._directions @ data.site_xmat[self._site].reshape(3, 3).T)
-        furthest = min(self.range_max, 1e6)
-        mujoco.mj_multiRay(
-            model, data, data.site_xpos[self._site], turned.reshape(-1), self._groups, True, -1, self._met,
-            self._ranges, *self._normals, self.rays, furthest,
-        )  # fmt: skip
-        ranges = np.where((self._ranges < 0) | (self._ranges > furthest), np.inf, self._ranges)
-        if self._noise:
-            ranges = ranges + self._random.normal(0.0, self._noise, self.rays)
-        seen = np.where(np.isfinite(ranges), np.minimum(ranges, self.range_max), np.inf)
-        found: list[float] = np.where(seen < self.range_min, -np.inf, seen).tolist()
-        return found
-
-
 class _Places:
     """Where in MuJoCo's arrays the robot is."""
 
@@ -324,15 +257,13 @@ class _Places:
         self.base_velocity = slice(velocity, velocity + 6)
         self.left, self.left_velocity, self.left_motor = _wheel(mujoco, model, mjcf.LEFT)
         self.right, self.right_velocity, self.right_motor = _wheel(mujoco, model, mjcf.RIGHT)
-        first = model.sensor_adr[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, _GYRO)]
-        self.sensors, self.orientation = slice(first, first + 6), slice(first + 6, first + 10)
         self._of_robot = model.body_rootid[model.geom_bodyid] == model.body_rootid[base]
         self._stands = ~self._of_robot & (model.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE))
         # What the robot's geoms are not in, a laser may see: it never sees its own robot, nor what is invisible.
         groups = model.geom_group
-        visible = groups <= _HIDDEN
+        visible = groups <= _VISIBLE
         groups[self._of_robot & visible] = _ROBOT
-        groups[~self._of_robot & (groups == _ROBOT)] = _SEEN[-1]
+        groups[~self._of_robot & (groups == _ROBOT)] = SEEN[-1]
         self._abs = np.abs
 
     def touching(self, contacts: Any) -> bool:
@@ -357,9 +288,6 @@ def _wheel(mujoco: Any, model: Any, name: str) -> tuple[int, int, int]:
     return int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint]), int(motors[0])
 
 
-_GYRO, _ACCELERATION, _ORIENTATION = (f"robo/{name}" for name in ("gyro", "acceleration", "orientation"))
-
-
 def _model(mujoco: Any, world: str | Path, robot: str | Path, pose: Pose2) -> Any:
     """Both as one model, with the sensors of an inertial measurement unit."""
     whole, part = _spec(mujoco, world, "world"), _spec(mujoco, robot, "robot")
@@ -372,12 +300,7 @@ def _model(mujoco: Any, world: str | Path, robot: str | Path, pose: Pose2) -> An
             raise ModelError(f"the robot has no body {mjcf.BASE!r}")
         if PREFIX + mjcf.IMU not in {site.name for site in whole.sites}:
             base.add_site(name=PREFIX + mjcf.IMU)
-        kinds = mujoco.mjtSensor
-        for name, kind in (
-            (_GYRO, kinds.mjSENS_GYRO), (_ACCELERATION, kinds.mjSENS_ACCELEROMETER),
-            (_ORIENTATION, kinds.mjSENS_FRAMEQUAT),
-        ):  # fmt: skip
-            whole.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=PREFIX + mjcf.IMU)
+        add_sensors(mujoco, whole, PREFIX + mjcf.IMU)
         return whole.compile()
     except (ValueError, KeyError) as error:
         raise ModelError(f"MuJoCo cannot put the robot into the world: {_line(error)}") from None

@@ -11,7 +11,8 @@ from typing import Any
 
 from robo.errors import RunError
 from robo_services import mjcf
-from robo_services.mujoco_physics import PREFIX, ModelError, MujocoBase
+from robo_services.mujoco_physics import PREFIX, MujocoBase
+from robo_services.mujoco_sensors import ModelError
 
 NOTHING_DRAWS = "there is neither a screen nor EGL nor OSMesa (Debian and Ubuntu: apt install libegl1 libgl1-mesa-dri)"
 
