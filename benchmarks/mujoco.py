@@ -41,7 +41,6 @@ LIMITS = BaseLimits(
     angular_acceleration=6.0,
 )  # fmt: skip
 HALL = world.load(str(Path(__file__).parents[1] / "config" / "hall.yaml"))
-LASER = {"rays": 360, "range_min": 0.05, "range_max": 12.0, "noise": 0.01, "seed": 1}
 SPEED, TURNING = 0.4, 0.3
 """A circle that touches nothing, m/s and rad/s."""
 
@@ -50,6 +49,11 @@ def new_base() -> MujocoBase:
     """The reference robot in the hall."""
     robot = mjcf.Robot(radius=0.2, wheel_radius=DRIVE.wheel_radius, wheel_separation=DRIVE.wheel_separation)
     return MujocoBase(mjcf.world_mjcf(HALL, friction=1.0), mjcf.robot_mjcf(robot), LIMITS, DRIVE, Pose2())
+
+
+def new_laser(base: MujocoBase) -> MujocoLaser:
+    """What looks around from it."""
+    return MujocoLaser(base, rays=360, range_min=0.05, range_max=12.0, noise=0.01, seed=1)
 
 
 def faster(seconds: float, step: Callable[[int], object]) -> float:
@@ -62,7 +66,7 @@ def faster(seconds: float, step: Callable[[int], object]) -> float:
 
 def with_sensors(base: MujocoBase) -> Callable[[int], None]:
     """A step as the node makes it."""
-    laser, odometry, rng = MujocoLaser(base, **LASER), WheelOdometry(DRIVE), random.Random(1)  # type: ignore[arg-type]
+    laser, odometry, rng = new_laser(base), WheelOdometry(DRIVE), random.Random(1)
 
     def step(number: int) -> None:
         base.step(SPEED, TURNING, STEP)
@@ -76,7 +80,8 @@ def with_sensors(base: MujocoBase) -> Callable[[int], None]:
 
 def plain_with_sensors() -> Callable[[int], None]:
     """A step of the plain simulated base."""
-    base, laser = SimulatedBase(HALL, LIMITS, Pose2()), world.Laser(HALL, **LASER)  # type: ignore[arg-type]
+    base = SimulatedBase(HALL, LIMITS, Pose2())
+    laser = world.Laser(HALL, rays=360, range_min=0.05, range_max=12.0, noise=0.01, seed=1)
 
     def step(number: int) -> None:
         base.step(SPEED, TURNING, STEP)
@@ -108,7 +113,7 @@ def in_one_thread(rounds: int, seconds: float) -> Iterator[str]:
 def scans_and_pictures(rounds: int) -> Iterator[str]:
     """What a scan and a picture take."""
     base = new_base()
-    laser = MujocoLaser(base, **LASER)  # type: ignore[arg-type]
+    laser = new_laser(base)
     yield from ("| each | ms |", "|---|---|")
     yield f"| scan of 360 rays | {Spread.of([_milliseconds(laser.scan) for _ in range(rounds)]).text('.2f')} |"
     camera = mujoco_pictures.Camera(base, 320, 240)
