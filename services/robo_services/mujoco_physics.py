@@ -204,10 +204,9 @@ class MujocoBase:
 
         turned = np.zeros(4)
         self.mujoco.mju_mat2Quat(turned, rotation)
-        w, x, y, z = turned.tolist()
-        there = Transform3(*position.tolist(), x, y, z, w)
-        w, x, y, z = self.data.xquat[self._at.base].tolist()
-        return Transform3(*self.data.xpos[self._at.base].tolist(), x, y, z, w).inverse() @ there
+        there = _transform(position.tolist(), turned.tolist())
+        base = _transform(self.data.xpos[self._at.base].tolist(), self.data.xquat[self._at.base].tolist())
+        return base.inverse() @ there
 
     def _towards(self, linear: float, angular: float, dt: float) -> Twist2:
         """What the base's controller asks of the wheels, `dt` s later."""
@@ -274,6 +273,12 @@ class _Places:
         mine = self._of_robot[pairs]
         steep = self._abs(contacts.frame[:, 2]) < _STEEP
         return bool((steep & (mine[:, 0] != mine[:, 1]) & (contacts.dist <= 0.0)).any())
+
+
+def _transform(position: list[float], rotation: list[float]) -> Transform3:
+    """From a place and a quaternion in MuJoCo's order, w, x, y, z."""
+    (x, y, z), (w, i, j, k) = position, rotation
+    return Transform3(x, y, z, i, j, k, w)
 
 
 def _wheel(mujoco: Any, model: Any, name: str) -> tuple[int, int, int]:

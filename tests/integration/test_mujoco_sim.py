@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -51,9 +52,9 @@ def test_it_takes_the_place_of_diff_drive_sim(run_node: RunNode, clock: Clock) -
             one.send("cmd_vel", Twist(Vector3(0.5), Vector3(z=0.3)))
         clock.advance(0.1)
     for topic in ("odom", "scan", "joint_states", "tf"):
-        theirs, ours = plain.published(topic), node.published(topic)
-        assert len(ours) == len(theirs) > 0, topic
-        assert type(ours[-1]) is type(theirs[-1])
+        said, said_there = node.published(topic), plain.published(topic)
+        assert len(said) == len(said_there) > 0, topic
+        assert type(said[-1]) is type(said_there[-1])
     theirs, ours = plain.published("odom")[-1], last(node)
     assert (ours.header.frame_id, ours.child_frame_id) == ("odom", "base_link")
     assert ours.header.stamp == theirs.header.stamp
@@ -232,10 +233,10 @@ def test_what_draws_without_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.platform", "linux")
     monkeypatch.setattr("ctypes.util.find_library", lambda name: "there" if name == "OSMesa" else None)
     mujoco_pictures.choose_drawing()
-    assert mujoco_pictures.os.environ["MUJOCO_GL"] == "osmesa"
+    assert os.environ["MUJOCO_GL"] == "osmesa"
     monkeypatch.setenv("MUJOCO_GL", "egl")
     mujoco_pictures.choose_drawing()
-    assert mujoco_pictures.os.environ["MUJOCO_GL"] == "egl", "what the user says holds"
+    assert os.environ["MUJOCO_GL"] == "egl", "what the user says holds"
 
 
 # -- what is not there -------------------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ import random
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -139,12 +140,10 @@ def test_wheels_slip_on_ice_and_odometry_errs() -> None:
 def test_it_pushes_against_a_wall_and_comes_free_again() -> None:
     base = base_in(World(walls=((1.0, -1.0, 1.0, 1.0),)))
     driven(base, 1.0, 0.0, 3.0)
-    assert base.bumped
-    assert base.touches
+    assert (base.bumped, base.touches > 0) == (True, True)
     assert 0.79 < base.pose.x < 0.805
     driven(base, -0.5, 0.0, 2.0)
-    assert not base.bumped
-    assert base.pose.x < 0.3
+    assert (base.bumped, base.pose.x < 0.3) == (False, True)
 
 
 @needs_mujoco
@@ -284,7 +283,7 @@ def test_a_missing_mujoco_is_an_error_that_names_the_extra(monkeypatch: pytest.M
         ({"x": -1e5}, "x = -100000: MuJoCo can do with 10000 at the most"),
     ],
 )
-def test_robots_that_numbers_cannot_follow_are_refused(values: dict[str, float], message: str) -> None:
+def test_robots_that_numbers_cannot_follow_are_refused(values: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         MujocoParameters(**values)
 
