@@ -5,8 +5,10 @@ between them when it is imported; so `choose_drawing` goes before.
 """
 
 import ctypes.util
+import importlib
 import os
 import sys
+import threading
 from typing import Any
 
 from robo.errors import RunError
@@ -15,6 +17,9 @@ from robo_services.mujoco_physics import PREFIX, MujocoBase
 from robo_services.mujoco_sensors import ModelError
 
 NOTHING_DRAWS = "there is neither a screen nor EGL nor OSMesa (Debian and Ubuntu: apt install libegl1 libgl1-mesa-dri)"
+
+CLOSING = 3.0
+"""A window is closed within so many seconds, or left."""
 
 
 class CannotDraw(RunError):
@@ -101,13 +106,13 @@ class Window:
         """
         if not has_screen():
             raise CannotDraw(NO_SCREEN)
-        import importlib
-
+        before = {*threading.enumerate()}
         try:
             viewer = importlib.import_module("mujoco.viewer")
             self._handle = viewer.launch_passive(base.model, base.data)
         except Exception as error:  # the screen may not be one that can be drawn on
             raise CannotDraw(f"MuJoCo's window cannot be opened: {error}") from None
+        self._threads = {*threading.enumerate()} - before
 
     @property
     def is_open(self) -> bool:
@@ -119,8 +124,10 @@ class Window:
         self._handle.sync()
 
     def close(self) -> None:
-        """Close it."""
+        """Close it, and wait until it is closed: what draws must not be taken away from a window that still does."""
         self._handle.close()
+        for thread in self._threads:
+            thread.join(CLOSING)
 
 
 NO_SCREEN = "window: there is no screen here (DISPLAY and WAYLAND_DISPLAY are not set); start it on a desktop"

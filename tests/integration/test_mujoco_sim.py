@@ -3,6 +3,8 @@
 import itertools
 import math
 import os
+import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -227,6 +229,45 @@ def test_a_camera_that_cannot_draw_is_said_and_it_drives_on(
     assert not node.published("image")
 
 
+class PlayedWindow:
+    """What mujoco.viewer opens, with its thread."""
+
+    def __init__(self) -> None:
+        self.shown, self._closing = 0, threading.Event()
+        self.thread = threading.Thread(target=self._closing.wait, daemon=True)
+
+    def launch_passive(self, _model: object, _data: object) -> "PlayedWindow":
+        self.thread.start()
+        return self
+
+    def is_running(self) -> bool:
+        return not self._closing.is_set()
+
+    def sync(self) -> None:
+        self.shown += 1
+
+    def close(self) -> None:
+        self._closing.set()
+
+
+@needs_mujoco
+def test_a_window_shows_what_moves_and_is_closed(
+    run_node: RunNode, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    played = PlayedWindow()
+    monkeypatch.setitem(sys.modules, "mujoco.viewer", played)
+    monkeypatch.setattr(mujoco_pictures, "has_screen", lambda: True)
+    node = run_node(MujocoSim, window=True)
+    clock.advance(1.0)
+    assert played.shown == pytest.approx(30, abs=1)
+    played.close()
+    clock.advance(1.0)
+    assert played.shown == pytest.approx(30, abs=1), "who has closed it does not want it"
+    assert last(node).header.stamp.to_seconds() > 0, "and it drives on"
+    node.close()
+    assert not played.thread.is_alive()
+
+
 def test_what_draws_without_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"):
         monkeypatch.delenv(name, raising=False)
@@ -263,7 +304,7 @@ def test_a_window_without_a_screen_is_an_error(started: Callable[..., None], mon
 def test_mujoco_that_is_not_installed_is_said_before_the_start_and_at_it(
     started: Callable[..., None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
     monkeypatch.setattr(mujoco_physics, "is_installed", lambda: False)
     monkeypatch.setattr(mujoco_sim, "is_installed", lambda: False)
     with pytest.raises(RunError, match=r"needs MuJoCo, .* pip install 'robo-zenoh\[mujoco\]'"):
