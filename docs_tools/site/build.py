@@ -21,8 +21,9 @@ ROOT = Path(__file__).parents[2]
 SECTIONS = {
     "Begin here": ("index", "tutorial", "create", "node", "own_base", "real_robot", "testing", "packages"),
     "From ROS 2": ("from_ros2", "from_ros2_launch"),
-    "Robots": ("running", "launch", "driving", "simulation", "several_robots", "hosts", "tools", "debugging"),
-    "Robots": ("running", "launch", "driving", "localization", "several_robots", "hosts", "tools", "debugging"),
+    "Robots": (
+        "running", "launch", "driving", "simulation", "localization", "several_robots", "hosts", "tools", "debugging",
+    ),
     "Nodes": (
         "messages", "services", "actions", "parameters", "lifecycle",
         "transforms", "pictures", "performance", "clients",

@@ -18,7 +18,7 @@ from robo_services.mujoco_messages import imu_message, joint_state, scan_message
 from robo_services.mujoco_parameters import MujocoParameters
 from robo_services.mujoco_physics import MISSING, Diverged, MujocoBase, is_installed
 from robo_services.mujoco_pictures import Camera, CannotDraw, Window
-from robo_services.mujoco_sensors import MujocoLaser
+from robo_services.mujoco_sensors import ModelError, MujocoLaser
 from robo_services.safety import is_finite
 from robo_services.simulator import MOST_STEPS, REMEMBERED, Command, in_force
 from robo_services.uncertainty import PoseCovariance
@@ -64,7 +64,7 @@ class MujocoSim(Node):
             mujoco_pictures.choose_drawing()
         self._drive = DiffDrive(wheel_separation=p.wheel_separation, wheel_radius=p.wheel_radius)
         self._base = MujocoBase(*p.models(), p.limits, self._drive, Pose2(p.x, p.y, p.yaw), timestep=p.timestep)
-        self._laser: MujocoLaser | None = None
+        self._laser = _laser_of(p, self._base) if p.laser else None
         self._camera = Camera(self._base, p.camera_width, p.camera_height) if p.camera else None
         self._blind = ""
         """Why there are no pictures."""
@@ -99,6 +99,14 @@ class MujocoSim(Node):
         """Close the window."""
         if self._window is not None:
             self._window.close()
+
+    def on_parameters_changing(self, new: Any) -> None:
+        """Refuse a laser that the robot has no place for."""
+        if new.laser and self._laser is None:
+            try:
+                self._laser = _laser_of(new, self._base)
+            except ModelError as error:
+                raise ValueError(str(error)) from None
 
     def on_parameters_changed(self, names: Set[str]) -> None:
         """Say where a laser stands that is there now."""
@@ -154,10 +162,8 @@ class MujocoSim(Node):
     def scan(self) -> None:
         """Publish what the laser sees."""
         p = self.parameters
-        if not p.laser or (p.paused and not p.publish_clock):
+        if self._laser is None or not p.laser or (p.paused and not p.publish_clock):
             return
-        if self._laser is None:
-            self._laser = _laser_of(p, self._base)
         self.scans.publish(scan_message(Header(self.now(), p.laser_frame), self._laser, 1.0 / p.scan_rate))
 
     @timer(rate="camera_rate", turn="camera")

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from robo import ParameterError
 from robo.errors import RunError
 from robo.testing import Clock, NodeUnderTest, RunNode
 from robo.testing.heard import Heard
@@ -18,6 +19,7 @@ from robo.tf import Buffer, Transform3
 from robo_messages import Odometry, Trigger, Twist, Vector3
 from robo_services import mujoco_physics, mujoco_pictures, mujoco_sim
 from robo_services.diff_drive_sim import DiffDriveSim
+from robo_services.mjcf import Robot, robot_mjcf
 from robo_services.mujoco_physics import Diverged
 from robo_services.mujoco_sim import MujocoSim
 from tests.support import PATIENCE
@@ -174,8 +176,28 @@ def test_its_own_time_goes_on_by_single_steps_too(robo_session: zenoh.Session) -
             assert node.step(Trigger.Request()).success
         heard.wait_for_count("clock", len(told) + 3, PATIENCE)
         assert heard.messages("clock")[-1].clock.to_nanoseconds() == told[-1] + 60_000_000
-        assert heard.messages("odom")[-1].header.stamp == heard.messages("clock")[-1].clock
+        end = heard.messages("clock")[-1].clock
+        heard.wait_for("odom", lambda odometry: odometry.header.stamp == end, PATIENCE)
         heard.close()
+
+
+@needs_mujoco
+def test_a_laser_may_come_later_where_the_robot_has_a_place_for_it(
+    run_node: RunNode, clock: Clock, tmp_path: Path
+) -> None:
+    node = run_node(MujocoSim, laser=False)
+    clock.advance(0.5)
+    assert node.published("scan") == []
+    node.set(laser=True)
+    clock.advance(0.5)
+    assert len(node.published("scan")) == 5
+    text = robot_mjcf(Robot(radius=0.2, wheel_radius=0.05, wheel_separation=0.3))
+    (tmp_path / "blind.xml").write_text(text.replace('"base_laser"', '"lamp"'))
+    blind = run_node(MujocoSim, namespace="r2", laser=False, robot=str(tmp_path / "blind.xml"))
+    with pytest.raises(ParameterError, match="the robot has no site 'base_laser'"):
+        blind.set(laser=True)
+    clock.advance(0.5)
+    assert len(blind.published("odom")) == 25
 
 
 @needs_mujoco
