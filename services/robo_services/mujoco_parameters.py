@@ -18,6 +18,10 @@ _MOST = {
 class MujocoParameters(SimulatorParameters):
     """The base, its sensors and its world."""
 
+    world: Annotated[
+        str, Meta(description="YAML file of walls, boxes and circles, or MJCF (.xml); empty: a 10 m room"), READ_ONLY
+    ] = ""
+    seed: Annotated[int, Meta(description="what all noise begins from: the same seed, the same noise"), READ_ONLY] = 0
     robot: Annotated[
         str, Meta(description="MJCF file of the robot; empty: a round base of the dimensions said here"), READ_ONLY
     ] = ""

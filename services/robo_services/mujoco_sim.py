@@ -247,10 +247,8 @@ class MujocoSim(Node):
 
     def _say_where_sensors_are(self) -> None:
         p = self.parameters
-        if not p.publish_laser_tf:
-            return
         sensors = {
-            p.laser_frame: self._base.site(mjcf.LASER) if p.laser else None,
+            p.laser_frame: self._base.site(mjcf.LASER) if p.laser and p.publish_laser_tf else None,
             p.imu_frame: self._base.site(mjcf.IMU),
             p.camera_frame: self._base.camera(mjcf.CAMERA) if p.camera else None,
         }

@@ -92,6 +92,13 @@ def test_its_frames_lead_to_each_sensor(run_node: RunNode, clock: Clock) -> None
 
 
 @needs_mujoco
+def test_where_the_laser_stands_may_be_said_by_another_node(run_node: RunNode) -> None:
+    node = run_node(MujocoSim, publish_laser_tf=False)
+    said = {one.child_frame_id for message in node.published("tf_static") for one in message.transforms}
+    assert said == {"imu_link"}
+
+
+@needs_mujoco
 def test_on_ice_odometry_errs_and_the_truth_is_told(run_node: RunNode, clock: Clock) -> None:
     node = run_node(MujocoSim, friction=0.02, world=str(Path(__file__).parents[2] / "config" / "hall.yaml"))
     drive(node, clock, 1.0, 0.0, 2.0)

@@ -252,6 +252,13 @@ def test_a_robot_that_lacks_something_is_refused(old: str, new: str, message: st
 
 
 @needs_mujoco
+@pytest.mark.parametrize("wall", [(0.0, 0.0, math.inf, 1.0), (0.0, 0.0, math.nan, 1.0)])
+def test_a_world_of_numbers_that_mean_nothing_is_refused(wall: world.Segment) -> None:
+    with pytest.raises(ModelError, match="MuJoCo"):
+        base_in(World(walls=(wall,)))
+
+
+@needs_mujoco
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match=r"robot file .*robot.xml is no model"):
         base_in(robot=tmp_path / "robot.xml")
