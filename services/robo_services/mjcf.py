@@ -73,6 +73,9 @@ def world_mjcf(world: World, *, friction: float, height: float = WALL_HEIGHT) ->
         world: what stands around.
         friction: of the floor under a wheel: the force along it over the one that presses on it.
         height: of everything, m.
+
+    Raises:
+        ValueError: a number is not finite.
     """
     things = [_wall(number, wall, height) for number, wall in enumerate(world.walls)]
     things += [_box(number, box, height) for number, box in enumerate(world.boxes)]
@@ -202,4 +205,6 @@ def _inertia(mass: float, radius: float) -> tuple[float, float]:
 
 def _n(value: float) -> str:
     """A number to its last digit, so that the same world is the same text everywhere."""
+    if not math.isfinite(value):
+        raise ValueError(f"a number in it is {value}")
     return repr(float(value))

@@ -79,7 +79,9 @@ class MujocoParameters(SimulatorParameters):
             around: str | Path = Path(self.world)
         else:
             height = max(mjcf.WALL_HEIGHT, 2 * robot.laser_height)
-            around = mjcf.world_mjcf(
-                world.load(self.world) if self.world else world.ROOM, friction=self.friction, height=height
-            )
+            stands = world.load(self.world) if self.world else world.ROOM
+            try:
+                around = mjcf.world_mjcf(stands, friction=self.friction, height=height)
+            except ValueError as error:
+                raise world.WorldError(f"world file {self.world}: {error}") from None
         return around, Path(self.robot) if self.robot else mjcf.robot_mjcf(robot)

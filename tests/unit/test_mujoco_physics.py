@@ -252,13 +252,6 @@ def test_a_robot_that_lacks_something_is_refused(old: str, new: str, message: st
 
 
 @needs_mujoco
-@pytest.mark.parametrize("wall", [(0.0, 0.0, math.inf, 1.0), (0.0, 0.0, math.nan, 1.0)])
-def test_a_world_of_numbers_that_mean_nothing_is_refused(wall: world.Segment) -> None:
-    with pytest.raises(ModelError, match="MuJoCo"):
-        base_in(World(walls=(wall,)))
-
-
-@needs_mujoco
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match=r"robot file .*robot.xml is no model"):
         base_in(robot=tmp_path / "robot.xml")
@@ -302,5 +295,8 @@ def test_models_of_parameters(tmp_path: Path) -> None:
     assert "0.7" in around, "walls as high as twice the laser"
     parameters = MujocoParameters(world=str(tmp_path / "w.xml"), robot=str(tmp_path / "r.xml"))
     assert parameters.models() == (tmp_path / "w.xml", tmp_path / "r.xml")
+    (tmp_path / "w.yaml").write_text("walls: [[0, 0, .inf, 1]]")
+    with pytest.raises(world.WorldError, match=r"w.yaml: a number in it is inf"):
+        MujocoParameters(world=str(tmp_path / "w.yaml")).models()
     with pytest.raises(world.WorldError, match="cannot be read"):
         MujocoParameters(world="nowhere.yaml").models()
