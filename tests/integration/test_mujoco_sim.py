@@ -172,8 +172,8 @@ def test_paused_it_makes_single_steps(run_node: RunNode, clock: Clock) -> None:
 @needs_mujoco
 def test_its_own_time_goes_on_by_single_steps_too(robo_session: zenoh.Session) -> None:
     parameters = {"publish_clock": True, "real_time_factor": 4.0, "laser": False}
+    heard = Heard(robo_session, "*")  # before the first step
     with MujocoSim(session=robo_session, parameters=parameters) as node:
-        heard = Heard(robo_session, "*")
         heard.wait_for_count("clock", 50, PATIENCE)
         node.set_parameters({"paused": True})
         heard.wait_for_count("clock", node._steps, PATIENCE)
