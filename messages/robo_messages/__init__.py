@@ -95,6 +95,7 @@ if TYPE_CHECKING:
         TransitionEvent,
     )
     from robo_messages.nav2 import FollowWaypoints, WaypointStatus
+    from robo_messages.sensor_more import CameraInfo, RegionOfInterest, TimeReference
     from robo_messages.std_arrays import (
         ByteMultiArray,
         Float32MultiArray,
@@ -141,6 +142,7 @@ _LATER = {
     ),
     "robo_messages.lifecycle": "State Transition TransitionDescription TransitionEvent",
     "robo_messages.nav2": "WaypointStatus",
+    "robo_messages.sensor_more": "CameraInfo RegionOfInterest TimeReference",
     "robo_messages.std_arrays": (
         "ByteMultiArray Float32MultiArray Float64MultiArray Int8MultiArray Int16MultiArray Int32MultiArray "
         "Int64MultiArray MultiArrayDimension MultiArrayLayout UInt8MultiArray UInt16MultiArray UInt32MultiArray "
@@ -174,6 +176,7 @@ __all__ = [
     "Bool",
     "Byte",
     "ByteMultiArray",
+    "CameraInfo",
     "CancelGoal",
     "ChangeState",
     "Char",
@@ -241,11 +244,13 @@ __all__ = [
     "Quaternion",
     "QuaternionStamped",
     "Range",
+    "RegionOfInterest",
     "SetBool",
     "State",
     "String",
     "TFMessage",
     "Time",
+    "TimeReference",
     "Transform",
     "TransformStamped",
     "Transition",

@@ -298,6 +298,14 @@ SHAPES = {
         "string error_msg",
     ],
     "nav2/FollowWaypoints_Feedback": ["uint32 current_waypoint"],
+    "sensor/RegionOfInterest": [
+        "uint32 x_offset", "uint32 y_offset", "uint32 height", "uint32 width", "bool do_rectify",
+    ],
+    "sensor/CameraInfo": [
+        HEADER, "uint32 height", "uint32 width", "string distortion_model", "float64[] d", "float64[9] k",
+        "float64[9] r", "float64[12] p", "uint32 binning_x", "uint32 binning_y", "sensor_msgs/RegionOfInterest roi",
+    ],
+    "sensor/TimeReference": [HEADER, "builtin_interfaces/Time time_ref", "string source"],
     "tf2/TFMessage": ["geometry_msgs/TransformStamped[] transforms"],
     "visualization/UVCoordinate": ["float32 u", "float32 v"],
     "visualization/MeshFile": ["string filename", "uint8[] data"],
