@@ -34,15 +34,17 @@ WITHOUT_UNIT = {
     "emulated_board.garbled",
     "emulated_board.noise",
     "emulated_board.ticks_per_revolution",
+    "emulated_lidar.garbled",
+    "emulated_lidar.lost",
     "joy.deadzone",
     "mujoco_sim.friction",
     "mujoco_sim.real_time_factor",
+    "safety_monitor.zones.*.share",
     "serial_base.left_wheel_radius_multiplier",
     "serial_base.right_wheel_radius_multiplier",
     "serial_base.ticks_per_revolution",
     "serial_base.trim",
     "serial_base.wheel_separation_multiplier",
-    "safety_monitor.zones.*.share",
 }
 """Numbers with a point that are ratios; all others have a unit."""
 

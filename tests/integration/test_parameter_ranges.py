@@ -16,9 +16,11 @@ from robo_services.carmen_player import CarmenPlayer
 from robo_services.diagnostic_aggregator import DiagnosticAggregator
 from robo_services.diff_drive_controller import DiffDriveController
 from robo_services.diff_drive_sim import DiffDriveSim
+from robo_services.emulated_lidar import EmulatedLidar
+from robo_services.joy import Joy
+from robo_services.ld_lidar import LdLidar
 from robo_services.ekf_filter import EkfFilter
 from robo_services.emulated_board import EmulatedBoard
-from robo_services.joy import Joy
 from robo_services.mujoco_physics import is_installed
 from robo_services.mujoco_sim import MujocoSim
 from robo_services.position_tracker import PositionTracker
@@ -34,6 +36,11 @@ from robo_services.waypoint_follower import WaypointFollower
 from tests.support import eventually
 
 SHIPPED = [
+            not is_installed(), reason="MuJoCo is not installed: pip install 'robo-zenoh[mujoco]'"
+        ),
+        MujocoSim,
+        marks=pytest.mark.skipif(
+    ),
     CalibrateBase,
     CarmenPlayer,
     DiagnosticAggregator,
@@ -41,13 +48,9 @@ SHIPPED = [
     DiffDriveSim,
     EkfFilter,
     EmulatedBoard,
+    EmulatedLidar,
     Joy,
-    pytest.param(
-        MujocoSim,
-        marks=pytest.mark.skipif(
-            not is_installed(), reason="MuJoCo is not installed: pip install 'robo-zenoh[mujoco]'"
-        ),
-    ),
+    LdLidar,
     PositionTracker,
     RobotStatePublisher,
     SafetyMonitor,
@@ -58,6 +61,7 @@ SHIPPED = [
     VelocityController,
     VelocitySmoother,
     WaypointFollower,
+    pytest.param(
 ]
 
 
@@ -85,8 +89,10 @@ def given(tmp_path: Path) -> Iterator[dict[type[Node], dict[str, object]]]:
     (tmp_path / "log").write_text("ODOM 1 2 0 0 0 0 100.0 robot 0.1\nODOM 1 2 0 0 0 0 100.2 robot 0.2\n")
     yield {
         CarmenPlayer: {"log": str(tmp_path / "log"), "delay": 3600},
+        EmulatedLidar: {"port": str(tmp_path / "lidar")},
         EmulatedBoard: {"link": str(tmp_path / "board")},
         Joy: {"device": str(pad)},
+        LdLidar: {"port": str(tmp_path / "none")},
         RobotStatePublisher: {"robot_description": '<robot name="r"><link name="base_link"/></robot>'},
         SerialBase: {"port": str(tmp_path / "no_board")},
         TeleopKeyboard: {"terminal": os.ttyname(terminal)},
