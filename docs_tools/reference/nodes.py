@@ -39,6 +39,7 @@ WITHOUT_UNIT = {
     "joy.deadzone",
     "mujoco_sim.friction",
     "mujoco_sim.real_time_factor",
+    "nmea_gps.playback_rate",
     "safety_monitor.zones.*.share",
     "serial_base.left_wheel_radius_multiplier",
     "serial_base.right_wheel_radius_multiplier",

@@ -2,7 +2,7 @@
 
 import os
 import select
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import suppress
 
 from robo_services.serial_port import PortGone, SerialPort
@@ -32,7 +32,7 @@ class SerialFeed:
         for end in self._wake:
             os.set_blocking(end, False)
 
-    def chunks(self, stopping: Callable[[], bool]) -> Iterator[bytes]:
+    def chunks(self, stopping: Callable[[], bool]) -> Generator[bytes, None, None]:
         """What the port says, in pieces as they come, until it is to stop.
 
         A piece is empty where nothing has come for `SILENCE`, and while there is no port.

@@ -19,6 +19,7 @@ from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.emulated_lidar import EmulatedLidar
 from robo_services.joy import Joy
 from robo_services.ld_lidar import LdLidar
+from robo_services.nmea_gps import NmeaGps
 from robo_services.ekf_filter import EkfFilter
 from robo_services.emulated_board import EmulatedBoard
 from robo_services.mujoco_physics import is_installed
@@ -51,6 +52,7 @@ SHIPPED = [
     EmulatedLidar,
     Joy,
     LdLidar,
+    NmeaGps,
     PositionTracker,
     RobotStatePublisher,
     SafetyMonitor,
@@ -93,6 +95,7 @@ def given(tmp_path: Path) -> Iterator[dict[type[Node], dict[str, object]]]:
         EmulatedBoard: {"link": str(tmp_path / "board")},
         Joy: {"device": str(pad)},
         LdLidar: {"port": str(tmp_path / "none")},
+        NmeaGps: {"port": str(tmp_path / "none")},
         RobotStatePublisher: {"robot_description": '<robot name="r"><link name="base_link"/></robot>'},
         SerialBase: {"port": str(tmp_path / "no_board")},
         TeleopKeyboard: {"terminal": os.ttyname(terminal)},

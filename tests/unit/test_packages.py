@@ -298,6 +298,7 @@ def test_robo_announces_the_nodes_that_ship() -> None:
         "joy",
         "ld_lidar",
         "mujoco_sim",
+        "nmea_gps",
         "position_tracker",
         "robot_state_publisher",
         "safety_monitor",

@@ -84,7 +84,7 @@ def test_bytes_go_both_ways_and_an_unplug_is_told(tmp_path: Path) -> None:
 def test_a_feed_says_what_comes_in_each_life_of_a_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("robo_services.serial_feed.RETRY", 0.01)
     said: list[str] = []
-    feed = SerialFeed(str(tmp_path / "port"), 9600, said.append, lambda path: said.append("opened"))
+    feed = SerialFeed(str(tmp_path / "port"), 9600, said.append, lambda _path: said.append("opened"))
     chunks = feed.chunks(lambda: False)
     assert [next(chunks), next(chunks)] == [b"", b""]
     board = PseudoTerminal(tmp_path / "port")
