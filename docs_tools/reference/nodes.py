@@ -21,6 +21,7 @@ WITHOUT_UNIT = {
     "calibrate_base.left_wheel_radius_multiplier",
     "calibrate_base.right_wheel_radius_multiplier",
     "calibrate_base.wheel_separation_multiplier",
+    "camera.playback_rate",
     "carmen_player.rate",
     "diff_drive_controller.left_wheel_radius_multiplier",
     "diff_drive_controller.right_wheel_radius_multiplier",

@@ -11,6 +11,7 @@ import zenoh
 from robo import Node, ParameterError
 from robo.node.contract import contract_of
 from robo.parameters.hints import ParameterInfo
+from robo_services.camera import Camera
 from robo_services.calibrate_base import CalibrateBase
 from robo_services.carmen_player import CarmenPlayer
 from robo_services.diagnostic_aggregator import DiagnosticAggregator
@@ -43,6 +44,7 @@ SHIPPED = [
         marks=pytest.mark.skipif(
     ),
     CalibrateBase,
+    Camera,
     CarmenPlayer,
     DiagnosticAggregator,
     DiffDriveController,
@@ -65,6 +67,9 @@ SHIPPED = [
     WaypointFollower,
     pytest.param(
 ]
+
+EXTRAS = {Camera: "av", LdLidar: "serial", NmeaGps: "pynmea2"}
+"""What nodes need that may not be installed."""
 
 
 def ends(info: ParameterInfo) -> Iterator[float]:
@@ -117,6 +122,8 @@ def runs(node: Node) -> None:
 def test_no_value_that_is_accepted_while_it_runs_ends_a_thread(
     robo_session: zenoh.Session, given: dict[type[Node], dict[str, object]], cls: type[Node]
 ) -> None:
+    if module := EXTRAS.get(cls):
+        pytest.importorskip(module, reason="an extra that is not installed")
     with cls(session=robo_session, parameters=given.get(cls)) as node:
         for info, value in ends_of(cls, read_only=False):
             try:
@@ -132,6 +139,8 @@ def test_no_value_that_is_accepted_while_it_runs_ends_a_thread(
 def test_no_value_that_is_accepted_at_the_start_ends_a_thread(
     robo_session: zenoh.Session, given: dict[type[Node], dict[str, object]], cls: type[Node]
 ) -> None:
+    if module := EXTRAS.get(cls):
+        pytest.importorskip(module, reason="an extra that is not installed")
     for info, value in ends_of(cls, read_only=True):
         try:
             node = cls(session=robo_session, parameters={**given.get(cls, {}), info.name: value})

@@ -47,6 +47,7 @@ def modules_after(code: str) -> set[str]:
         "import robo_services.teleop_keyboard, robo.process.node",
         "import robo_services.teleop_joy, robo.process.node",
         "import robo_services.joy, robo.process.node",
+        "import robo_services.camera, robo.process.node",
         "import robo_services.ld_lidar, robo.process.node",
         "import robo_services.nmea_gps, robo.process.node",
         "import robo_services.mujoco_sim, robo.process.node",

@@ -288,6 +288,7 @@ def test_robo_announces_the_nodes_that_ship() -> None:
     assert (shipped.name, shipped.value) == ("robo_services", "robo_services")
     assert [one.node for one in look_into([packages.find("robo_services")]).executables] == [
         "calibrate_base",
+        "camera",
         "carmen_player",
         "diagnostic_aggregator",
         "diff_drive_controller",

@@ -1,0 +1,121 @@
+"""Pictures of PyAV's as messages: plain ones, and JPEGs; and when those of a file are due."""
+
+import math
+from collections import deque
+from fractions import Fraction
+from typing import Any, Literal
+
+from robo_messages import CompressedImage, Header, Image
+
+Encoding = Literal["rgb8", "bgr8", "mono8"]
+
+FORMATS = {"rgb8": "rgb24", "bgr8": "bgr24", "mono8": "gray"}
+"""What FFmpeg calls the encodings of an Image."""
+
+
+def image_of(frame: Any, encoding: Encoding, header: Header) -> Image:
+    """A frame as a plain picture, whose bytes are the frame's own."""
+    plain = frame.reformat(format=FORMATS[encoding])
+    (plane,) = plain.planes
+    rows, step = plain.height, plane.line_size
+    data = memoryview(plane)[: rows * step]
+    return Image(header, rows, plain.width, encoding, 0, step, data)
+
+
+def jpeg_image(data: bytes, header: Header) -> CompressedImage:
+    """A JPEG as a message."""
+    return CompressedImage(header, "jpeg", memoryview(data))
+
+
+class JpegEncoder:
+    """Makes JPEGs of frames."""
+
+    def __init__(self, av: Any) -> None:
+        """`av`: PyAV."""
+        self._av = av
+        self._codec: Any = None
+        self._made_for: tuple[int, int, int] | None = None
+
+    def encode(self, frame: Any, quality: int) -> bytes:
+        """A frame as a JPEG.
+
+        Args:
+            frame: of PyAV's.
+            quality: 1 to 100.
+        """
+        wanted = (frame.width, frame.height, quality)
+        if self._made_for != wanted:
+            self._codec = self._made(*wanted)
+            self._made_for = wanted
+        full = frame.reformat(format="yuvj420p")
+        full.pts = None
+        full.pict_type = 1
+        return b"".join(bytes(packet) for packet in self._codec.encode(full))
+
+    def _made(self, width: int, height: int, quality: int) -> Any:
+        codec = self._av.CodecContext.create("mjpeg", "w")
+        codec.width, codec.height, codec.pix_fmt = width, height, "yuvj420p"
+        codec.time_base = Fraction(1, 30)
+        scale = round(31 - (quality - 1) * 29 / 99)  # FFmpeg's 2 is the best, 31 the worst
+        codec.qmin = codec.qmax = scale
+        codec.thread_count = 1  # else it holds pictures back
+        return codec
+
+
+class Pace:
+    """When the pictures of a file are due."""
+
+    SLIPPED = 1.0
+    """A file that is played later than this goes on from there, s: no burst of pictures makes up for a pause."""
+    LONGEST_GAP = 10.0
+    """A longer gap between two pictures is not waited for, s, unless they are further apart anyway."""
+
+    def __init__(self, speed: float, rate: float) -> None:
+        """
+        Args:
+            speed: 1 as fast as it was recorded.
+            rate: pictures per second, as the file says; 0 where it does not.
+        """
+        self._speed = speed
+        self._longest = max(self.LONGEST_GAP, 2.0 / rate / speed if rate > 0.0 else 0.0)
+        self._begin = math.nan
+        self.slips = 0
+        """How often it was held up."""
+
+    def wait(self, taken: float, now: float) -> float:
+        """How long to wait for a picture, s.
+
+        Args:
+            taken: when it was taken, s from the file's beginning.
+            now: s by a monotonic clock.
+        """
+        due = self._begin + taken / self._speed
+        if not -self.SLIPPED <= due - now <= self._longest:  # so is the first one, as NaN
+            self.slips += due < now - self.SLIPPED
+            self._begin, due = now - taken / self._speed, now
+        return max(0.0, due - now)
+
+
+class Rate:
+    """How many pictures came a second, of late."""
+
+    OVER = 2.0
+    """s."""
+
+    def __init__(self) -> None:
+        self._times: deque[float] = deque(maxlen=4096)
+
+    def take(self, now: float) -> None:
+        """A picture came; s by a monotonic clock."""
+        self._times.append(now)
+
+    def at(self, now: float) -> float:
+        """Pictures per second over the last `OVER` s, or since the first one if that is less long ago."""
+        recent = [time for time in tuple(self._times) if 0.0 <= now - time <= self.OVER]
+        if len(recent) < 2:
+            return 0.0
+        return len(recent) / max(now - recent[0], 1e-3)
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self._times.clear()

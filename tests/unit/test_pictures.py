@@ -1,0 +1,258 @@
+"""Pictures of files and of the test picture, when they are due, and calibrations."""
+
+import os
+import random
+import sys
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from robo.errors import RunError
+from robo_messages import Header
+from robo_services import camera_info
+from robo_services.camera_info import CalibrationError
+from robo_services.camera_source import TEST, Picture, Source, SourceGone, Wanted, import_av
+from robo_services.pictures import JpegEncoder, Pace, Rate, image_of
+from tests.videos import brightness, make_video
+
+needs_av = pytest.mark.skipif("not __import__('importlib.util').util.find_spec('av')", reason="no extra camera")
+
+
+BROKEN = int(os.environ.get("BROKEN_VIDEOS", "1000"))
+"""How many files are broken; 10,000 take a minute."""
+
+
+def played(source: Source, *, frames: bool = True) -> list[Picture]:
+    try:
+        return list(source.pictures(lambda: frames, lambda _: False))
+    finally:
+        source.close()
+
+
+# -- sources ---------------------------------------------------------------------------------------
+
+
+@needs_av
+@pytest.mark.parametrize(("name", "codec"), [("a.avi", "mjpeg"), ("a.mp4", "mpeg4"), ("a:b.avi", "mjpeg")])
+def test_each_picture_of_a_file_comes_once_and_as_it_is(tmp_path: Path, name: str, codec: str) -> None:
+    source = Source(str(make_video(tmp_path / name, 20, codec=codec)), Wanted())
+    assert (source.rate, source.is_live) == (30.0, False)
+    found = played(source)
+    assert [picture.time for picture in found] == pytest.approx([n / 30 for n in range(20)], abs=1e-3)
+    for number, picture in enumerate(found):
+        image = image_of(picture.frame, "rgb8", Header(frame_id="camera"))
+        assert (image.width, image.height, image.encoding, len(image.data)) == (64, 48, "rgb8", 48 * image.step)
+        middle = image.data[24 * image.step + 96]
+        assert abs(middle - brightness(number)) <= 12
+
+
+@needs_av
+def test_jpegs_of_a_source_are_passed_on_without_decoding(tmp_path: Path) -> None:
+    found = played(Source(str(make_video(tmp_path / "a.avi", 3)), Wanted()), frames=False)
+    assert [picture.frame for picture in found] == [None] * 3
+    assert all(
+        picture.jpeg.startswith(b"\xff\xd8") and picture.jpeg.rstrip(b"\0").endswith(b"\xff\xd9") for picture in found
+    )
+    assert (found[0].width, found[0].height) == (64, 48)
+
+
+@needs_av
+def test_the_test_picture_moves() -> None:
+    source = Source(TEST, Wanted(320, 240, 15.0))
+    found = list(islice(source.pictures(lambda: True, lambda _: True), 16))
+    source.close()
+    assert [picture.time for picture in found] == pytest.approx([n / 15 for n in range(16)])
+    first, last = (bytes(image_of(found[n].frame, "rgb8", Header()).data) for n in (0, 15))
+    assert len(first) == 320 * 240 * 3
+    assert first != last
+
+
+@needs_av
+@pytest.mark.parametrize(
+    ("encoding", "bytes_of_pixel", "red"), [("rgb8", 3, (255, 0, 0)), ("bgr8", 3, (0, 0, 255)), ("mono8", 1, (76,))]
+)
+def test_encodings(encoding: str, bytes_of_pixel: int, red: tuple[int, ...]) -> None:
+    frame = import_av().VideoFrame(62, 4, "rgb24")
+    plane = frame.planes[0]
+    plane.update((b"\xff\0\0" * 62).ljust(plane.line_size, b"\0") * 4)
+    image = image_of(frame, encoding, Header())  # type: ignore[arg-type]
+    assert image.array.shape[:2] == (4, 62)
+    assert tuple(image.data[:bytes_of_pixel]) == pytest.approx(red, abs=1)
+    assert tuple(image.data[image.step : image.step + bytes_of_pixel]) == pytest.approx(red, abs=1), (
+        "rows may be longer"
+    )
+
+
+@needs_av
+def test_jpegs_are_as_large_as_their_quality() -> None:
+    source = Source(TEST, Wanted())
+    (picture,) = islice(source.pictures(lambda: True, lambda _: True), 1)
+    encoder = JpegEncoder(import_av())
+    sizes = [len(encoder.encode(picture.frame, quality)) for quality in (1, 50, 80, 100, 80)]
+    source.close()
+    assert sizes[0] < sizes[1] < sizes[2] < sizes[3]
+    assert sizes[2] == sizes[4]
+
+
+@needs_av
+@pytest.mark.parametrize(
+    ("place", "text"),
+    [
+        ("/dev/no_video", "No such file or directory"),
+        ("/dev/null", "Inappropriate ioctl"),
+        ("none.mp4", "No such file or directory"),
+        (".", "is no file"),
+        ("a\0b", "null"),
+        ("http://127.0.0.1/a.mp4", "No such file or directory"),
+        (__file__, "Invalid data"),
+    ],
+)
+def test_what_cannot_be_opened_says_why(place: str, text: str) -> None:
+    with pytest.raises(SourceGone, match=text):
+        Source(place, Wanted())
+
+
+@needs_av
+def test_broken_files_break_nothing(tmp_path: Path) -> None:
+    chance = random.Random(19)
+    whole = make_video(tmp_path / "a.avi", 2, size=(16, 16)).read_bytes()
+    begin = whole.index(b"movi")
+    broken = tmp_path / "broken.avi"
+    came = refused = 0
+    for _ in range(BROKEN):
+        data = bytearray(whole)
+        for _ in range(chance.randrange(1, 8)):
+            data[chance.randrange(0 if chance.random() < 0.03 else begin, len(data))] = chance.randrange(256)
+        if chance.random() < 0.1:
+            del data[chance.randrange(len(data)) :]
+        broken.write_bytes(data if chance.random() < 0.98 else chance.randbytes(500))
+        try:
+            source = Source(str(broken), Wanted())
+            for picture in played(source):
+                image = image_of(picture.frame, "rgb8", Header())
+                assert len(image.data) == image.step * image.height <= 256 * 1024 * 1024
+                came += 1
+        except SourceGone:
+            refused += 1
+    assert came > BROKEN / 2
+    assert refused > BROKEN / 100
+
+
+def test_pyav_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "av", None)
+    with pytest.raises(RunError, match=r"need PyAV, which is not installed: pip install 'robo-zenoh\[camera\]'"):
+        Source(TEST, Wanted())
+
+
+# -- when they are due -----------------------------------------------------------------------------
+
+
+def test_pictures_are_due_as_they_were_taken() -> None:
+    pace = Pace(2.0, 30.0)
+    assert pace.wait(5.0, 100.0) == 0.0, "the first one at once"
+    assert pace.wait(6.0, 100.2) == pytest.approx(0.3)
+    assert pace.wait(7.0, 101.1) == 0.0, "a little late: the next ones make up for it"
+    assert pace.wait(8.0, 101.1) == pytest.approx(0.4)
+
+
+def test_a_pause_is_not_made_up_for_and_a_leap_of_time_not_waited_for() -> None:
+    pace = Pace(1.0, 30.0)
+    pace.wait(0.0, 100.0)
+    assert [pace.wait(1.0, 110.0), pace.wait(2.0, 110.0)] == pytest.approx([0.0, 1.0])
+    assert [pace.wait(5000.0, 112.0), pace.wait(5001.0, 112.0)] == pytest.approx([0.0, 1.0])
+    assert pace.slips == 1, "a leap is no pause"
+    slow = Pace(1.0, 0.01)
+    slow.wait(0.0, 0.0)
+    assert slow.wait(100.0, 0.0) == pytest.approx(100.0)
+
+
+def test_a_rate_is_that_of_the_last_seconds() -> None:
+    rate = Rate()
+    assert rate.at(0.0) == 0.0
+    for n in range(300):
+        rate.take(n / 30)
+    assert rate.at(10.0) == pytest.approx(30.0, rel=0.05)
+    assert rate.at(11.0) == pytest.approx(15.0, rel=0.05)
+    assert rate.at(100.0) == 0.0
+
+
+# -- calibrations ----------------------------------------------------------------------------------
+
+CALIBRATION = """\
+image_width: 640
+image_height: 480
+camera_name: head
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [500.5, 0, 320, 0, 501, 240, 0, 0, 1]
+distortion_model: plumb_bob
+distortion_coefficients:
+  rows: 1
+  cols: 5
+  data: [0.1, -0.2, 0.001, 0, 0]
+rectification_matrix:
+  rows: 3
+  cols: 3
+  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]
+projection_matrix:
+  rows: 3
+  cols: 4
+  data: [510, 0, 321, 0, 0, 511, 241, 0, 0, 0, 1, 0]
+"""
+
+
+def test_a_calibration_of_ros(tmp_path: Path) -> None:
+    file = tmp_path / "a b.yaml"
+    file.write_text(CALIBRATION)
+    info = camera_info.load(str(file))
+    assert (info.width, info.height, info.distortion_model) == (640, 480, "plumb_bob")
+    assert (info.k[0], info.k[4], info.d[1], info.r[0], info.p[5]) == (500.5, 501, -0.2, 1, 511)
+    assert camera_info.load(file.as_uri()) == info
+
+
+def test_what_it_does_not_say_is_that_of_a_single_camera(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text(CALIBRATION.partition("rectification")[0])
+    info = camera_info.load(str(file))
+    assert info.r == pytest.approx((1, 0, 0, 0, 1, 0, 0, 0, 1))
+    assert info.p == pytest.approx((500.5, 0, 320, 0, 0, 501, 240, 0, 0, 0, 1, 0))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ("image_width: 640", "", "image_width"),
+        ("image_width: 640", "image_width: wide", r"1:14.*expected int"),
+        (
+            "rows: 3\n  cols: 3\n  data: [500.5",
+            "rows: 3\n  cols: 2\n  data: [500.5",
+            "camera_matrix has to have 3 rows",
+        ),
+        ("[500.5, 0, 320", "[500.5, 320", "camera_matrix has to have 3 rows"),
+        ("[500.5,", "[.nan,", "NaN or infinite"),
+        ("[0.1, -0.2", "[0.1, .inf", "NaN or infinite"),
+        ("data: [510, ", "data: [", "projection_matrix has to have 3 rows"),
+    ],
+)
+def test_mistakes_of_a_calibration_are_said(tmp_path: Path, old: str, new: str, text: str) -> None:
+    file = tmp_path / "a.yaml"
+    assert old in CALIBRATION
+    file.write_text(CALIBRATION.replace(old, new, 1))
+    with pytest.raises(CalibrationError, match=text):
+        camera_info.load(str(file))
+
+
+@pytest.mark.parametrize("url", ["none.yaml", "package://a/b.yaml", "file://elsewhere/a.yaml", "."])
+def test_a_calibration_that_cannot_be_read_is_said(url: str) -> None:
+    with pytest.raises(CalibrationError):
+        camera_info.load(url)
+
+
+def test_a_file_that_is_no_map_is_said(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    for text in ("", "[1, 2]", "{", "hello"):
+        file.write_text(text)
+        with pytest.raises(CalibrationError):
+            camera_info.load(str(file))
