@@ -22,7 +22,8 @@ SECTIONS = {
     "Begin here": ("index", "tutorial", "create", "node", "own_base", "real_robot", "testing", "packages"),
     "From ROS 2": ("from_ros2", "from_ros2_launch"),
     "Robots": (
-        "running", "launch", "driving", "simulation", "localization", "several_robots", "hosts", "tools", "debugging",
+        "running", "launch", "driving", "simulation", "sensors", "localization",
+        "several_robots", "hosts", "tools", "debugging",
     ),
     "Nodes": (
         "messages", "services", "actions", "parameters", "lifecycle",
