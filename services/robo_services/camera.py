@@ -207,7 +207,11 @@ class Camera(Node):
         if picture.frame is not None and self.images.has_subscribers:
             self.images.publish(image_of(picture.frame, p.encoding, header))
         if self.jpegs.has_subscribers:
-            self.jpegs.publish(jpeg_image(picture.jpeg or self._encoder.encode(picture.frame, p.jpeg_quality), header))
+            try:
+                jpeg = picture.jpeg or self._encoder.encode(picture.frame, p.jpeg_quality)
+                self.jpegs.publish(jpeg_image(jpeg, header))
+            except ValueError as error:
+                self.logger.warning("no JPEG could be made: %s", error, throttle=5.0)
         self._count += 1
         self._heard = now
         self._came.take(now)

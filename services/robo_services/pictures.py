@@ -27,6 +27,9 @@ def jpeg_image(data: bytes, header: Header) -> CompressedImage:
     return CompressedImage(header, "jpeg", memoryview(data))
 
 
+TICK = Fraction(1, 1000)
+
+
 class JpegEncoder:
     """Makes JPEGs of frames."""
 
@@ -34,6 +37,7 @@ class JpegEncoder:
         """`av`: PyAV."""
         self._av = av
         self._codec: Any = None
+        self._number = 0
         self._made_for: tuple[int, int, int] | None = None
 
     def encode(self, frame: Any, quality: int) -> bytes:
@@ -42,20 +46,27 @@ class JpegEncoder:
         Args:
             frame: of PyAV's.
             quality: 1 to 100.
+
+        Raises:
+            ValueError: FFmpeg cannot make one of it.
         """
         wanted = (frame.width, frame.height, quality)
         if self._made_for != wanted:
             self._codec = self._made(*wanted)
             self._made_for = wanted
         full = frame.reformat(format="yuvj420p")
-        full.pts = None
-        full.pict_type = 1
-        return b"".join(bytes(packet) for packet in self._codec.encode(full))
+        self._number += 1
+        full.pts, full.time_base = self._number, TICK  # an encoder takes only what is later than what it had
+        try:
+            return b"".join(bytes(packet) for packet in self._codec.encode(full))
+        except self._av.FFmpegError as error:
+            self._made_for = None
+            raise ValueError(str(error)) from None
 
     def _made(self, width: int, height: int, quality: int) -> Any:
         codec = self._av.CodecContext.create("mjpeg", "w")
         codec.width, codec.height, codec.pix_fmt = width, height, "yuvj420p"
-        codec.time_base = Fraction(1, 30)
+        codec.time_base = TICK
         scale = round(31 - (quality - 1) * 29 / 99)  # FFmpeg's 2 is the best, 31 the worst
         codec.qmin = codec.qmax = scale
         codec.thread_count = 1  # else it holds pictures back

@@ -96,6 +96,18 @@ def test_jpegs_are_as_large_as_their_quality() -> None:
 
 
 @needs_av
+@pytest.mark.parametrize(("name", "codec"), [("a.avi", "mjpeg"), ("a.mp4", "mpeg4")])
+def test_each_picture_of_a_film_becomes_a_jpeg(tmp_path: Path, name: str, codec: str) -> None:
+    found = played(Source(str(make_video(tmp_path / name, 20, codec=codec)), Wanted()))
+    encoder = JpegEncoder(import_av())
+    jpegs = [encoder.encode(picture.frame, 80) for picture in found]
+    (tmp_path / "again.mjpeg").write_bytes(b"".join(jpegs))
+    again = played(Source(str(tmp_path / "again.mjpeg"), Wanted()))
+    grey = [image_of(picture.frame, "mono8", Header()).data[2000] for picture in again]
+    assert grey == pytest.approx([brightness(number) for number in range(20)], abs=16)
+
+
+@needs_av
 @pytest.mark.parametrize(
     ("place", "text"),
     [
