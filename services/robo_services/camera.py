@@ -122,7 +122,9 @@ class Camera(Node):
             finally:
                 source.close()
                 self._broken = broken + source.broken
-            if not source.is_live and not self._plays_again(source):
+            if source.is_live:
+                self.sleep(RETRY)
+            elif not self._plays_again(source):
                 break
         self.flush(timeout=10.0)
         self.logger.info("told %d pictures of %s", self._count, self.parameters.source)
@@ -136,9 +138,9 @@ class Camera(Node):
         figures |= {"broken": self._broken, "held_up": self._slips}
         if self._missed:
             return Health.error(f"no camera: {self._missed}", **figures)
-        if now - self._heard > SILENT_AFTER:
+        if now - self._heard > max(SILENT_AFTER, 3.0 / self._wanted if self._wanted else 0.0):
             return Health.error(f"no picture comes from {source}", **figures)
-        if now - self._started > 2 * Rate.OVER and rate < 0.8 * self._wanted:
+        if now - self._started > 2 * Rate.OVER and rate < 0.8 * self._wanted - 1.0 / Rate.OVER:
             return Health.warn(f"{rate:.1f} of {self._wanted:.1f} pictures a second come", **figures)
         calibration = self._calibration
         if calibration is not None and any(self._size) and (calibration.width, calibration.height) != self._size:

@@ -26,6 +26,12 @@ POLL = 0.002
 MOST_BROKEN = 100
 """Pictures in a row that cannot be decoded before a source is given up."""
 
+OPENED_WITHIN = 5.0
+"""A camera that shows nothing for this long after it was opened is given up, s."""
+
+_NON_BLOCK = "+4"
+"""FFmpeg's AVFMT_FLAG_NONBLOCK, which has no name as an option; a device is opened by it."""
+
 _TABLES, _SCAN = b"\xff\xc4", b"\xff\xda"
 """What a JPEG has before its scan, unless a camera leaves it out."""
 
@@ -87,7 +93,8 @@ class Source:
             _check_file(place)
             name = f"file:{place}"  # else FFmpeg takes a name with a colon for a protocol
         try:
-            self._container: Any = self._av.open(name, format=form, options=options)
+            timeout = OPENED_WITHIN if self.is_live else None
+            self._container: Any = self._av.open(name, format=form, options=options, timeout=timeout)
             self._stream: Any = self._container.streams.video[0]
         except IndexError:
             raise SourceGone(f"{place} has no pictures") from None
@@ -96,8 +103,6 @@ class Source:
         if self._stream.codec_context is None:
             self.close()
             raise SourceGone(f"{place} has pictures that nothing here can decode")
-        if self.is_live:
-            self._container.flags |= self._av.container.Flags.non_block.value
         self.rate = float(self._stream.average_rate or 0)
         """Pictures per second, as it says; 0 where it does not."""
         self.broken = 0
@@ -181,7 +186,7 @@ def _ratio(rate: float) -> Fraction:
 
 
 def _device_options(wanted: Wanted) -> dict[str, str]:
-    options = {}
+    options = {"fflags": _NON_BLOCK}
     if wanted.width and wanted.height:
         options["video_size"] = f"{wanted.width}x{wanted.height}"
     if _ratio(wanted.rate):

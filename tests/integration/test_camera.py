@@ -1,6 +1,8 @@
 """The node camera: files, the test picture, a camera that is not there; plain pictures and JPEGs."""
 
+import math
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +11,12 @@ import zenoh
 
 from robo import Node, ParameterError, subscribe
 from robo.errors import RunError
-from robo_messages import CameraInfo, CompressedImage, Image
-from robo_services.camera import Camera
+from robo_messages import CameraInfo, CompressedImage, Image, Time
+from robo_services.camera import Camera, _before
 from robo_services.camera_info import CalibrationError
 from tests.support import PATIENCE, eventually
 from tests.unit.test_pictures import CALIBRATION
-from tests.videos import brightness, make_video
+from tests.videos import PluggedIn, brightness, make_video
 
 pytest.importorskip("av", reason="the extra camera is not installed: 100 MB")
 
@@ -110,6 +112,29 @@ def test_a_camera_that_is_not_there_is_said_once_and_waited_for(
         health = node.pictures_come()
         assert (health.level, health.message) == (2, text.partition(";")[0])
     assert caplog.messages.count(text) == 1
+
+
+def test_what_a_camera_loses_is_told_and_one_that_is_unplugged_comes_back(
+    robo_session: zenoh.Session, tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robo_services.camera.RETRY", 0.02)
+    film = make_video(tmp_path / "a.avi", 10)
+    now = time.monotonic()
+    plugged_in = PluggedIn(film, since=now - 0.4, skips=(5, 6))
+    monkeypatch.setattr("robo_services.camera_source.import_av", lambda: plugged_in)
+    with PlainViewer(session=robo_session) as viewer, camera(robo_session, "/dev/video7") as node:
+        eventually(lambda: len(plugged_in.asked) > 2, "it comes back")
+        eventually(lambda: len(viewer.images) > 7, "pictures of both")
+        eventually(lambda: node._lost >= 2, "it is counted")
+    assert "the source is gone: /dev/video7: No such device" in caplog.messages
+    assert "2 pictures were lost between camera and node so far" in caplog.messages
+
+
+def test_a_picture_is_stamped_with_when_it_was_taken() -> None:
+    now = Time(100, 0)
+    assert _before(now, 0.25) == Time(99, 750_000_000)
+    for unknown in (math.nan, -1.0, 5.0, math.inf):
+        assert _before(now, unknown) == now
 
 
 def test_a_file_that_is_not_there_or_no_video_is_said_at_the_start(robo_session: zenoh.Session, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from robo_services import camera_info
 from robo_services.camera_info import CalibrationError
 from robo_services.camera_source import TEST, Picture, Source, SourceGone, Wanted, import_av
 from robo_services.pictures import JpegEncoder, Pace, Rate, image_of
-from tests.videos import brightness, make_video
+from tests.videos import PluggedIn, brightness, make_video
 
 needs_av = pytest.mark.skipif("not __import__('importlib.util').util.find_spec('av')", reason="no extra camera")
 
@@ -149,6 +149,30 @@ def test_broken_files_break_nothing(tmp_path: Path) -> None:
             refused += 1
     assert came > BROKEN / 2
     assert refused > BROKEN / 100
+
+
+@needs_av
+def test_a_camera_is_asked_without_waiting_and_tells_that_it_was_unplugged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    camera = PluggedIn(make_video(tmp_path / "a.avi", 5), 100.0)
+    monkeypatch.setattr("robo_services.camera_source.import_av", lambda: camera)
+    source = Source("/dev/video7", Wanted(64, 48, 30.0, "mjpeg"))
+    asked = camera.asked[0]
+    assert (asked["place"], asked["format"]) == ("/dev/video7", "v4l2")
+    assert asked["options"].items() >= {"video_size": "64x48", "framerate": "30", "input_format": "mjpeg"}.items()
+    waited: list[float] = []
+    found: list[Picture] = []
+
+    def wait(seconds: float) -> bool:
+        waited.append(seconds)
+        return True
+
+    with pytest.raises(SourceGone, match="/dev/video7: No such device"):
+        found.extend(source.pictures(lambda: False, wait))
+    assert len(waited) == 1
+    assert [picture.time for picture in found] == pytest.approx([100.0 + n / 30 for n in range(1, 5)], abs=1e-3)
+    source.close()
 
 
 def test_pyav_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
