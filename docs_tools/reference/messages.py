@@ -26,7 +26,7 @@ WIDTH = 110
 
 UNITS = (
     "m", "m²", "m/s", "m/s²", "m²/s²", "m²/s⁴", "rad", "rad²", "rad/s", "rad/s²", "rad²/s²", "m·rad", "m·rad/s", "s",
-    "V", "A", "Ah", "°", "°C", "N", "N·m", "m per cell",
+    "V", "A", "Ah", "°", "°C", "N", "N·m", "m per cell", "pixels",
 )  # fmt: skip
 WITHOUT_UNIT = (
     "0 to 1", "-1 to 1", "without unit", "the same", "cos(a / 2)", "in the unit", "own unit", "the number",

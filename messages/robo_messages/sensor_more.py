@@ -44,13 +44,13 @@ class CameraInfo(Message):
     distortion_model: str = ""
     """For example `plumb_bob`, `rational_polynomial`, `equidistant`."""
     d: list[float] = []
-    """The parameters of the distortion; of `plumb_bob` k1, k2, t1, t2, k3."""
+    """The parameters of the distortion, without unit; of `plumb_bob` k1, k2, t1, t2, k3."""
     k: Matrix3 = (0.0,) * 9
-    """9 numbers, 3x3 row-major: from a ray in the camera's frame to a pixel of the raw picture."""
+    """9 numbers, 3x3 row-major: from a ray in the camera's frame to the raw picture, pixels."""
     r: Matrix3 = (0.0,) * 9
-    """9 numbers, 3x3 row-major: the turn that rectifies; of a single camera the identity."""
+    """9 numbers, 3x3 row-major, without unit: the turn that rectifies; of a single camera the identity."""
     p: Matrix3x4 = (0.0,) * 12
-    """12 numbers, 3x4 row-major: from a point in the camera's frame to a pixel of the rectified picture."""
+    """12 numbers, 3x4 row-major: from a point in the camera's frame to the rectified picture, pixels."""
     binning_x: UInt32 = 0
     """How many pixels along a row are one; 0 is 1."""
     binning_y: UInt32 = 0

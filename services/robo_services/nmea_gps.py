@@ -31,6 +31,9 @@ SILENT_AFTER = 3.0
 LONGEST_GAP = 10.0
 """A gap in a file that is longer is not waited for, s."""
 
+SLOWEST = 1e-3
+"""A file is played no slower."""
+
 _PIECE = 4096
 
 Error = Annotated[float, Meta(ge=0, le=1e6), Unit("m")]
@@ -150,6 +153,7 @@ class NmeaGps(Node):
     def _played(self) -> Iterator[str]:
         """The sentences of the file, when they are due."""
         rate, before = self.parameters.playback_rate, None
+        rate = max(rate, SLOWEST) if rate > 0.0 else 0.0
         while True:
             with open(self.parameters.port, "rb") as file:
                 while chunk := file.read(_PIECE) or (b"\n" if self._lines.has_rest else b""):
