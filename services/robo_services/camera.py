@@ -1,7 +1,7 @@
 """Tells what a camera sees; or a video file, or a test picture, where there is none."""
 
 import math
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import msgspec
 from msgspec import Meta
@@ -26,6 +26,8 @@ class Camera(Node):
     A camera that is not there, or is unplugged, is waited for. A file is played as fast as it was recorded; the node
     ends with it, or plays it again and again.
     """
+
+    REQUIRES: ClassVar = {"av": "robo-zenoh[camera]"}
 
     class Parameters(robo.Parameters):
         """Where pictures come from, and what they are made into."""

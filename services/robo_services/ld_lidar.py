@@ -1,7 +1,7 @@
 """Drives a lidar LD06 or LD19 of LDROBOT."""
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
@@ -25,6 +25,8 @@ class LdLidar(Node):
     It only listens: these lidars turn and speak as soon as they have power. A port that is not there, or is unplugged,
     is waited for; while it is not there nothing is published, so that whoever drives by the scan stops.
     """
+
+    REQUIRES: ClassVar = {"serial": "robo-zenoh[serial]"}
 
     class Parameters(robo.Parameters):
         """Where the lidar is plugged in, and what is made of its turns."""

@@ -4,7 +4,7 @@ import os
 import stat
 from collections.abc import Iterator
 from datetime import datetime
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
@@ -45,6 +45,8 @@ class NmeaGps(Node):
     What has a wrong checksum, or says what cannot be, is left out and counted. A port that is not there, or is
     unplugged, is waited for. A file is played as fast as it was written, and the node ends with it.
     """
+
+    REQUIRES: ClassVar = {"pynmea2": "robo-zenoh[gps]"}
 
     class Parameters(robo.Parameters):
         """Where the receiver is, and how sure it is; names are those of ROS's nmea_navsat_driver, where it has them."""
