@@ -88,8 +88,11 @@ class Pace:
             rate: pictures per second, as the file says; 0 where it does not.
         """
         self._speed = speed
-        self._longest = max(self.LONGEST_GAP, 2.0 / rate / speed if rate > 0.0 else 0.0)
+        self._period = 1.0 / rate / speed if rate > 0.0 else 0.0
+        self._longest = max(self.LONGEST_GAP, 2.0 * self._period)
         self._begin = math.nan
+        self._last = -math.inf
+        """When the last picture was shown."""
         self.slips = 0
         """How often it was held up."""
 
@@ -104,7 +107,9 @@ class Pace:
         if not -self.SLIPPED <= due - now <= self._longest:  # so is the first one, as NaN
             self.slips += due < now - self.SLIPPED
             self._begin, due = now - taken / self._speed, now
-        return max(0.0, due - now)
+        # What is late is caught up with at twice the rate: all at once it would be more than a reader keeps.
+        self._last = max(due, now, self._last + self._period / 2.0)
+        return self._last - now
 
 
 class Rate:

@@ -3,7 +3,7 @@
 import os
 import random
 import sys
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 
 import pytest
@@ -201,6 +201,19 @@ def test_a_pause_is_not_made_up_for_and_a_leap_of_time_not_waited_for() -> None:
     slow = Pace(1.0, 0.01)
     slow.wait(0.0, 0.0)
     assert slow.wait(100.0, 0.0) == pytest.approx(100.0)
+
+
+def test_what_is_late_is_caught_up_with_at_twice_the_rate() -> None:
+    pace = Pace(1.0, 30.0)
+    pace.wait(0.0, 100.0)
+    now, times = 100.9, []  # it was held up
+    for number in range(1, 61):
+        now += pace.wait(number / 30, now)
+        times.append(now)
+    gaps = [later - sooner for sooner, later in pairwise(times)]
+    assert min(gaps) == pytest.approx(1 / 60)
+    assert times[-1] == pytest.approx(102.0)
+    assert pace.slips == 0
 
 
 def test_a_rate_is_that_of_the_last_seconds() -> None:
