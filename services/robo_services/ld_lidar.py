@@ -140,8 +140,8 @@ class LdLidar(Node):
             return
         if new >= (LENGTH if self._is_new else 1):
             self.logger.warning(
-                "%d bytes were no packet of a lidar LD06 or LD19, %d wrong checksums so far; the last ones: %s",
-                new, decoder.crc_faults, shown(decoder.unread), throttle=5.0,
+                "%d bytes so far were no packet of a lidar LD06 or LD19, %d checksums were wrong; the last ones: %s",
+                decoder.skipped, decoder.crc_faults, shown(decoder.unread), throttle=5.0,
             )  # fmt: skip
         self._told, self._is_new = decoder.skipped, self._is_new and not heard
 
