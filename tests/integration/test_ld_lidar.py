@@ -128,7 +128,7 @@ def test_a_port_that_is_not_there_is_said_once_and_waited_for(
         eventually(lambda: text in caplog.messages, "it is said")
         with emulated(robo_session, port):
             heard.wait_for("scan", whole, PATIENCE)
-    assert caplog.messages.count(text) == 1
+            assert caplog.messages.count(text) == 1
 
 
 def test_what_is_no_lidar_is_said_with_its_bytes(
