@@ -11,20 +11,19 @@ import zenoh
 from robo import Node, ParameterError
 from robo.node.contract import contract_of
 from robo.parameters.hints import ParameterInfo
-from robo_services.camera import Camera
 from robo_services.calibrate_base import CalibrateBase
+from robo_services.camera import Camera
 from robo_services.carmen_player import CarmenPlayer
 from robo_services.diagnostic_aggregator import DiagnosticAggregator
 from robo_services.diff_drive_controller import DiffDriveController
 from robo_services.diff_drive_sim import DiffDriveSim
+from robo_services.ekf_filter import EkfFilter
+from robo_services.emulated_board import EmulatedBoard
 from robo_services.emulated_lidar import EmulatedLidar
 from robo_services.joy import Joy
 from robo_services.ld_lidar import LdLidar
-from robo_services.nmea_gps import NmeaGps
-from robo_services.ekf_filter import EkfFilter
-from robo_services.emulated_board import EmulatedBoard
-from robo_services.mujoco_physics import is_installed
 from robo_services.mujoco_sim import MujocoSim
+from robo_services.nmea_gps import NmeaGps
 from robo_services.position_tracker import PositionTracker
 from robo_services.robot_state_publisher import RobotStatePublisher
 from robo_services.safety_monitor import SafetyMonitor
@@ -38,11 +37,6 @@ from robo_services.waypoint_follower import WaypointFollower
 from tests.support import eventually
 
 SHIPPED = [
-            not is_installed(), reason="MuJoCo is not installed: pip install 'robo-zenoh[mujoco]'"
-        ),
-        MujocoSim,
-        marks=pytest.mark.skipif(
-    ),
     CalibrateBase,
     Camera,
     CarmenPlayer,
@@ -54,6 +48,7 @@ SHIPPED = [
     EmulatedLidar,
     Joy,
     LdLidar,
+    MujocoSim,
     NmeaGps,
     PositionTracker,
     RobotStatePublisher,
@@ -65,10 +60,9 @@ SHIPPED = [
     VelocityController,
     VelocitySmoother,
     WaypointFollower,
-    pytest.param(
 ]
 
-EXTRAS = {Camera: "av", LdLidar: "serial", NmeaGps: "pynmea2"}
+EXTRAS = {Camera: "av", LdLidar: "serial", MujocoSim: "mujoco", NmeaGps: "pynmea2", SerialBase: "serial"}
 """What nodes need that may not be installed."""
 
 

@@ -71,6 +71,7 @@ def test_a_plain_node_imports_nothing_of_managed_ones() -> None:
 
 def test_a_node_without_large_messages_imports_nothing_of_them() -> None:
     script = (
+        "import robo_services.velocity_controller, robo.process.node, robo.process.runner, sys; print(*sys.modules)"
     )
     loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
     assert not {*loaded} & {"robo.node.large", "robo.wire.shared_buffers", "robo_messages.arrays"}
