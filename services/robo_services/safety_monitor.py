@@ -3,13 +3,11 @@
 import math
 import threading
 from collections.abc import Set
-from typing import Annotated, Literal
 
 import msgspec
-from msgspec import Meta
 
 import robo
-from robo import READ_ONLY, Health, MessageInfo, Node, NotKept, Publisher, QoS, Unit, check, service, subscribe, timer
+from robo import Health, MessageInfo, Node, NotKept, Publisher, QoS, check, service, subscribe, timer
 from robo_messages import (
     Bool,
     DiagnosticStatus,
@@ -21,17 +19,9 @@ from robo_messages import (
     Trigger,
     Twist,
 )
-from robo_services.arrivals import Arrivals, Newest, Unstamped
+from robo_services.arrivals import Arrivals, Newest
 from robo_services.safety import Action, Decision, Limits, Situation, decide
-from robo_services.safety_parameters import (
-    LASER,
-    BrakingParameters,
-    FootprintParameters,
-    SourceParameters,
-    ZoneParameters,
-    limits_of,
-    refuse_unknown_sources,
-)
+from robo_services.safety_parameters import LASER, SafetyParameters, limits_of
 from robo_services.safety_sources import Motion, Sources
 from robo_services.zone_markers import markers_of
 
@@ -74,52 +64,8 @@ class SafetyMonitor(Node):
     is started again; it waits for no other callback. Who else commands the base is named in the state.
     """
 
-    class Parameters(robo.Parameters):
-        """What is safe."""
-
-        min_distance: Annotated[float, Meta(ge=0, description="stop for an obstacle this near"), Unit("m")] = 0.3
-        warning_distance: Annotated[float, Meta(ge=0, description="slow down for one nearer than this"), Unit("m")] = (
-            0.5
-        )
-        max_speed: Annotated[float, Meta(gt=0, description="faster commands are slowed down to it"), Unit("m/s")] = 1.0
-        sector: Annotated[
-            float,
-            Meta(gt=0, le=2 * math.pi, description="angle around the motion in which obstacles count"),
-            Unit("rad"),
-        ] = 2.0
-        scan_timeout: Annotated[float, Meta(ge=0.01, le=10, description="an older scan stops the robot"), Unit("s")] = (
-            0.25
-        )
-        command_timeout: Annotated[
-            float, Meta(ge=0.01, le=10, description="an older command stops the robot"), Unit("s")
-        ] = 0.5
-        unstamped: Unstamped = True
-        rate: Annotated[float, Meta(ge=1, le=1000, description="decisions per second"), Unit("Hz")] = 50.0
-        laser: Annotated[
-            bool, Meta(description="false for a base without one: obstacles do not stop it, all else does"), READ_ONLY
-        ] = True
-        on_rival: Annotated[
-            Literal["warn", "stop"], Meta(description="what is done while somebody else commands the base too")
-        ] = "warn"
-        emergency_button: Annotated[
-            int, Meta(ge=-1, le=1000, description="button of `joy` that is an emergency stop; -1: none"), READ_ONLY
-        ] = -1
-        use_tf: Annotated[
-            bool, Meta(description="sensors stand where tf_static says, instead of their x, y, yaw"), READ_ONLY
-        ] = False
-        base_frame: Annotated[str, Meta(description="the frame of the robot, its footprint and zones"), READ_ONLY] = (
-            "base_link"
-        )
-        footprint: FootprintParameters = FootprintParameters()
-        braking: BrakingParameters = BrakingParameters()
-        sources: dict[str, SourceParameters] = msgspec.field(default_factory=lambda: {LASER: SourceParameters()})
-        zones: dict[str, ZoneParameters] = msgspec.field(default_factory=dict)
-
-        def __post_init__(self) -> None:
-            """Refuse what contradicts itself."""
-            refuse_unknown_sources(self)
-
-    parameters: Parameters
+    Parameters = SafetyParameters
+    parameters: SafetyParameters
 
     command = Publisher(Twist, "cmd_vel", qos=QoS.COMMAND)
     """What the base is to do: a command that is passed on or slowed down, m/s and rad/s; 0 to stand."""

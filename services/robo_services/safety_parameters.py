@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Literal, Protocol
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
 
+import robo
 from robo import READ_ONLY, Unit
+from robo_services.arrivals import Unstamped
 from robo_services.collision import Body
 from robo_services.contact import Shape, disc, polygon
 from robo_services.safety import Limits
@@ -145,29 +147,54 @@ class ZoneParameters(msgspec.Struct, frozen=True):
         )
 
 
-class Tuned(Protocol):
-    """The parameters of a monitor, as far as they decide."""
+class SafetyParameters(robo.Parameters):
+    """What is safe."""
 
-    min_distance: float
-    warning_distance: float
-    max_speed: float
-    sector: float
-    scan_timeout: float
-    command_timeout: float
-    rate: float
-    laser: bool
-    footprint: FootprintParameters
-    braking: BrakingParameters
-    sources: dict[str, SourceParameters]
-    zones: dict[str, ZoneParameters]
+    min_distance: Annotated[float, Meta(ge=0, description="stop for an obstacle this near"), Unit("m")] = 0.3
+    warning_distance: Annotated[float, Meta(ge=0, description="slow down for one nearer than this"), Unit("m")] = 0.5
+    max_speed: Annotated[float, Meta(gt=0, description="faster commands are slowed down to it"), Unit("m/s")] = 1.0
+    sector: Annotated[
+        float,
+        Meta(gt=0, le=2 * math.pi, description="angle around the motion in which obstacles count"),
+        Unit("rad"),
+    ] = 2.0
+    scan_timeout: Annotated[float, Meta(ge=0.01, le=10, description="an older scan stops the robot"), Unit("s")] = 0.25
+    command_timeout: Annotated[
+        float, Meta(ge=0.01, le=10, description="an older command stops the robot"), Unit("s")
+    ] = 0.5
+    unstamped: Unstamped = True
+    rate: Annotated[float, Meta(ge=1, le=1000, description="decisions per second"), Unit("Hz")] = 50.0
+    laser: Annotated[
+        bool, Meta(description="false for a base without one: obstacles do not stop it, all else does"), READ_ONLY
+    ] = True
+    on_rival: Annotated[
+        Literal["warn", "stop"], Meta(description="what is done while somebody else commands the base too")
+    ] = "warn"
+    emergency_button: Annotated[
+        int, Meta(ge=-1, le=1000, description="button of `joy` that is an emergency stop; -1: none"), READ_ONLY
+    ] = -1
+    use_tf: Annotated[
+        bool, Meta(description="sensors stand where tf_static says, instead of their x, y, yaw"), READ_ONLY
+    ] = False
+    base_frame: Annotated[str, Meta(description="the frame of the robot, its footprint and zones"), READ_ONLY] = (
+        "base_link"
+    )
+    footprint: FootprintParameters = FootprintParameters()
+    braking: BrakingParameters = BrakingParameters()
+    sources: dict[str, SourceParameters] = msgspec.field(default_factory=lambda: {LASER: SourceParameters()})
+    zones: dict[str, ZoneParameters] = msgspec.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse what contradicts itself."""
+        _refuse_unknown_sources(self)
 
 
-def sources_of(p: Tuned) -> dict[str, SourceParameters]:
+def sources_of(p: SafetyParameters) -> dict[str, SourceParameters]:
     """The sources that there are."""
     return {name: source for name, source in p.sources.items() if p.laser or name != LASER}
 
 
-def limits_of(p: Tuned) -> Limits:
+def limits_of(p: SafetyParameters) -> Limits:
     """What is safe."""
     timeouts = {name: source.timeout or p.scan_timeout for name, source in sources_of(p).items()}
     braking = p.braking
@@ -192,7 +219,7 @@ def limits_of(p: Tuned) -> Limits:
     )
 
 
-def refuse_unknown_sources(p: Tuned) -> None:
+def _refuse_unknown_sources(p: SafetyParameters) -> None:
     """Raises ValueError where a zone speaks of a source that there is not, or the laser is no laser."""
     there = sources_of(p)
     for name, zone in p.zones.items():

@@ -40,6 +40,7 @@ from robo_services.arrivals import Arrivals, Unstamped
 from robo_services.courses import Course, CourseError, Orientations
 from robo_services.planar import quaternion_from_yaw
 from robo_services.pursuit import EXACT_YAW, STAND, Follower, Limits
+from robo_services.routes import Route
 from robo_services.whereabouts import Lost, Whereabouts
 
 HELD_UP = 2.0
@@ -218,10 +219,7 @@ class WaypointFollower(Node):
                 return
             self.command.publish(Twist(Vector3(x=motion.linear), Vector3(z=motion.angular)))
             self._commanding, self._motion = True, motion
-            self._doing, self._why = "turning" if follower.turning else "driving", "on its way"
-            if follower.idle > HELD_UP:
-                self._doing = "held_up"
-                self._why = f"has not got on for {int(follower.idle)} s, though it commands: {WHO_KNOWS}"
+            self._doing, self._why = _doing_of(follower)
         if p.patience and follower.idle > p.patience and follower.way is not None:
             self._give_up(follower)
 
@@ -241,11 +239,7 @@ class WaypointFollower(Node):
         self._end("finished", f"is at the end of its course of {len(follower.course.waypoints)} waypoints{missed}")
 
     def _course_of(self, poses: list[PoseStamped], frame: str, laps: int = 1, first: int = 0) -> Course:
-        """The course of a message, which can be followed now.
-
-        Raises:
-            CourseError: says why not.
-        """
+        """The course of a message, which can be followed now; CourseError says why not."""
         course = courses.course_of_poses(
             poses, frame or self.parameters.frame, self.parameters.orientations, laps, first
         )
@@ -283,8 +277,7 @@ class WaypointFollower(Node):
         """Publish the way."""
         if follower.way is not None:
             header = Header(self.now(), follower.course.frame or self._robot.frame)
-            poses = [Pose(Point(at.x, at.y), quaternion_from_yaw(at.yaw)) for at in follower.way.route.poses()]
-            self.path.publish(Path(header, [PoseStamped(header, pose) for pose in poses]))
+            self.path.publish(_path_of(follower.way.route, header))
 
     def _tell(self, now: float) -> None:
         """Publish the state on every change and once a second."""
@@ -312,6 +305,18 @@ class WaypointFollower(Node):
     def on_stop(self) -> None:
         """Leave the robot standing, if it is this node that drives it."""
         self._stand()
+
+
+def _doing_of(follower: Follower) -> tuple[str, str]:
+    """What it does, and why."""
+    if follower.idle > HELD_UP:
+        return "held_up", f"has not got on for {int(follower.idle)} s, though it commands: {WHO_KNOWS}"
+    return "turning" if follower.turning else "driving", "on its way"
+
+
+def _path_of(route: Route, header: Header) -> Path:
+    poses = [Pose(Point(at.x, at.y), quaternion_from_yaw(at.yaw)) for at in route.poses()]
+    return Path(header, [PoseStamped(header, pose) for pose in poses])
 
 
 def _level_of(doing: str) -> int:
