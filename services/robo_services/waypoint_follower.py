@@ -274,7 +274,6 @@ class WaypointFollower(Node):
             self.command.publish(Twist())
 
     def _show(self, follower: Follower) -> None:
-        """Publish the way."""
         if follower.way is not None:
             header = Header(self.now(), follower.course.frame or self._robot.frame)
             self.path.publish(_path_of(follower.way.route, header))
