@@ -14,6 +14,10 @@ STRAIGHT = 1e-4
 """Below so many rad/s an arc is taken for a line: within 2 s at 1 m/s it leaves that by 0.2 mm."""
 
 
+ROUNDING = 1e-9
+"""What meets a corner meets one of its sides, though by rounding it is beside both, m."""
+
+
 class Velocity(NamedTuple):
     """How the base moves."""
 
@@ -207,7 +211,7 @@ class Sweep:
                 if ahead < first:
                     there = angle - sign * ahead
                     px, py = self._x + away * math.cos(there), self._y + away * math.sin(there)
-                    if 0.0 <= (px - edge.x) * edge.ux + (py - edge.y) * edge.uy <= edge.length:
+                    if -ROUNDING <= (px - edge.x) * edge.ux + (py - edge.y) * edge.uy <= edge.length + ROUNDING:
                         first = ahead
         return first / abs(turn)
 
@@ -231,7 +235,7 @@ class Sweep:
                 ahead = (nx * (x - edge.x) + ny * (y - edge.y) - radius) / closing
                 if 0.0 <= ahead < first:
                     px, py = x - ux * ahead, y - uy * ahead
-                    if 0.0 <= (px - edge.x) * edge.ux + (py - edge.y) * edge.uy <= edge.length:
+                    if -ROUNDING <= (px - edge.x) * edge.ux + (py - edge.y) * edge.uy <= edge.length + ROUNDING:
                         first = ahead
         return first / self._velocity.speed
 

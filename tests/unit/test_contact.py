@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from robo_services.contact import Shape, Sweep, Velocity, closing_speed, disc, polygon
@@ -30,6 +30,7 @@ def distance_after(shape: Shape, velocity: Velocity, x: float, y: float, seconds
 
 
 @settings(max_examples=400)
+@example(DENTED, Velocity(0.0, 0.4), 0.0, 1.0, 0.0)  # right at a corner
 @given(SHAPES, VELOCITIES, COORDINATES, COORDINATES, st.sampled_from([0.0, 0.05, 0.3]))
 def test_a_contact_is_found_when_small_steps_find_it(
     shape: Shape, velocity: Velocity, x: float, y: float, margin: float
