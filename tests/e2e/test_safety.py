@@ -22,8 +22,8 @@ SPEED = 0.5
 """m/s."""
 BRAKING = SPEED**2 / (2 * 5.0)
 """With the base's deceleration, m."""
-SLACK = 0.03
-"""Two steps of the base and the way of a command, m."""
+SLACK = 0.08
+"""Two steps of the base, the way of a command through the chain, and what a busy machine takes to carry a fault out, m."""
 
 
 def driving(launch: Launch, **options: Any) -> Robot:

@@ -44,7 +44,8 @@ def test_a_claim_keeps_others_off_and_goes_with_its_holder(session: zenoh.Sessio
     assert told(taken).endswith(", robot robot_1)")
     second.close()
     first.settle(lambda _: True)
-    assert {token.full_name for token in names_in_use(session, 1.0)} == {"/r1/base", "/r1/monitor"}
+    left = {"/r1/base", "/r1/monitor"}
+    eventually(lambda: {token.full_name for token in names_in_use(session, 1.0)} == left, "its own claims are left")
     for token in held:
         token.undeclare()
     other = claim(endpoint, "2", "/r1/base")
