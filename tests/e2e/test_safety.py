@@ -23,7 +23,7 @@ SPEED = 0.5
 BRAKING = SPEED**2 / (2 * 5.0)
 """With the base's deceleration, m."""
 SLACK = 0.08
-"""Two steps of the base, the way of a command through the chain, and what a busy machine takes to carry a fault out, m."""
+"""Two steps of the base, the way of a command through the chain, and what a busy machine takes for a fault, m."""
 
 
 def driving(launch: Launch, **options: Any) -> Robot:
