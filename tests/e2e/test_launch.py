@@ -125,7 +125,7 @@ def test_the_plan_as_data_and_as_text() -> None:
 
 def test_arguments_are_listed() -> None:
     text = run_robo("up", "simulation.yaml", "--show-args").stdout
-    assert re.search(r"^  viewer +choice, default none, one of none, position, rates$", text, re.MULTILINE)
+    assert re.search(r"^  viewer +choice, default none, one of none, position, rates, mujoco$", text, re.MULTILINE)
     listed = json.loads(run_robo("up", "replay.yaml", "--show-args", "--json").stdout)
     log = next(arg for arg in listed if arg["name"] == "log")
     assert (log["type"], log["required"], log["default"]) == ("path", False, "../logs/room.log.gz")

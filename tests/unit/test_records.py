@@ -53,7 +53,8 @@ def filled(type_: type[Message]) -> Message:
     """A message whose single numbers are not what they are by default."""
     odd = {"float": math.nan, "str": 'ü\n"', "bytes": memoryview(bytes(range(256))), "list of float": [math.inf, -0.0]}
     values = {name: odd[kind] for name, kind in field_types(type_).items() if kind in odd and name != "covariance"}
-    values = {name: value for name, value in values.items() if not name.endswith("covariance")}
+    fixed = ("covariance", "k", "r", "p")  # matrices, whose length is that of the type
+    values = {name: value for name, value in values.items() if not name.endswith(fixed[0]) and name not in fixed}
     return type_(**values)
 
 
