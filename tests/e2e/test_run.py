@@ -158,6 +158,28 @@ def test_a_signal_in_the_moment_in_which_it_begins_to_wait_for_its_end(endpoint:
         assert running.returncode == 0, output
 
 
+ELSEWHERE = """\
+import signal, threading
+from robo.process import signals
+
+ended = threading.Event()
+signals.on_end(ended.set)
+signal.pthread_sigmask(signal.SIG_BLOCK, signals.ENDING)  # another thread gets it, and nothing wakes this one
+print("waits", flush=True)
+ended.wait()
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_does_not_wake_the_main_thread(number: signal.Signals) -> None:
+    with program("-c", ELSEWHERE, cwd=Path()) as running:
+        assert running.stdout is not None
+        assert running.stdout.readline() == "waits\n"
+        running.send_signal(number)
+        output, _ = running.communicate(timeout=PATIENCE)
+        assert running.returncode == 0, output
+
+
 BUSY = """\
 import threading
 import robo
