@@ -4,6 +4,7 @@ import _thread
 import os
 import signal
 from collections.abc import Callable
+from types import FrameType
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
 
@@ -13,19 +14,40 @@ def on_end(act: Callable[[], object]) -> None:
 
     Python runs the handler of a signal in the main thread, when that comes to it. One that is just about to wait for a
     lock does not: where the signal comes after the last look and before the wait, and a busy machine makes that long,
-    it waits on, forever. Nor may a handler take a lock that the main thread may hold. So handlers do nothing here:
-    the system writes the number of each signal into a pipe at once, and a thread of its own reads that.
+    it waits on, forever. So the system also writes the number of each signal into a pipe at once, and a thread of its
+    own reads that. Who comes first acts; the other one remains for where somebody else wants that pipe's place. Neither
+    takes a lock, which the main thread may hold.
     """
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    signals = _Signals(act)
     for number in ENDING:
-        signal.signal(number, lambda *_: None)
-    _thread.start_new_thread(_listen, (reading, act))  # it keeps no process from its end
+        signal.signal(number, signals.handled)
+    _thread.start_new_thread(signals.listen, (reading,))  # it keeps no process from its end
 
 
-def _listen(reading: int, act: Callable[[], object]) -> None:
-    while numbers := os.read(reading, 64):
-        for number in numbers:
-            if number in ENDING:
-                _thread.start_new_thread(act, ())  # one that takes its time keeps the next one from nothing
+class _Signals:
+    """Counts what it is told in both ways, so that it acts once for each signal."""
+
+    def __init__(self, act: Callable[[], object]) -> None:
+        self._act = act
+        self._handled = self._read = self._acted = 0
+
+    def handled(self, _number: int, _frame: FrameType | None) -> None:
+        """The main thread has come to it."""
+        self._handled += 1
+        self._hear(self._handled)
+
+    def listen(self, reading: int) -> None:
+        """Read what the system writes."""
+        while numbers := os.read(reading, 64):
+            for number in numbers:
+                if number in ENDING:
+                    self._read += 1
+                    self._hear(self._read)
+
+    def _hear(self, count: int) -> None:
+        if count > self._acted:
+            self._acted = count
+            _thread.start_new_thread(self._act, ())  # one that takes its time keeps the next one from nothing
