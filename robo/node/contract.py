@@ -39,7 +39,7 @@ from robo_messages import Message
 
 if TYPE_CHECKING:
     from robo.node.action_contract import ActionClientDeclaration, ActionDeclaration
-    from robo.node.health import CheckDeclaration
+    from robo.node.checks import CheckDeclaration
 
 
 class SubscriptionDeclaration(msgspec.Struct, frozen=True):
@@ -305,7 +305,7 @@ def _action_client(cls: type[Declares], name: str, declared: ActionClient[Any, A
 def _checks(cls: type[Declares], members: Mapping[str, Any]) -> tuple[CheckDeclaration, ...]:
     if not any(isinstance(m, Part) or isinstance(getattr(m, MARK, None), CheckMark) for m in members.values()):
         return ()
-    from robo.node.health import checks_of  # as for actions
+    from robo.node.checks import checks_of  # as for actions
 
     return checks_of(cls.__name__, members, lambda part: contract_of(type(part)).checks)
 

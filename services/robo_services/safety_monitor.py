@@ -80,7 +80,7 @@ class SafetyMonitor(Node):
         self._wall = self.clock.wall
         self._command: Newest[Twist] = Newest()
         self._motion = Motion()
-        self._sources = Sources(self, self._arrivals, self._motion)
+        self._sources = Sources(self, lambda: self.parameters, self._arrivals, self._motion)
         self._speed: float | None = None
         self._emergency_stop = self.memory.lost or bool(self.memory.recall(_EMERGENCY_STOP))
         if self.memory.lost:

@@ -1,9 +1,10 @@
 """The sensors that a safety monitor listens to: what each has said last, where it stands, and how the base moves."""
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from robo import MessageInfo
+from robo import MessageInfo, Node
 from robo_messages import LaserScan, PointCloud2, Range, Twist
 from robo_services.arrivals import Arrivals, Newest
 from robo_services.collision import Sighting
@@ -11,11 +12,10 @@ from robo_services.contact import Velocity
 from robo_services.kinematics import Pose2
 from robo_services.obstacles import Obstacle, Place, Track, from_cloud, from_range, from_scan
 from robo_services.safety import is_usable, velocity_of
-from robo_services.safety_parameters import LASER, SourceParameters, sources_of
+from robo_services.safety_parameters import LASER, SafetyParameters, SourceParameters, sources_of
 
 if TYPE_CHECKING:
     from robo_messages import TFMessage
-    from robo_services.safety_monitor import SafetyMonitor
 
 Sensed = LaserScan | Range | PointCloud2
 TYPES: dict[str, type[Sensed]] = {"scan": LaserScan, "range": Range, "pointcloud": PointCloud2}
@@ -118,13 +118,17 @@ class Sources:
     What a sensor says and nobody can use counts as silence, so that it stops the robot when its timeout is over.
     """
 
-    def __init__(self, node: "SafetyMonitor", arrivals: Arrivals, motion: Motion) -> None:
+    def __init__(
+        self, node: Node, parameters: Callable[[], SafetyParameters], arrivals: Arrivals, motion: Motion
+    ) -> None:
+        """`parameters` tells those that hold now."""
+        self._parameters = parameters
         self._node, self._arrivals, self._motion = node, arrivals, motion
         self._wall = node.clock.wall
         self._refused = 0
-        self._places = _PlacesOfFrames(node) if node.parameters.use_tf else None
-        self._by_name = {name: Source(name) for name in node.parameters.sources}
-        for name, source in node.parameters.sources.items():
+        self._places = _PlacesOfFrames(node, parameters().base_frame) if parameters().use_tf else None
+        self._by_name = {name: Source(name) for name in parameters().sources}
+        for name, source in parameters().sources.items():
             if name != LASER:
                 self._listen(name, source)
 
@@ -140,7 +144,7 @@ class Sources:
 
     def take(self, name: str, message: Sensed, info: MessageInfo) -> None:
         """Remember what a source says and when that was sent."""
-        source = self._node.parameters.sources.get(name)
+        source = self._parameters().sources.get(name)
         if source is None:
             return
         try:
@@ -165,7 +169,7 @@ class Sources:
 
     def sightings(self, now: float) -> list[Sighting]:
         """What each has said last, but for those that are silent so far."""
-        there = sources_of(self._node.parameters)  # without a laser, what somebody says on its topic does not count
+        there = sources_of(self._parameters())  # without a laser, what somebody says on its topic does not count
         found = (source.sighting(now, self._motion) for source in self._by_name.values() if source.name in there)
         return [sighting for sighting in found if sighting is not None]
 
@@ -178,12 +182,12 @@ class Sources:
 class _PlacesOfFrames:
     """Where frames stand in the base's, as `tf_static` says. Only who asks for it carries what transforms need."""
 
-    def __init__(self, node: "SafetyMonitor") -> None:
+    def __init__(self, node: Node, base_frame: str) -> None:
         from robo.tf import Buffer
         from robo.tf.broadcasters import DEPTH, TF_STATIC
         from robo_messages import TFMessage
 
-        self._buffer, self._base = Buffer(), node.parameters.base_frame
+        self._buffer, self._base = Buffer(), base_frame
         self._known: dict[str, Place] = {}
         node.create_subscription(TFMessage, TF_STATIC, self._on_frames, depth=DEPTH, latched=True, turn="tf")
 
