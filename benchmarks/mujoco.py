@@ -26,9 +26,9 @@ from robo.wire.session import close_session, open_session
 from robo_messages import Clock, Header, decode
 from robo_services import mjcf, mujoco_pictures, world
 from robo_services.kinematics import Pose2
+from robo_services.mujoco_laser import MujocoLaser
 from robo_services.mujoco_messages import imu_message
 from robo_services.mujoco_physics import MujocoBase
-from robo_services.mujoco_sensors import MujocoLaser
 from robo_services.simulated_base import DRIVE, BaseLimits, SimulatedBase
 from robo_services.wheel_odometry import WheelOdometry
 

@@ -4,8 +4,9 @@ from random import Random
 
 from robo_messages import Header, JointState, LaserScan, Quaternion, Vector3, sensor
 from robo_services import mjcf
+from robo_services.mujoco_laser import MujocoLaser
 from robo_services.mujoco_physics import MujocoBase
-from robo_services.mujoco_sensors import Imu, MujocoLaser
+from robo_services.mujoco_sensors import Imu
 
 ORIENTATION_VARIANCE = 1e-6
 """The orientation is true; a variance of 0 would say that nobody knows it, rad²."""

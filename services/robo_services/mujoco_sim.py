@@ -14,11 +14,12 @@ from robo_services import mjcf, mujoco_pictures
 from robo_services.arrivals import Arrivals
 from robo_services.drives import DiffDrive
 from robo_services.kinematics import Pose2, Twist2
+from robo_services.mujoco_laser import MujocoLaser
 from robo_services.mujoco_messages import imu_message, joint_state, scan_message
 from robo_services.mujoco_parameters import MujocoParameters
 from robo_services.mujoco_physics import MISSING, Diverged, MujocoBase, is_installed
 from robo_services.mujoco_pictures import Camera, CannotDraw, Window
-from robo_services.mujoco_sensors import ModelError, MujocoLaser
+from robo_services.mujoco_sensors import ModelError
 from robo_services.safety import is_finite
 from robo_services.simulator import MOST_STEPS, REMEMBERED, Command, in_force
 from robo_services.uncertainty import PoseCovariance

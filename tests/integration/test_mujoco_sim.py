@@ -175,12 +175,14 @@ def test_its_own_time_goes_on_by_single_steps_too(robo_session: zenoh.Session) -
     heard = Heard(robo_session, "*")  # before the first step
     with MujocoSim(session=robo_session, parameters=parameters) as node:
         heard.wait_for_count("clock", 50, PATIENCE)
+        step = node.create_client(Trigger.Request, Trigger.Response, "step", PATIENCE)
         node.set_parameters({"paused": True})
+        assert step(Trigger.Request()).success  # after the tick that had begun
         heard.wait_for_count("clock", node._steps, PATIENCE)
         told = [one.clock.to_nanoseconds() for one in heard.messages("clock")]
         assert {b - a for a, b in itertools.pairwise(told)} == {20_000_000}, "each step is as long as it says"
         for _ in range(3):
-            assert node.step(Trigger.Request()).success
+            assert step(Trigger.Request()).success
         heard.wait_for_count("clock", len(told) + 3, PATIENCE)
         assert heard.messages("clock")[-1].clock.to_nanoseconds() == told[-1] + 60_000_000
         end = heard.messages("clock")[-1].clock

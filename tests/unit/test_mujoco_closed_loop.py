@@ -7,8 +7,8 @@ import pytest
 
 from robo_services import mjcf
 from robo_services.kinematics import Pose2
+from robo_services.mujoco_laser import MujocoLaser
 from robo_services.mujoco_physics import MujocoBase, is_installed
-from robo_services.mujoco_sensors import MujocoLaser
 from robo_services.simulated_base import DRIVE, BaseLimits
 from robo_services.world import World
 from tests.closed_loop import RADIUS, VARIANTS, Loop, Scanner

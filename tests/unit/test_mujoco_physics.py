@@ -13,9 +13,10 @@ import pytest
 from robo.errors import RunError
 from robo_services import mjcf, mujoco_physics, world
 from robo_services.kinematics import ORIGIN, Pose2
+from robo_services.mujoco_laser import MujocoLaser
 from robo_services.mujoco_parameters import MujocoParameters
 from robo_services.mujoco_physics import MujocoBase
-from robo_services.mujoco_sensors import ModelError, MujocoLaser
+from robo_services.mujoco_sensors import ModelError
 from robo_services.simulated_base import DRIVE, BaseLimits, SimulatedBase
 from robo_services.wheel_odometry import WheelOdometry
 from robo_services.world import Box, Circle, Laser, World
