@@ -3,7 +3,7 @@
 A random world, a pose and whoever commands at random, or what leads into things; a laser, the smoother's and the
 monitor's logic at their rates, and a base. One seed is one drive. As a program it makes many and tells what came out:
 
-    python -m tests.closed_loop --worlds 10000 --variant delay
+    python -m tests.closed_loop --worlds 10000 --variant "late scans"
 """
 
 import argparse
