@@ -31,7 +31,9 @@ class PositionTracker(Node):
         max_angular_velocity: Annotated[
             float, Meta(gt=0, description="of the base; odometry that turns faster is left out"), Unit("rad/s")
         ] = 20.0
-        log_rate: Annotated[float, Meta(ge=0.001, le=1000, description="reports per second"), Unit("Hz")] = 1.0
+        log_rate: Annotated[
+            float, Meta(ge=0.001, le=1000, description="reports per second, while there is news"), Unit("Hz")
+        ] = 1.0
 
     parameters: Parameters
 
@@ -45,6 +47,7 @@ class PositionTracker(Node):
         self._total = 0.0
         self._warned = False
         self._doubt, self._doubted = "", -math.inf
+        self._reported = ""
 
     @subscribe("odom", depth=KEEP_ALL)
     def on_odometry(self, odometry: Odometry) -> None:
@@ -92,15 +95,22 @@ class PositionTracker(Node):
 
     @timer(rate="log_rate")
     def report(self) -> None:
-        """Say where the robot is."""
-        if self._last is not None:
-            left_out = f", left out {self._track.left_out} of odometry" if self._track.left_out else ""
-            position = (self._last.x, self._last.y, self._total)
-            self.logger.info("position (%.3f, %.3f), distance %.3f m" + left_out, *position)
+        """Say where the robot is, unless that was the last thing said."""
+        report = self._report()
+        if report != self._reported:
+            self._reported = report
+            self.logger.info("%s", report)
 
     def on_stop(self) -> None:
         """Say where it ended."""
-        self.report()
+        if report := self._report():
+            self.logger.info("%s", report)
+
+    def _report(self) -> str:
+        if self._last is None:
+            return ""
+        left_out = f", left out {self._track.left_out} of odometry" if self._track.left_out else ""
+        return f"position ({self._last.x:.3f}, {self._last.y:.3f}), distance {self._total:.3f} m{left_out}"
 
 
 if __name__ == "__main__":

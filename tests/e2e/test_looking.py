@@ -153,6 +153,8 @@ def test_a_topic_that_nobody_publishes_is_told_at_once(robot: str) -> None:
     for verb in ("echo", "hz", "bw", "delay", "loss", "plot"):
         with robo("topic", verb, "r1/odm", "--connect", robot) as waiting:
             waiting.wait_for("waiting for r1/odm: nobody publishes it so far; did you mean r1/odom?")
+    with robo("topic", "echo", "r1/odm", "--once", "--timeout", "2", "--connect", robot) as waiting:
+        waiting.wait_for("--duration S ends this wait")
 
 
 def test_echo_of_everything_tells_every_message(robot: str, client: zenoh.Session) -> None:

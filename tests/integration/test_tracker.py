@@ -43,3 +43,24 @@ def test_it_leaves_out_what_the_base_cannot_have_done(
     assert any("begins anew, 0.990 m" in text for text in caplog.messages)
     clock.advance(60.0)
     assert any("left out 100 of odometry" in text for text in caplog.messages)
+
+
+def test_it_says_where_it_is_when_that_is_news(
+    run_node: RunNode, clock: Clock, caplog: pytest.LogCaptureFixture
+) -> None:
+    def said() -> list[str]:
+        return [text for text in caplog.messages if text.startswith("position (")]
+
+    tracker = run_node(PositionTracker)
+    clock.advance(5.0)
+    assert said() == []
+    for i in range(20):
+        tracker.send("odom", odometry(0.1 * min(i, 10), 0.0, at=0.5 * i))
+        clock.advance(0.5)
+    assert said()[0] != said()[-1] == "position (1.000, 0.000), distance 1.000 m"
+    assert 5 <= len(said()) <= 7, "once a second, and only while it drives"
+    before = len(said())
+    clock.advance(30.0)
+    assert len(said()) == before
+    tracker.close()
+    assert said()[before:] == ["position (1.000, 0.000), distance 1.000 m"], "where it ended"

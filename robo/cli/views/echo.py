@@ -51,7 +51,7 @@ def print_messages(
     with connect_to_robot(reach) as session, watched(session, reach):
         stream = Stream(session, keys, latched=True)
         end = time.monotonic() + duration if duration is not None else None
-        tell_who_is_waited_for(session, keys, reach)
+        tell_who_is_waited_for(session, keys, reach, endless=duration is None)
         printer = Printer(options, one_topic=len(keys) == 1 and "*" not in keys[0])
         shown = came = 0
         try:

@@ -38,7 +38,7 @@ def print_figures(
     keys = [reach.key(name) for name in names]
     with connect_to_robot(reach) as session, watched(session, reach):
         stream = Stream(session, keys)
-        found = tell_who_is_waited_for(session, keys, reach)
+        found = tell_who_is_waited_for(session, keys, reach, endless=duration is None)
         publishers = {topic.key: len(topic.publishers) for topic in found}
         differing = _clocks_that_differ(session, keys, found, reach) if measure == "delay" else set()
         measuring = _Measuring(measure, publishers, differing, json=json)

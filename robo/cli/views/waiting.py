@@ -12,8 +12,16 @@ from robo.tools.topics import Topic
 from robo.wire.names import shown_key
 
 
-def tell_who_is_waited_for(session: zenoh.Session, keys: Sequence[str], reach: Reach) -> list[Topic]:
+def tell_who_is_waited_for(
+    session: zenoh.Session, keys: Sequence[str], reach: Reach, *, endless: bool = False
+) -> list[Topic]:
     """Say which topics nobody publishes so far, with what comes close.
+
+    Args:
+        session: a session.
+        keys: what is waited for.
+        reach: whom to ask, and for how long.
+        endless: whether the wait goes on until something comes.
 
     Returns:
         The topics that there are.
@@ -23,6 +31,8 @@ def tell_who_is_waited_for(session: zenoh.Session, keys: Sequence[str], reach: R
     absent = [key for key in keys if "*" not in key and key not in published]
     for key in absent:
         note(f"waiting for {key}: nobody publishes it so far; {suggest(key, published)}")
+    if absent and endless and reach.given_timeout is not None:
+        note("--timeout is how long to wait for the network and for answers; --duration S ends this wait")
     if not absent:
         hint(f"waiting for {', '.join(map(shown_key, keys))} …")
     return found
