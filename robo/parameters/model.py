@@ -30,7 +30,7 @@ from robo.parameters.hints import (
     step_of,
     type_name,
 )
-from robo.parameters.shape import Contradiction, EntryLacks, Leaf, declared_as
+from robo.parameters.shape import Contradiction, Leaf, declared_as
 from robo.text.brief import brief, shown
 from robo.text.paths import unnested
 from robo.text.suggestions import suggest
@@ -87,8 +87,6 @@ def mistakes(cls: type[Parameters], values: Mapping[str, object], owner: str) ->
     if not found:
         try:
             shape.assembled(current, converted)
-        except EntryLacks as error:
-            found[_last(converted, f"{error.entry}.")] = f"{owner}: {error}"
         except Contradiction as error:
             found[_last(converted, error.outer)] = f"{owner}: {error}"
     return found
@@ -137,7 +135,7 @@ def _changed(current: P, changes: Mapping[str, object], owner: str, *, read_only
         raise ParameterError("\n".join(found.values()))
     try:
         return shape.assembled(current, converted)
-    except (EntryLacks, Contradiction) as error:
+    except Contradiction as error:
         raise ParameterError(f"{owner}: {error}") from None
 
 
@@ -149,14 +147,16 @@ def _converted(
     now = {leaf.name: leaf.value for leaf in shape.leaves(current)} if read_only else {}
     mistakes: dict[str, str] = {}
     converted: dict[str, object] = {}
+    said: list[str] = []
     for name, value in unnested(changes, ".", lambda name, _values: shape.is_group(name, declared)):
         if len(mistakes) == MOST_MISTAKES:
             mistakes[name] = f"{owner}: these are {MOST_MISTAKES} mistakes; the rest is not looked at"
-            break
+            return converted, mistakes
         known = declared_as(name, declared)
         if known is None or (read_only and name not in now):
             mistakes[name] = _unknown(name, now or declared, owner, known)
             continue
+        said.append(name)
         hint = declared[known].hint
         new, mistake = _taken(value, hint)
         if mistake:
@@ -165,6 +165,10 @@ def _converted(
             mistakes[name] = f"{owner}: {name} is read-only; start the node with another value"
         else:
             converted[name] = new
+    for entry, fields in shape.lacking(current, said).items():
+        name = _last(said, f"{entry}.")
+        before = f"{mistakes[name]}; " if name in mistakes else f"{owner}: "
+        mistakes[name] = f"{before}{entry} has no {' and no '.join(fields)}"
     return converted, mistakes
 
 

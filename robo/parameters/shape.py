@@ -5,7 +5,7 @@ as `zones.*.radius`, and a node whose user speaks of a zone `front` has a parame
 """
 
 import typing
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple, TypeVar
 
 import msgspec
@@ -81,26 +81,41 @@ def _values(struct: Any) -> dict[str, Any]:
 def assembled(current: S, values: Mapping[str, object]) -> S:
     """A Struct like another one, with single values changed and entries of maps added.
 
+    Args:
+        current: a Struct.
+        values: by name; what new entries have no default for is there, see `lacking`.
+
     Raises:
-        EntryLacks: a new entry of a map has no value for a field without a default.
         Contradiction: a Struct refuses its values as a whole.
     """
     whole: S = _assembled(type(current), current, values, "")
     return whole
 
 
+def lacking(current: msgspec.Struct, names: Collection[str]) -> dict[str, list[str]]:
+    """What has neither a value nor a default in the new entries that declared names speak of, by entry."""
+    known = declared(type(current))
+    given = {*names, *(leaf.name for leaf in leaves(current))}
+    found: dict[str, list[str]] = {}
+    for name in names:
+        parts, pattern = name.split("."), (declared_as(name, known) or "").split(".")
+        for end in [i for i, part in enumerate(pattern, start=1) if part == ANY_NAME]:
+            entry, outer = ".".join(parts[:end]), ".".join(pattern[:end]) + "."
+            fields = [one.name.removeprefix(outer) for one in known.values() if one.name.startswith(outer)]
+            wanted = [field for field in fields if ANY_NAME not in field and known[outer + field].value is None]
+            found[entry] = [field for field in wanted if f"{entry}.{field}" not in given]
+    return {entry: fields for entry, fields in found.items() if fields}
+
+
 def _assembled(cls: type[Any], current: Any, values: Mapping[str, object], outer: str) -> Any:
     """`current`: None for a new entry of a map, which begins with its declared defaults."""
     old = _defaults(cls) if current is None else _values(current)
     fields: dict[str, object] = {}
-    lacking: list[str] = []
     for name, _, inner, is_map in _fields(cls):
         full = f"{outer}{name}"
         within = [key.removeprefix(f"{full}.") for key in values if key.startswith(f"{full}.")]
         if full in values:
             fields[name] = values[full]
-        elif name not in old:
-            lacking.append(name)
         elif inner is None or not within:
             fields[name] = old[name]
         elif is_map:
@@ -108,8 +123,6 @@ def _assembled(cls: type[Any], current: Any, values: Mapping[str, object], outer
             fields[name] = {key: _assembled(inner, old[name].get(key), values, f"{full}.{key}.") for key in keys}
         else:
             fields[name] = _assembled(inner, old[name], values, f"{full}.")
-    if lacking:
-        raise EntryLacks(outer.removesuffix("."), lacking)
     try:
         return cls(**fields)
     except (ValueError, TypeError) as error:  # raised by a __post_init__
@@ -122,14 +135,6 @@ def _defaults(cls: type[Any]) -> dict[str, Any]:
         for field in msgspec.structs.fields(cls)
         if not field.required
     }
-
-
-class EntryLacks(ValueError):
-    """A new entry of a map has no value for a field that needs one."""
-
-    def __init__(self, entry: str, lacking: list[str]) -> None:
-        super().__init__(f"{entry} has no {' and no '.join(lacking)}")
-        self.entry = entry
 
 
 class Contradiction(ValueError):

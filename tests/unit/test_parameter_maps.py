@@ -81,6 +81,11 @@ def test_what_an_entry_lacks_and_what_does_not_fit_is_named() -> None:
     assert "sources.scan.topic = '': expected str of length >= 1 (where it comes from)" in text
     assert "sources.scan.timeout = 99: expected float <= 10.0 (s; 0.01 to 10)" in text
     assert "no parameter 'sources.scan.tpoic'" in text
+    assert "has no topic" not in text, "one is said, though a wrong one"
+    text = _refusal({"sources": {"scan": {"timeout": 99}, "sonar": {"timeout": 1}}, "speed": "x"})
+    assert "sources.scan.timeout = 99: expected float <= 10.0 (s; 0.01 to 10); sources.scan has no topic" in text
+    assert "/r1/base: sources.sonar has no topic" in text
+    assert "speed = 'x'" in text
     assert _refusal({"zones.front.p": 0, "zones.front.i": "much"}).startswith("/r1/base: zones.front.i = 'much'")
     assert _refusal({**SCAN, "sources.scan.gains.i": 2.0}) == "/r1/base: sources.scan: p is less than i"
 
