@@ -6,7 +6,7 @@ import msgspec
 
 from robo.supervisor.topic_watch import Flow
 from robo.text.unreadable import UNREADABLE
-from robo.wire.reports import Beat, HealthLevel, Input, NodeStatus, health_of
+from robo.wire.reports import EVERY_NODES, Beat, HealthLevel, Input, NodeStatus, check_name, health_of
 from robo_messages import DiagnosticStatus
 
 BEAT_PERIOD = 1.0
@@ -112,10 +112,19 @@ class Pulse:
         if now - self._ready_at < 2 * BEAT_PERIOD:
             return None  # its topics have to come first
         problems = (flow.problem(now, self._ready_at) for flow in self._flows())
-        return next((problem for problem in problems if problem is not None), None)
+        problem = next((problem for problem in problems if problem is not None), None)
+        if problem is None or (trouble := self._own_trouble()) is None:
+            return problem
+        return f"{problem}; {check_name(trouble)}: {trouble.message}"
 
     def silent_topic(self, now: float) -> str | None:
-        """Why it hangs: nothing comes on a topic that it promised, for as long as the watchdog allows."""
+        """Why it hangs: nothing comes on a topic that it promised, for as long as the watchdog allows.
+
+        None where a check of its own says what ails it, such as a port that is not there: it is alive and knows, and a
+        new one would have to wait for the same.
+        """
+        if self._own_trouble() is not None:
+            return None
         for flow in self._flows():
             silent = flow.silent(now, self._ready_at) or 0.0
             if self._watchdog and silent > self._watchdog:
@@ -169,6 +178,10 @@ class Pulse:
             )
             for topic, count in status.received.items()
         ]
+
+    def _own_trouble(self) -> DiagnosticStatus | None:
+        errors = (one for one in self.checks if one.level == DiagnosticStatus.ERROR)
+        return next((one for one in errors if check_name(one) not in EVERY_NODES), None)
 
     def _flows(self) -> Iterable[Flow]:
         said = self._beat.status.published if self._beat is not None else {}

@@ -104,6 +104,23 @@ def test_a_silent_topic_means_a_hang_from_readiness_on() -> None:
     assert alive(watchdog=0.0, flow=silent_flow()).silent_topic(50.0) is None
 
 
+def test_a_node_that_says_itself_why_it_is_silent_does_not_hang() -> None:
+    pulse = alive(watchdog=2.0, flow=silent_flow())
+
+    def tells(name: str, level: int) -> None:
+        check = DiagnosticStatus(level=level, name=f"/r1/base: {name}", message="no port")
+        pulse.hear(said(published={"odom": 10}, checks=[check]), 9.0)
+
+    for name, level in (("topics", DiagnosticStatus.ERROR), ("board", DiagnosticStatus.WARN)):
+        tells(name, level)
+        assert (pulse.silent_topic(9.1), pulse.problem(9.1)) == (
+            "hangs: nothing on r1/odom for 8.1 s", "nothing on r1/odom for 8.1 s",
+        )  # fmt: skip
+    tells("board", DiagnosticStatus.ERROR)
+    assert (pulse.silent_topic(9.1), pulse.problem(9.1)) == (None, "nothing on r1/odom for 8.1 s; board: no port")
+    assert pulse.hang(11.5) == "hangs: no sign of life for 2.5 s", "what it said does not excuse its beats"
+
+
 def test_a_slow_topic_has_its_time_after_a_restart() -> None:
     flow = Flow(topic_plan("r1/odom", min_rate=0.5), 0.0)
     pulse = Pulse(5.0, {"odom": ""}, lambda _: flow, 70.0)
