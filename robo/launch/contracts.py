@@ -32,8 +32,8 @@ class Answer(msgspec.Struct, frozen=True, kw_only=True):
     contract: ContractData | None = None
     mistakes: dict[str, str] = {}
     """By name, why a value is refused."""
-    lacking: str = ""
-    """What the class says that this machine does not have for it."""
+    lacking: tuple[str, ...] = ()
+    """What the class says that this machine does not have for it, a sentence each."""
 
 
 def typed(value: object, parameter_type: str | None) -> object:
@@ -124,7 +124,7 @@ def _answer(asked: Question, loaded: dict[str, Any]) -> Answer:
     if mistakes:
         return Answer(contract=contract, mistakes=mistakes)
     try:
-        lacking = node_class.lacking(parameters.build(node_class.Parameters, values, contract.name))
+        lacking = tuple(node_class.lacking(parameters.build(node_class.Parameters, values, contract.name)))
     except Exception as error:  # likewise
         from robo.text.import_errors import explained
 

@@ -5,7 +5,6 @@ import shutil
 from pathlib import Path
 
 from robo.launch.resolve import Resolution
-from robo.packages.absent import absent
 from robo.text.tree import Problem
 
 
@@ -29,18 +28,12 @@ def programs(found: Resolution, search: str) -> list[Problem]:
 
 
 def for_nodes(found: Resolution) -> list[Problem]:
-    """What nodes need that is not there: modules that their classes require, and what these say that they lack."""
+    """What nodes need that is not there, as their classes say."""
     return [
         Problem(found.positions[process.full_name], f"{process.full_name}: {text}")
         for process in found.plan.processes
-        for text in _lacks(found, process.full_name)
+        for text in found.lacking.get(process.full_name, ())
     ]
-
-
-def _lacks(found: Resolution, node: str) -> list[str]:
-    contract, lacking = found.contracts.get(node), found.lacking.get(node)
-    needed = absent(contract.requires) if contract is not None else []
-    return needed or ([lacking] if lacking else [])
 
 
 def files(found: Resolution) -> list[Problem]:

@@ -34,8 +34,8 @@ class Resolution(msgspec.Struct, frozen=True, kw_only=True):
     """Where parameter files contradict themselves."""
     contracts: dict[str, ContractData]
     """By full name, what a node's class promises, where that is known."""
-    lacking: dict[str, str]
-    """By full name, what a node needs and this machine does not have."""
+    lacking: dict[str, tuple[str, ...]]
+    """By full name, what a node needs and this machine does not have, a sentence each."""
     positions: dict[str, Position]
     """By full name, where the node is written."""
     remaps: dict[str, dict[str, Origin]]

@@ -29,8 +29,8 @@ class Settlement(msgspec.Struct, frozen=True, kw_only=True):
     """Those that are to be started."""
     contracts: dict[str, ContractData]
     """By full name, what a node's class promises, where that is known."""
-    lacking: dict[str, str]
-    """By full name, what a node needs and this machine does not have."""
+    lacking: dict[str, tuple[str, ...]]
+    """By full name, what a node needs and this machine does not have, a sentence each."""
     loose: list[Problem]
     """What is said and reaches nobody."""
 

@@ -49,7 +49,8 @@ class Declares:
     REQUIRES: ClassVar[Mapping[str, str]] = {}
     """Modules that it imports only when it runs, and what `pip install` brings each: `{"serial": "pyserial"}`.
 
-    Where one is not there, `robo up` says so before anything starts, and `robo run` before the node does.
+    Where one is not there, `robo up` says so before anything starts, and `robo run` before the node does; see
+    `lacking`.
     """
 
 

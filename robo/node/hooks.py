@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Coroutine, Set
+from collections.abc import Callable, Coroutine, Sequence, Set
 from typing import Any
 
 from robo.node.declare import Declares
@@ -12,13 +12,18 @@ class Hooks(Declares):
     """The methods of a node that are there to be overridden."""
 
     @classmethod
-    def lacking(cls, parameters: Any) -> str:  # noqa: ARG003 - for whoever overrides it
-        """What a node with these parameters needs and this machine does not have, and how to get it; empty for nothing.
+    def lacking(cls, parameters: Any) -> Sequence[str]:  # noqa: ARG003 - for whoever overrides it
+        """What a node with these parameters needs and this machine does not have, and how to get it, a sentence each.
 
-        `robo up` asks before anything starts. Override it for a library that comes with an extra, and look for that
-        without importing it (`importlib.util.find_spec`). It is asked without a node, so it has nothing but parameters.
+        By default the modules of `REQUIRES` that are not installed. `robo up` asks before anything starts, and `robo
+        run` before the node does. Override it for what parameters decide, such as a screen:
+        `return [*super().lacking(parameters), "window: there is no screen"]`. It is asked of the class, without a node.
         """
-        return ""
+        if not cls.REQUIRES:
+            return ()
+        from robo.packages.absent import absent
+
+        return absent(cls.REQUIRES)
 
     def on_start(self) -> None:
         """Called when the publishers exist and before any other callback runs."""

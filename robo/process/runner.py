@@ -122,8 +122,6 @@ def build(node_class: type[Node], spec: NodeSpec) -> Node:
         RoboError: it cannot be built.
     """
     check_constructor(node_class)
-    if node_class.REQUIRES:
-        _check_requirements(node_class)
     node = node_class(
         name=spec.name,
         namespace=spec.namespace,
@@ -131,21 +129,11 @@ def build(node_class: type[Node], spec: NodeSpec) -> Node:
         remappings=spec.remappings,
         sources=spec.settings,
     )
+    for text in node.lacking(node.parameters):
+        raise RunError(f"{node_class.__name__} {text}")
     node.memory = Memory.of(node.full_name, spec.memory)
     node.qualities = spec.qos
     return node
-
-
-def _check_requirements(node_class: type[Node]) -> None:
-    """Refuse a node that could not run here.
-
-    Raises:
-        RunError: a module is not installed that it needs; says what to install.
-    """
-    from robo.packages.absent import absent
-
-    for text in absent(node_class.REQUIRES):
-        raise RunError(f"{node_class.__name__} {text}")
 
 
 def live(node: Node, session: zenoh.Session, spec: NodeSpec, started: Callable[[], None]) -> None:

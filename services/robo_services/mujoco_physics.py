@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from robo.errors import RunError
+from robo.packages.absent import absent
 from robo.tf import Transform3
 from robo_services import mjcf
 from robo_services.drives import DiffDrive, Wheels
@@ -22,7 +23,6 @@ from robo_services.limits import clamp, ramp
 from robo_services.mujoco_sensors import SEEN, Feeling, Imu, ModelError, add_sensors
 from robo_services.simulated_base import BaseLimits
 
-MISSING = "needs MuJoCo, which is not installed: pip install 'robo-zenoh[mujoco]'"
 PREFIX = "robot/"
 """Before every name of the robot's, so that a world may have the same ones."""
 LOOK = 0.01
@@ -38,6 +38,9 @@ _INTEGRAL, _NEAR = 10.0, 1.0
 """Of the motors' controllers: by how much of an error they add, 1/s, and up to which error, rad/s."""
 _STEEP = 0.7
 """A contact whose normal leans less, as the part of it that points up, is with something that stands around."""
+
+
+REQUIRES = {"mujoco": "robo-zenoh[mujoco]"}
 
 
 class Diverged(RunError):
@@ -58,8 +61,8 @@ def import_mujoco() -> Any:
     try:
         return importlib.import_module("mujoco")
     except ImportError as error:
-        why = MISSING if not is_installed() else f"needs MuJoCo, which cannot be imported: {error}"
-        raise RunError(f"mujoco_sim {why}") from None
+        missing = absent(REQUIRES) or [f"needs MuJoCo, which cannot be imported: {error}"]
+        raise RunError(f"mujoco_sim {missing[0]}") from None
 
 
 class MujocoBase:

@@ -2,22 +2,22 @@
 
 import random
 from collections import deque
-from collections.abc import Set
-from typing import Any
+from collections.abc import Sequence, Set
+from typing import Any, ClassVar
 
 import robo
 from robo import Health, MessageInfo, Node, Publisher, QoS, check, service, subscribe, timer
 from robo.node.clock import SimClock
 from robo.tf import StaticTransformBroadcaster, Transform3, TransformBroadcaster
 from robo_messages import Clock, Header, JointState, LaserScan, Odometry, Time, Trigger, Twist, sensor
-from robo_services import mjcf, mujoco_pictures
+from robo_services import mjcf, mujoco_physics, mujoco_pictures
 from robo_services.arrivals import Arrivals
 from robo_services.drives import DiffDrive
 from robo_services.kinematics import Pose2, Twist2
 from robo_services.mujoco_laser import MujocoLaser
 from robo_services.mujoco_messages import imu_message, joint_state, scan_message
 from robo_services.mujoco_parameters import MujocoParameters
-from robo_services.mujoco_physics import MISSING, Diverged, MujocoBase, is_installed
+from robo_services.mujoco_physics import Diverged, MujocoBase
 from robo_services.mujoco_pictures import Camera, CannotDraw, Window
 from robo_services.mujoco_sensors import ModelError
 from robo_services.safety import is_finite
@@ -35,6 +35,8 @@ class MujocoSim(Node):
     Odometry is that of the wheels: where they slip, it errs, and `ground_truth` says by how much. The same seed and the
     same commands at the same steps are the same drive, bit for bit.
     """
+
+    REQUIRES: ClassVar = mujoco_physics.REQUIRES
 
     class Parameters(MujocoParameters):
         """The base, its sensors and its world."""
@@ -90,11 +92,10 @@ class MujocoSim(Node):
         self._say_where_sensors_are()
 
     @classmethod
-    def lacking(cls, parameters: Any) -> str:
-        """MuJoCo, or a screen for its window."""
-        if not is_installed():
-            return MISSING
-        return mujoco_pictures.NO_SCREEN if parameters.window and not mujoco_pictures.has_screen() else ""
+    def lacking(cls, parameters: Any) -> Sequence[str]:
+        """MuJoCo, and a screen for its window."""
+        screens = [mujoco_pictures.NO_SCREEN] if parameters.window and not mujoco_pictures.has_screen() else []
+        return [*super().lacking(parameters), *screens]
 
     def on_stop(self) -> None:
         """Close the window."""

@@ -1,6 +1,7 @@
 """The reference robot in MuJoCo: by one word on the command line it drives there, and reaches its course."""
 
 import math
+import sys
 
 import pytest
 
@@ -70,11 +71,12 @@ def test_without_the_library_nothing_starts() -> None:
 
 def test_without_the_library_or_a_screen_nothing_would_start(monkeypatch: pytest.MonkeyPatch) -> None:
     file = find_manifest("simulation.yaml")
-    monkeypatch.setattr(mujoco_sim, "is_installed", lambda: False)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
     (lacking,) = missing.for_nodes(resolve(file, {"physics": "mujoco"}))
-    assert "/diff_drive_sim: needs MuJoCo, which is not installed: pip install 'robo-zenoh[mujoco]'" in str(lacking)
+    text = "/diff_drive_sim: needs the module mujoco, which is not installed: pip install 'robo-zenoh[mujoco]'"
+    assert text in str(lacking)
     assert missing.for_nodes(resolve(file, {})) == []
-    monkeypatch.setattr(mujoco_sim, "is_installed", lambda: True)
+    monkeypatch.setattr(mujoco_sim.MujocoSim, "REQUIRES", {})
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     (screen,) = missing.for_nodes(resolve(file, {"physics": "mujoco", "viewer": "mujoco"}))

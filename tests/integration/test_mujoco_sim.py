@@ -17,7 +17,7 @@ from robo.testing import Clock, NodeUnderTest, RunNode
 from robo.testing.heard import Heard
 from robo.tf import Buffer, Transform3
 from robo_messages import Odometry, Trigger, Twist, Vector3
-from robo_services import mujoco_physics, mujoco_pictures, mujoco_sim
+from robo_services import mujoco_physics, mujoco_pictures
 from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.mjcf import Robot, robot_mjcf
 from robo_services.mujoco_physics import Diverged
@@ -327,17 +327,17 @@ def test_a_window_without_a_screen_is_an_error(started: Callable[..., None], mon
     monkeypatch.setattr(mujoco_pictures, "has_screen", lambda: False)
     with pytest.raises(RunError, match="window: there is no screen here"):
         started(window=True)
-    monkeypatch.setattr(mujoco_sim, "is_installed", lambda: True)
-    assert "no screen" in MujocoSim.lacking(MujocoSim.Parameters(window=True))
-    assert MujocoSim.lacking(MujocoSim.Parameters()) == ""
+    monkeypatch.setattr(MujocoSim, "REQUIRES", {})
+    (text,) = MujocoSim.lacking(MujocoSim.Parameters(window=True))
+    assert "no screen" in text
+    assert not MujocoSim.lacking(MujocoSim.Parameters())
 
 
 def test_mujoco_that_is_not_installed_is_said_before_the_start_and_at_it(
     started: Callable[..., None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    monkeypatch.setattr(mujoco_physics, "is_installed", lambda: False)
-    monkeypatch.setattr(mujoco_sim, "is_installed", lambda: False)
-    with pytest.raises(RunError, match=r"needs MuJoCo, .* pip install 'robo-zenoh\[mujoco\]'"):
+    with pytest.raises(RunError, match=r"needs the module mujoco, .* pip install 'robo-zenoh\[mujoco\]'"):
         started()
-    assert "robo-zenoh[mujoco]" in MujocoSim.lacking(MujocoSim.Parameters())
+    (text,) = MujocoSim.lacking(MujocoSim.Parameters())
+    assert "robo-zenoh[mujoco]" in text

@@ -49,7 +49,7 @@ class Picky(robo.Node):
     def lacking(cls, parameters):
         if parameters.fast is None:
             raise RuntimeError("never")
-        return "needs a library: pip install it" if parameters.fast else ""
+        return [*super().lacking(parameters), *(["needs a library: pip install it"] if parameters.fast else [])]
 """
 
 

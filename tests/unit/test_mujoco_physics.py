@@ -271,7 +271,6 @@ def test_physics_that_comes_to_nothing_is_said() -> None:
 
 def test_a_missing_mujoco_is_an_error_that_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    monkeypatch.setattr(mujoco_physics, "is_installed", lambda: False)
     with pytest.raises(RunError, match=r"pip install 'robo-zenoh\[mujoco\]'"):
         base_in()
 
