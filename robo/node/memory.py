@@ -5,6 +5,7 @@ names a folder that lasts as long as the container. A node that is run alone kee
 """
 
 import os
+import threading
 from contextlib import suppress
 
 import msgspec
@@ -25,6 +26,8 @@ class Memory:
         """
         self._file = os.fspath(file) if file is not None else ""  # pathlib would cost each node 0.5 MB
         self._values: dict[str, object] = {}
+        self._writing = threading.Lock()
+        """Turns run beside each other: what one writes must not take the place of what another has kept meanwhile."""
         self.problem = ""
         """Why what this node had kept cannot be read, or nothing can be written; empty where all is well."""
         if not self._file:
@@ -65,8 +68,9 @@ class Memory:
         Raises:
             NotKept: it cannot be written. A restart then finds nothing and knows that something is lost.
         """
-        self._values[name] = value
-        self._write()
+        with self._writing:
+            self._values[name] = value
+            self._write()
 
     def _write(self) -> None:
         if not self._file:

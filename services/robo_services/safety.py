@@ -17,6 +17,8 @@ from robo_services.zones import Zone, ZoneAction, verdicts
 Action = Literal["clear", "slow", "limit", "approach", "stop"]
 _ACTIONS: dict[ZoneAction, Action] = {"stop": "stop", "slow_down": "slow", "limit": "limit", "approach": "approach"}
 
+NO_LASER = "no_laser"
+"""The reason where there is none, and nothing else looks either."""
 FOOTPRINT = "footprint"
 """What is said for a zone where the robot could not stop in time."""
 
@@ -114,7 +116,7 @@ def decide(situation: Situation, limits: Limits) -> Decision:
             return decision
         return msgspec.structs.replace(decision, twist=_scaled(command, share))
     if not limits.laser and not limits.timeouts:
-        return Decision("clear", "no_laser", "no laser: nobody looks for obstacles", command)
+        return Decision("clear", NO_LASER, "no laser: nobody looks for obstacles", command)
     return Decision("clear", "clear", "nothing in the way" if speed else "no linear motion", command)
 
 

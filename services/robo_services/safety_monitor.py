@@ -20,7 +20,7 @@ from robo_messages import (
     Twist,
 )
 from robo_services.arrivals import Arrivals, Newest
-from robo_services.safety import Action, Decision, Limits, Situation, decide
+from robo_services.safety import NO_LASER, Action, Decision, Limits, Situation, decide
 from robo_services.safety_parameters import LASER, SafetyParameters, limits_of
 from robo_services.safety_sources import Motion, Sources
 from robo_services.zone_markers import markers_of
@@ -42,6 +42,7 @@ _IN_THE_WAY = ("obstacle", "blind")
 """Why it stops one that is well."""
 
 _EMERGENCY_STOP = "emergency_stop"
+_LASER_HEARD = "laser_heard"
 
 PRESSES = 100
 """Messages of what may be an emergency stop that wait: what comes after one must not take its place."""
@@ -86,6 +87,7 @@ class SafetyMonitor(Node):
         if self.memory.lost:
             text = "what was before this start is not known (%s): emergency stop, until reset_emergency_stop"
             self.logger.error(text, self.memory.problem)
+        self._laser_heard = self.memory.lost or bool(self.memory.recall(_LASER_HEARD))
         self._commanding = threading.Lock()
         """Who holds it commands the base, for no longer than a publish: the emergency stop has a turn of its own."""
         self._rival = self._last_rival = ""
@@ -95,8 +97,7 @@ class SafetyMonitor(Node):
         self._begin = self.clock.monotonic()
         self._advised = False
         self._decided, self._late, self._jumps = self._begin, 0.0, self.clock.jumps
-        self._limits = limits_of(self.parameters)
-        self.shown.publish(markers_of(self._limits, self.parameters.base_frame))
+        self._limit()
         # Not declared: a robot on which nobody publishes them lacks nothing.
         self.create_subscription(Bool, "emergency_stop", self._on_emergency_stop, depth=PRESSES, turn="stop")
         if self.parameters.emergency_button >= 0:
@@ -104,7 +105,10 @@ class SafetyMonitor(Node):
 
     def on_parameters_changed(self, _names: Set[str]) -> None:
         """Decide by the new ones from now on, and show the zones anew."""
-        self._limits = limits_of(self.parameters)
+        self._limit()
+
+    def _limit(self) -> None:
+        self._limits = limits_of(self.parameters, laser_heard=self._laser_heard)
         self.shown.publish(markers_of(self._limits, self.parameters.base_frame))
 
     @subscribe("cmd_vel_raw", qos=QoS.COMMAND)
@@ -117,6 +121,10 @@ class SafetyMonitor(Node):
     def on_scan(self, scan: LaserScan, info: MessageInfo) -> None:
         """Remember the newest scan and when it was sent."""
         self._sources.take(LASER, scan, info)
+        if not (self._laser_heard or self.parameters.wait_for_laser):
+            self._laser_heard = True  # so there is one; without it the robot stands from now on
+            self._keep(_LASER_HEARD, True)
+            self._limit()
 
     @subscribe("cmd_vel", qos=QoS.COMMAND)
     def on_passed(self, _twist: Twist, info: MessageInfo) -> None:
@@ -159,22 +167,22 @@ class SafetyMonitor(Node):
         self._emergency_stop = True
         with self._commanding:
             self.command.publish(Twist())
-        return self._keep(True)
+        return self._keep(_EMERGENCY_STOP, True)
 
     @service("reset_emergency_stop", turn="stop")
     def release(self, _request: Trigger.Request) -> Trigger.Response:
         """Let the robot drive again, once nothing else speaks against it."""
-        remark = self._keep(False)
+        remark = self._keep(_EMERGENCY_STOP, False)
         was_stopped, self._emergency_stop = self._emergency_stop, False
         if was_stopped:
             self.logger.info("the emergency stop is released")
         return Trigger.Response(message=("released" if was_stopped else "there was no emergency stop") + remark)
 
-    def _keep(self, stopped: bool) -> str:
-        """Keep over a restart whether there is an emergency stop. Returns what is to be said of it."""
+    def _keep(self, what: str, holds: bool) -> str:
+        """Keep something over a restart. Returns what is to be said of it."""
         try:
-            self.memory.keep(_EMERGENCY_STOP, stopped)
-        except NotKept as error:
+            self.memory.keep(what, holds)
+        except NotKept as error:  # and so what was kept counts as lost then, which is an emergency stop
             self.logger.error("an emergency stop holds after a restart in any case: %s", error)
             return "; a restart of the safety monitor stops the robot, since this cannot be written down"
         return ""
@@ -245,7 +253,8 @@ class SafetyMonitor(Node):
         """Publish the state on every change of cause, zone or source and once a second; log the changes of cause."""
         changed = self._last is None or _cause_of(decision) != _cause_of(self._last)
         if self._last is None or decision.reason != self._last.reason:
-            log = self.logger.warning if decision.action == "stop" else self.logger.info
+            is_grave = decision.action == "stop" or decision.reason == NO_LASER
+            log = self.logger.warning if is_grave else self.logger.info
             log("%s: %s", decision.action, decision.text)
         if rival != self._last_rival:
             gone, changed, self._last_rival = self._last_rival, True, rival

@@ -167,6 +167,11 @@ class SafetyParameters(robo.Parameters):
     laser: Annotated[
         bool, Meta(description="false for a base without one: obstacles do not stop it, all else does"), READ_ONLY
     ] = True
+    wait_for_laser: Annotated[
+        bool,
+        Meta(description="false: it drives before the first scan; from that on a laser that falls silent stops it"),
+        READ_ONLY,
+    ] = True
     on_rival: Annotated[
         Literal["warn", "stop"], Meta(description="what is done while somebody else commands the base too")
     ] = "warn"
@@ -194,8 +199,8 @@ def sources_of(p: SafetyParameters) -> dict[str, SourceParameters]:
     return {name: source for name, source in p.sources.items() if p.laser or name != LASER}
 
 
-def limits_of(p: SafetyParameters) -> Limits:
-    """What is safe."""
+def limits_of(p: SafetyParameters, *, laser_heard: bool = False) -> Limits:
+    """What is safe, once a laser was heard or before."""
     timeouts = {name: source.timeout or p.scan_timeout for name, source in sources_of(p).items()}
     braking = p.braking
     return Limits(
@@ -205,7 +210,7 @@ def limits_of(p: SafetyParameters) -> Limits:
         sector=p.sector,
         scan_timeout=timeouts.get(LASER, p.scan_timeout),
         command_timeout=p.command_timeout,
-        laser=p.laser,
+        laser=p.laser and (p.wait_for_laser or laser_heard),
         body=Body(
             footprint=p.footprint.shape(),
             margin=p.footprint.margin,

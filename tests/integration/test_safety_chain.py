@@ -108,6 +108,28 @@ def test_a_base_without_a_laser_drives_and_obeys_the_emergency_stop(run_node: Ru
     assert reached() == 0.4
 
 
+def test_a_laser_that_is_not_waited_for_counts_once_it_was_heard(
+    run_node: RunNode, clock: Clock, caplog: pytest.LogCaptureFixture
+) -> None:
+    monitor = run_node(SafetyMonitor, namespace="r1", wait_for_laser=False)
+
+    def reached() -> tuple[float, str]:
+        monitor.send("cmd_vel_raw", Twist(Vector3(x=0.4)))
+        clock.advance(0.1)
+        return speed(monitor.published("cmd_vel")[-1]), last_reason(monitor)
+
+    assert reached() == (0.4, "no_laser")
+    assert "no laser: nobody looks for obstacles" in caplog.text
+    monitor.send("scan", scan(ahead=9.0))
+    assert reached() == (0.4, "clear")
+    clock.advance(1.0)
+    assert reached() == (0.0, "stale_scan"), "from now on a laser that falls silent stops it"
+    kept = monitor.node.memory
+    assert kept.recall("laser_heard") is True, "and a new monitor knows"
+    monitor.call("emergency_stop", Trigger.Request())
+    assert kept.recall("laser_heard") is True
+
+
 def test_an_emergency_stop_waits_for_no_decision_and_none_from_before_moves_the_robot(
     run_node: RunNode, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:

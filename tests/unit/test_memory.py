@@ -1,3 +1,4 @@
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -78,3 +79,12 @@ def test_a_node_that_is_run_alone_keeps_nothing(monkeypatch: pytest.MonkeyPatch)
     memory.keep("stop", True)
     assert not memory.lost
     assert Memory.of("/r1/monitor").recall("stop") is None
+
+
+def test_what_two_turns_keep_at_once_is_all_kept(tmp_path: Path) -> None:
+    file = tmp_path / "kept.json"
+    memory = Memory(file)
+    with ThreadPoolExecutor(4) as turns:
+        for number in range(50):
+            list(turns.map(lambda name, number=number: memory.keep(name, number), "abcd"))
+            assert [Memory(file).recall(name) for name in "abcd"] == [number] * 4
