@@ -2,7 +2,7 @@
 
     runs = [Run(odometry_of_straight, measured), Run(odometry_of_square_to_the_left, measured), …]
     found = calibrate(runs, wheel_separation=0.3)
-    print(found.corrections, found.left_over)
+    print(found.corrections, found.errors, found.left_over)
 
 Wheels that differ in size bend what should be straight, and wheels that are further apart turn the base less than they
 say. A square shows both, but mixed up; driven to the left and to the right they add up in one and take away from each
@@ -10,7 +10,8 @@ other in the other: that is UMBmark (Borenstein, Feng 1996, "Measurement and cor
 mobile robots"). Its formulas hold for small errors and exact squares. Here what the wheels did is known step by step:
 the same ways are driven again in thought, with wheels of other sizes, until they end where the base did (least squares
 by Gauss and Newton). Any way will do that turns to both sides; a straight line says how large both wheels are together,
-which a way that closes hardly does.
+which a way that closes hardly does. How sure all that is follows from how exactly ends were measured, and from what is
+left of the gaps: the covariance of least squares.
 
 Pure: no network, no clock.
 """
@@ -24,16 +25,29 @@ from robo_services.planar import angle_difference
 
 SMALLEST, LARGEST = 0.5, 2.0
 """Of a correction; what is beyond is no error of wheels, but of the figures."""
-CLOSE = 1e-10
+CLOSE = 1e-7
 """Corrections that change by less are found."""
 ROUNDS = 50
 HALVINGS = 8
 """How often a step that makes it no better is halved."""
-LEAST_SEEN = 1e-4
-"""A correction that moves the ends of all runs by less, m per 1, is not seen in them."""
+LEAST_SEEN = 0.5
+"""What moves the ends of all runs by less, m per 1, is not seen in them: an error of measuring of 5 mm would be 1 %."""
+MEASURING_ERROR = 0.005
+"""Standard deviation of where a run was measured to end, m: a tape measure and a mark."""
+MOST_UNSURE = 0.05
+"""A correction with a larger standard deviation is worth nothing."""
 YAW_COUNTS = 0.5
 """An error of the heading by 1 rad counts as one of this many m."""
 DIFFERENCE = 1e-6
+
+LONGEST_STEP, WIDEST_STEP = 0.1, 0.05
+"""So long, m, and so wide, rad, a step of a track may be that takes in several messages."""
+BENT = 2e-4
+"""Its way times its turn is at most this, m: half of it is what it may lead away from where all of them led."""
+FASTEST = Twist2(5.0, 10.0)
+"""What moves faster, m/s and rad/s, has not driven: its odometry was set."""
+JITTER = 0.1
+"""Messages come late by up to this, s."""
 
 
 class CalibrationError(ValueError):
@@ -74,6 +88,8 @@ class Calibration(NamedTuple):
     """What was found."""
 
     corrections: Corrections
+    errors: Corrections
+    """The standard deviation of each."""
     before: float
     """How far the runs ended from where odometry says, m: the root of the mean square."""
     left_over: float
@@ -84,12 +100,18 @@ class Track:
     """Odometry as steps, from its poses."""
 
     def __init__(self) -> None:
-        self.steps: list[Twist2] = []
         self.way = 0.0
         """How far it has driven forward, m; backward it takes away."""
         self.turned = 0.0
         """By how much it has turned, to the left, rad."""
+        self._steps: list[Twist2] = []
+        self._newest = Twist2()
         self._last: Pose2 | None = None
+
+    @property
+    def steps(self) -> list[Twist2]:
+        """All of it, in order; what is nearly one arc is one step."""
+        return [*self._steps, self._newest] if self._newest != Twist2() else [*self._steps]
 
     def add(self, pose: Pose2) -> None:
         """Take the next pose; the base has driven an arc since the last one."""
@@ -99,8 +121,25 @@ class Track:
         step = arc(last, pose)
         self.way += step.linear
         self.turned += step.angular
-        if step != Twist2():
-            self.steps.append(step)
+        both = Twist2(self._newest.linear + step.linear, self._newest.angular + step.angular)
+        if (
+            abs(both.linear) <= LONGEST_STEP
+            and abs(both.angular) <= WIDEST_STEP
+            and abs(both.linear * both.angular) <= BENT
+        ):
+            self._newest = both
+        else:
+            self._steps.append(self._newest)
+            self._newest = step
+
+    def is_jump(self, pose: Pose2, elapsed: float) -> bool:
+        """Whether no base drives so far in this time, s, as from the last pose to this one."""
+        if self._last is None:
+            return False
+        way = math.hypot(pose.x - self._last.x, pose.y - self._last.y)
+        turn = abs(angle_difference(pose.yaw, self._last.yaw))
+        time = max(elapsed, JITTER)
+        return way > FASTEST.linear * time or turn > FASTEST.angular * time
 
 
 def arc(begin: Pose2, end: Pose2) -> Twist2:
@@ -134,12 +173,13 @@ def driven(steps: Sequence[Twist2], separation: float, corrections: Corrections 
     return pose
 
 
-def calibrate(runs: Sequence[Run], wheel_separation: float) -> Calibration:
+def calibrate(runs: Sequence[Run], wheel_separation: float, measuring_error: float = MEASURING_ERROR) -> Calibration:
     """How large the wheels are, and how far apart, by where the runs ended.
 
     Args:
         runs: a straight line, and squares to the left and to the right, or any others that say as much.
         wheel_separation: as odometry takes it, with its multiplier, m.
+        measuring_error: standard deviation of where a run was measured to end, m.
 
     Raises:
         CalibrationError: the runs do not say it, or what they say cannot be.
@@ -150,12 +190,8 @@ def calibrate(runs: Sequence[Run], wheel_separation: float) -> Calibration:
     found = min(_BEGINNINGS, key=lambda one: _size(_gaps(runs, wheel_separation, one), runs))
     gaps = _gaps(runs, wheel_separation, found)
     for _ in range(ROUNDS):
-        columns = []
-        for k in range(3):
-            shifted = Corrections(*(one + DIFFERENCE * (i == k) for i, one in enumerate(found)))
-            moved = _gaps(runs, wheel_separation, shifted)
-            columns.append([(new - old) / DIFFERENCE for new, old in zip(moved, gaps, strict=True)])
-        change = _least_squares(columns, gaps)
+        basis, shares = _factors(_columns(runs, wheel_separation, found, gaps), gaps)
+        change = _solved(basis, shares)
         # A longer step leaves the neighbourhood in which the derivative holds.
         scale = min(1.0, 0.2 / max(map(abs, change)) if any(change) else 1.0)
         for _ in range(HALVINGS):
@@ -164,6 +200,8 @@ def calibrate(runs: Sequence[Run], wheel_separation: float) -> Calibration:
             if _size(gaps_there, runs) <= _size(gaps, runs):
                 break
             scale /= 2
+        else:
+            break  # no step makes it better: what is left are errors of measuring
         found, gaps = tried, gaps_there
         if not all(SMALLEST <= one <= LARGEST for one in found):
             raise CalibrationError(
@@ -172,7 +210,32 @@ def calibrate(runs: Sequence[Run], wheel_separation: float) -> Calibration:
             )
         if max(map(abs, change)) < CLOSE:
             break
-    return Calibration(found, _size(before, runs), _size(gaps, runs))
+    errors = _errors(basis, gaps, measuring_error)
+    if max(errors) > MOST_UNSURE:
+        raise CalibrationError(
+            f"the runs say it to ± {max(errors):.0%} only: so corrected they still end {_size(gaps, runs):.3f} m from "
+            "where they were measured; has the base slipped or been moved, or is a figure wrong?"
+        )
+    return Calibration(found, errors, _size(before, runs), _size(gaps, runs))
+
+
+def doubt(found: Calibration, runs: Sequence[Run], measuring_error: float = MEASURING_ERROR) -> str:
+    """Why what was found had better not be relied on; empty where nothing speaks against it.
+
+    Args:
+        found: from these runs.
+        runs: all of them.
+        measuring_error: as for `calibrate`, m.
+    """
+    if found.left_over <= 2 * measuring_error:
+        return ""
+    way = sum(abs(step.linear) for run in runs for step in run.steps) / len(runs)
+    if found.left_over > 0.02 * way or found.left_over > 0.5 * found.before:
+        return (
+            f"so corrected the runs still end {found.left_over:.3f} m from where they were measured, of "
+            f"{found.before:.3f} m before: has the base slipped or been moved, or is a figure wrong?"
+        )
+    return ""
 
 
 _BEGINNINGS = [
@@ -185,6 +248,8 @@ _BEGINNINGS = [
 def _refuse_nonsense(runs: Sequence[Run], separation: float) -> None:
     if not 1e-3 <= separation <= 100.0:
         raise CalibrationError(f"wheel_separation = {separation:g} m: 0.001 to 100")
+    if not runs:
+        raise CalibrationError("there are no runs: drive " + NEEDED)
     for number, (steps, measured) in enumerate(runs, start=1):
         values = [measured.x, measured.y, measured.yaw or 0.0, *(one for step in steps for one in step)]
         if not all(map(math.isfinite, values)):
@@ -208,8 +273,21 @@ def _size(gaps: Sequence[float], runs: Sequence[Run]) -> float:
     return math.sqrt(sum(gap * gap for gap in gaps) / len(runs))
 
 
-def _least_squares(columns: Sequence[Sequence[float]], gaps: Sequence[float]) -> list[float]:
-    """What changes the gaps to 0 as nearly as can be, by modified Gram-Schmidt.
+def _columns(runs: Sequence[Run], separation: float, found: Corrections, gaps: Sequence[float]) -> list[list[float]]:
+    """How the gaps change with each correction, m per 1."""
+    columns = []
+    for k in range(3):
+        shifted = Corrections(*(one + DIFFERENCE * (i == k) for i, one in enumerate(found)))
+        moved = _gaps(runs, separation, shifted)
+        columns.append([(new - old) / DIFFERENCE for new, old in zip(moved, gaps, strict=True)])
+    return columns
+
+
+def _factors(columns: Sequence[Sequence[float]], gaps: Sequence[float]) -> tuple[list[list[float]], list[float]]:
+    """The columns as right angles times a triangle, by modified Gram-Schmidt.
+
+    Returns:
+        The triangle, its zeros below, and what of the gaps lies along each right angle.
 
     Raises:
         CalibrationError: something is not seen in the gaps.
@@ -219,7 +297,7 @@ def _least_squares(columns: Sequence[Sequence[float]], gaps: Sequence[float]) ->
     shares = [0.0] * n
     for k in range(n):
         norm = math.sqrt(sum(one * one for one in columns[k]))
-        if norm < LEAST_SEEN * len(gaps):
+        if norm < LEAST_SEEN:
             raise CalibrationError("the runs do not tell the wheels' sizes and their separation apart: drive " + NEEDED)
         unit = [one / norm for one in columns[k]]
         basis[k][k] = norm
@@ -228,11 +306,26 @@ def _least_squares(columns: Sequence[Sequence[float]], gaps: Sequence[float]) ->
         for j in range(k + 1, n):
             basis[k][j] = sum(a * b for a, b in zip(unit, columns[j], strict=True))
             columns[j] = [a - basis[k][j] * b for a, b in zip(columns[j], unit, strict=True)]
+    return basis, shares
+
+
+def _solved(basis: Sequence[Sequence[float]], shares: Sequence[float]) -> list[float]:
+    """What the triangle makes the shares of."""
+    n = len(shares)
     found = [0.0] * n
     for k in reversed(range(n)):
         found[k] = (shares[k] - sum(basis[k][j] * found[j] for j in range(k + 1, n))) / basis[k][k]
     return found
 
 
-NEEDED = "a straight line, and a square to the left and one to the right"
+def _errors(basis: Sequence[Sequence[float]], gaps: Sequence[float], measuring_error: float) -> Corrections:
+    """Standard deviations, from the triangle R of least squares: the covariance is σ² R⁻¹ R⁻ᵀ."""
+    n = len(basis)
+    spare = len(gaps) - n
+    sigma = max(measuring_error, math.sqrt(sum(gap * gap for gap in gaps) / spare) if spare > 0 else 0.0)
+    inverse = [_solved(basis, [float(i == k) for i in range(n)]) for k in range(n)]  # by columns
+    return Corrections(*(sigma * math.sqrt(sum(column[k] ** 2 for column in inverse)) for k in range(n)))
+
+
+NEEDED = "a straight line, and a square to the left and one to the right, each of some metres"
 """What says all."""
