@@ -18,9 +18,6 @@ from robo.wire.keys import SYSTEM_TOPICS
 from robo_messages import service_type_name, type_name
 
 WITHOUT_UNIT = {
-    "calibrate_base.left_wheel_radius_multiplier",
-    "calibrate_base.right_wheel_radius_multiplier",
-    "calibrate_base.wheel_separation_multiplier",
     "camera.playback_rate",
     "carmen_player.rate",
     "diff_drive_controller.left_wheel_radius_multiplier",

@@ -2,40 +2,25 @@
 
 import math
 from functools import partial
-from typing import Annotated
-
-from msgspec import Meta
 
 import robo
-from robo import (
-    READ_ONLY,
-    Health,
-    MessageInfo,
-    Node,
-    Publisher,
-    QoS,
-    Subscribes,
-    Unit,
-    check,
-    service,
-    subscribe,
-    timer,
-)
+from robo import Health, MessageInfo, Node, Publisher, QoS, check, service, subscribe, timer
 from robo_messages import Odometry, Point, String, Trigger, Twist, Vector3
 from robo_services.arrivals import Arrivals, Newest
+from robo_services.base_wheels import Wheels, as_yaml, ask_wheels
+from robo_services.calibrate_parameters import CalibrateBaseParameters
 from robo_services.calibration import (
-    Calibration,
     CalibrationError,
-    Corrections,
     Measured,
     Run,
     Track,
     calibrate,
+    doubt,
     driven,
     seen_from,
 )
 from robo_services.calibration_drive import Drive, Speeds, legs_of
-from robo_services.kinematics import Pose2, Twist2
+from robo_services.kinematics import Pose2
 from robo_services.odometry_check import fix_of
 from robo_services.planar import yaw_from_quaternion
 from robo_services.safety import is_finite
@@ -43,8 +28,8 @@ from robo_services.safety import is_finite
 RATE = 20.0
 """Commands per second."""
 KINDS = ("straight", "left", "right")
-
-Multiplier = Annotated[float, Meta(ge=0.1, le=10), READ_ONLY]
+TRIES = 3
+"""After so many runs in a row that were given up it ends."""
 
 
 class CalibrateBase(Node):
@@ -53,44 +38,13 @@ class CalibrateBase(Node):
     Each run begins when the service `~/go` is called, and ends where odometry says that the way is driven. Where the
     base really is then, from where it began, is measured by hand and said on `~/measured`; or somebody tells the truth
     all the time, as a simulator or cameras do: then all runs follow each other. After the last one it prints what
-    belongs into the parameter file, and ends. It drives behind the safety chain: remap its `cmd_vel` to an input of
-    the mux. The odometry is that of the wheels alone, not one that is fused.
+    belongs into the parameter file, and ends. A run that is given up is begun again by `~/go`. It drives behind the
+    safety chain: remap its `cmd_vel` to an input of the mux. The odometry is that of the wheels alone, not one that is
+    fused, and which wheels it takes the base to have, its sender is asked.
     """
 
-    class Parameters(robo.Parameters):
-        """The ways, and what is known of the base."""
-
-        length: Annotated[float, Meta(ge=0.5, le=100, description="of the straight line"), Unit("m"), READ_ONLY] = 4.0
-        side: Annotated[float, Meta(ge=0.3, le=100, description="of the squares"), Unit("m"), READ_ONLY] = 2.0
-        repeats: Annotated[int, Meta(ge=1, le=20, description="how often all three are driven"), READ_ONLY] = 1
-        wheel_separation: Annotated[
-            float, Meta(ge=0.001, le=100, description="as odometry takes it"), Unit("m"), READ_ONLY
-        ] = 0.3
-        wheel_separation_multiplier: Annotated[Multiplier, Meta(description="as odometry has it so far")] = 1.0
-        left_wheel_radius_multiplier: Annotated[Multiplier, Meta(description="likewise")] = 1.0
-        right_wheel_radius_multiplier: Annotated[Multiplier, Meta(description="likewise")] = 1.0
-        controller: Annotated[
-            str, Meta(min_length=1, description="whose parameters they are, in what it prints"), READ_ONLY
-        ] = "diff_drive_controller"
-        ground_truth: Annotated[
-            str,
-            Meta(description="who says where the base really is, as odometry; empty: measured by hand"),
-            Subscribes(Odometry),
-            READ_ONLY,
-        ] = ""
-        speed: Annotated[float, Meta(ge=0.05, le=2, description="how fast it drives"), Unit("m/s")] = 0.2
-        turning_speed: Annotated[float, Meta(ge=0.1, le=3, description="how fast it turns"), Unit("rad/s")] = 0.5
-        acceleration: Annotated[
-            float, Meta(ge=0.05, le=5, description="how it gains and loses speed"), Unit("m/s²")
-        ] = 0.2
-        turning_acceleration: Annotated[
-            float, Meta(ge=0.1, le=10, description="how its turning changes"), Unit("rad/s²")
-        ] = 0.5
-        odom_timeout: Annotated[
-            float, Meta(ge=0.05, le=10, description="without odometry for so long it stops and ends"), Unit("s")
-        ] = 0.5
-
-    parameters: Parameters
+    Parameters = CalibrateBaseParameters
+    parameters: CalibrateBaseParameters
 
     command = Publisher(Twist, "cmd_vel", qos=QoS.COMMAND)
     """How it drives, m/s and rad/s; remap it to an input of the mux."""
@@ -107,9 +61,14 @@ class CalibrateBase(Node):
         self._hindrance = ""
         self._left = [kind for _ in range(p.repeats) for kind in KINDS]
         self._runs: list[Run] = []
+        self._given_up = 0
+        """How many runs in a row."""
+        self._sender = ""
+        """Of odometry."""
+        self._wheels: Wheels | None = None
         self._drive: Drive | None = None
-        self._driven: Track | None = None
-        """Of a run that is over and waits to be measured."""
+        self._track: Track | None = None
+        """Of the run, until it is measured: whoever moves the base on its wheels meanwhile does no harm."""
         self._begun: Odometry | None = None
         """Where it really was then, if somebody says so."""
         if p.ground_truth:
@@ -117,12 +76,21 @@ class CalibrateBase(Node):
         else:
             self.logger.info("%s: robo service call %s begins it", self._left[0], self.resolve("~/go"))
 
-    @subscribe("odom")
+    @subscribe("odom", sole_source="controller")
     def on_odometry(self, odometry: Odometry, info: MessageInfo) -> None:
         """Follow the wheels; what is not finite counts as silence."""
+        elapsed = self._odometry.age(self.clock.monotonic())
         self._remember(self._odometry, odometry, info)
-        if self._drive is not None and self._odometry.message is odometry:
-            self._track.add(_pose_of(odometry))
+        if self._odometry.message is not odometry:
+            return
+        self._sender = info.source
+        if self._track is None:
+            return
+        pose = _pose_of(odometry)
+        if self._track.is_jump(pose, elapsed):
+            self._give_up(f"{self.resolve('odom')} has jumped: was the base reset?")
+        else:
+            self._track.add(pose)
 
     def _remember(self, newest: Newest[Odometry], odometry: Odometry, info: MessageInfo) -> None:
         if fix_of(odometry, 0.0) is not None and is_finite(odometry.twist.twist):
@@ -149,12 +117,15 @@ class CalibrateBase(Node):
         """Begin the next run; says why not."""
         if self._drive is not None:
             return f"it drives already: {self._left[0]}"
-        if self._driven is not None:
+        if self._track is not None:
             return f"say first where it is, on {self.resolve('~/measured')}"
         if not self._left:
             return "all is driven"
-        if silent := self._is_silent():
+        odometry = self._odometry.message
+        if (silent := self._is_silent()) or odometry is None:
             return silent
+        if hindrance := self._know_wheels():
+            return hindrance
         p = self.parameters
         speeds = Speeds(
             linear=p.speed,
@@ -163,8 +134,29 @@ class CalibrateBase(Node):
             angular_acceleration=p.turning_acceleration,
         )
         self._track, self._begun = Track(), self._truth.message
+        self._track.add(_pose_of(odometry))
         self._drive = Drive(legs_of(self._left[0], p.length, p.side), speeds)
         self.logger.info("%s: it drives", self._left[0])
+        return ""
+
+    def _know_wheels(self) -> str:
+        """Ask whose odometry it is for its wheels; says what hinders."""
+        said = self.parameters.wheel_separation
+        wheels = ask_wheels(self.session, self._sender) if self._sender else None
+        if wheels is None and said > 0:
+            wheels = Wheels(self._sender.rpartition("/")[2], said)
+        if wheels is None:
+            odom, sender = self.resolve("odom"), self._sender or "a plain Zenoh client"
+            return (
+                f"{sender}, who sends {odom}, does not tell its parameter wheel_separation: if these are not the "
+                "wheels, remap odom to theirs; else say -p wheel_separation:=… as odometry takes it, in m"
+            )
+        if self._runs and wheels != self._wheels:
+            return "the base takes its wheels for others than in the runs before: start this anew"
+        if wheels != self._wheels:
+            text = "%s takes wheels to be %g m apart; its multipliers are %g (left), %g (right) and %g (separation)"
+            self.logger.info(text, wheels.node or "odometry", wheels.separation, *wheels.multipliers)
+        self._wheels = wheels
         return ""
 
     @timer(rate=RATE)
@@ -172,33 +164,31 @@ class CalibrateBase(Node):
         """Drive on, or wait."""
         if not self.parameters.use_sim_time:
             self._arrivals.tick(self._wall.monotonic(), 1.0 / RATE)
-        drive, odometry = self._drive, self._odometry.message
-        if drive is None:
+        drive, track = self._drive, self._track
+        if drive is None or track is None:
             if self.parameters.ground_truth and self._left:
                 self._hindrance = self._begin()
             return
-        silent = self._is_silent()
-        if silent or odometry is None:
+        if silent := self._is_silent():
             self._give_up(silent)
             return
-        twist = odometry.twist.twist
-        wanted = drive.command(self._track, Twist2(twist.linear.x, twist.angular.z), 1.0 / RATE)
+        wanted = drive.command(track, 1.0 / RATE)
         if drive.is_stuck():
             where = self.resolve("cmd_vel")
-            self._give_up(f"it comes no further: does the base follow {where}, and is nothing in its way?")
+            further = f"it comes no further: does the base follow {where}, and is nothing in its way?"
+            self._give_up("it comes to no rest, by its odometry" if drive.is_settling() else further)
             return
         self.command.publish(Twist(Vector3(wanted.linear), Vector3(z=wanted.angular)))
         if drive.is_over():
-            self._drive, self._driven = None, self._track
-            self._ask()
+            self._drive = None
+            self._ask(track)
 
-    def _ask(self) -> None:
+    def _ask(self, track: Track) -> None:
         """Have it measured where the base is."""
-        assert self._driven is not None
-        x, y, _ = driven(self._driven.steps, 1.0)
+        x, y, _ = driven(track.steps, 1.0)
         self.logger.info("%s: by its wheels it is at x = %.3f m, y = %.3f m", self._left[0], x, y)
         if self._begun is not None and self._truth.message is not None:
-            self._take(seen_from(_pose_of(self._begun), _pose_of(self._truth.message)))
+            self._take(track, seen_from(_pose_of(self._begun), _pose_of(self._truth.message)))
             return
         text = "measure where it is from where it began, x ahead and y to its left, and say it: robo topic pub %s %s %s"
         self.logger.info(text, self.resolve("~/measured"), "geometry/Point", f"'{{x: {x:.3f}, y: {y:.3f}}}' --once")
@@ -206,21 +196,20 @@ class CalibrateBase(Node):
     @subscribe("~/measured")
     def on_measured(self, point: Point) -> None:
         """Take where the base is, from where the run began, m."""
-        if self._driven is None:
+        if self._track is None or self._drive is not None:
             self.logger.warning("nothing was driven that could be measured", throttle=1.0)
             return
-        x, y, _ = driven(self._driven.steps, 1.0)
+        x, y, _ = driven(self._track.steps, 1.0)
         if not math.hypot(point.x - x, point.y - y) <= 0.5 * max(self.parameters.length, self.parameters.side):
             text = "left out: x = %g m, y = %g m is too far from x = %.3f m, y = %.3f m; say it again"
             self.logger.warning(text, point.x, point.y, x, y)
             return
-        self._take(Measured(point.x, point.y))
+        self._take(self._track, Measured(point.x, point.y))
 
-    def _take(self, measured: Measured) -> None:
-        assert self._driven is not None
+    def _take(self, track: Track, measured: Measured) -> None:
         kind = self._left.pop(0)
-        self._runs.append(Run(self._driven.steps, measured))
-        self._driven = None
+        self._runs.append(Run(track.steps, measured))
+        self._track, self._given_up = None, 0
         self.logger.info("%s: it really is at x = %.3f m, y = %.3f m", kind, measured.x, measured.y)
         if self._left:
             if not self.parameters.ground_truth:
@@ -229,26 +218,48 @@ class CalibrateBase(Node):
         self._find()
 
     def _find(self) -> None:
-        p = self.parameters
+        assert self._wheels is not None
+        exact = self.parameters.measuring_error
         try:
-            found = calibrate(self._runs, p.wheel_separation * p.wheel_separation_multiplier)
+            found = calibrate(self._runs, self._wheels.separation, exact)
         except CalibrationError as error:
-            self._give_up(str(error))
+            self._end(str(error))
             return
-        text = _as_yaml(p, found)
+        text = as_yaml(self._wheels, found.corrections, found.errors)
         self.calibration.publish(String(text))
         self.logger.info(
             "the runs ended %.3f m from where wheels said; so corrected %.3f m", found.before, found.left_over
         )
+        if why := doubt(found, self._runs, exact):
+            self._tell_runs()
+            self.logger.warning("do not rely on it: %s", why)
         print(text, end="", flush=True)
         self.flush()
         self.shutdown()
 
     def _give_up(self, why: str) -> None:
-        self._drive = None
-        self.command.publish(Twist())
+        """Leave this run; all of it where nobody stands by to begin it again, or where that has not helped."""
+        if self._drive is not None:
+            self.command.publish(Twist())
+        self._drive = self._track = None
+        self._given_up += 1
+        if self.parameters.ground_truth or self._given_up == TRIES:
+            self._end(why)
+            return
+        text = "%s; this run is given up, those that were measured are kept; %s: robo service call %s begins it again"
+        self.logger.error(text, why, self._left[0], self.resolve("~/go"))
+
+    def _end(self, why: str) -> None:
+        self._tell_runs()
         self.logger.error("%s", why)
         self.shutdown(1)
+
+    def _tell_runs(self) -> None:
+        """What has been measured so far."""
+        for number, (steps, measured) in enumerate(self._runs):
+            x, y, _ = driven(steps, 1.0)
+            text = "run %d, %s: x = %.3f m, y = %.3f m by its wheels, x = %.3f m, y = %.3f m as measured"
+            self.logger.warning(text, number + 1, KINDS[number % len(KINDS)], x, y, measured.x, measured.y)
 
     @check("run")
     def run(self) -> Health:
@@ -257,7 +268,7 @@ class CalibrateBase(Node):
             return Health.ok(f"drives: {self._left[0]}")
         if self._hindrance:
             return Health.warn(self._hindrance)
-        return Health.ok("waits to be told where the base is" if self._driven is not None else "waits to begin")
+        return Health.ok("waits to be told where the base is" if self._track is not None else "waits to begin")
 
     def on_stop(self) -> None:
         """Leave the base standing."""
@@ -268,23 +279,6 @@ class CalibrateBase(Node):
 def _pose_of(odometry: Odometry) -> Pose2:
     pose = odometry.pose.pose
     return Pose2(pose.position.x, pose.position.y, yaw_from_quaternion(pose.orientation))
-
-
-def _as_yaml(p: CalibrateBase.Parameters, found: Calibration) -> str:
-    """For a parameter file."""
-    left, right, separation = found.corrections
-    now = Corrections(
-        left * p.left_wheel_radius_multiplier,
-        right * p.right_wheel_radius_multiplier,
-        separation * p.wheel_separation_multiplier,
-    )
-    lines = (
-        f"{p.controller}:",
-        f"  left_wheel_radius_multiplier: {now.left:.5f}",
-        f"  right_wheel_radius_multiplier: {now.right:.5f}",
-        f"  wheel_separation_multiplier: {now.separation:.5f}",
-    )
-    return "".join(f"{line}\n" for line in lines)
 
 
 if __name__ == "__main__":

@@ -10,14 +10,19 @@ from robo_services.calibration import Track
 from robo_services.kinematics import Twist2
 from robo_services.limits import clamp, ramp
 
-STANDS = 5e-3
-"""m/s and rad/s: a base that is slower stands."""
+STANDS = Twist2(5e-3, 0.03)
+"""m and rad: a base that moves by less while it settles stands. A tick of a coarse encoder is about as much."""
 SETTLED = 0.5
 """A base that has stood for so long stands still, s."""
 STUCK = 5.0
 """A base that has come no further for so long does not move, s."""
-SLOWEST = 0.02
+SLOWEST = Twist2(0.02, 0.15)
 """m/s and rad/s: slower than this it is not told to drive, for friction would hold it."""
+NEAR = Twist2(0.02, 0.05)
+"""m and rad: a base that lacks no more and comes no further is there. What it drives is known: no square need be exact.
+"""
+PUSHED = 0.5
+"""After so long without coming further it is there, or is told to go twice as fast as `SLOWEST`, and so on, s."""
 
 
 class Leg(NamedTuple):
@@ -63,56 +68,70 @@ class Drive:
         self._speeds = speeds
         self._begin = (0.0, 0.0)
         self._commanded = Twist2()
-        self._stood = 0.0
         self._best, self._since = math.inf, 0.0
-        self._arrived = False
+        self._stands_at: tuple[float, float] | None = None
+        """Where it began to stand, once it has arrived."""
+        self._stood = 0.0
 
     def is_over(self) -> bool:
         """Whether all legs are driven, and the base stands still."""
         return not self._left
 
     def is_stuck(self) -> bool:
-        """Whether it comes no further."""
+        """Whether it comes no further, or not to rest."""
         return self._since > STUCK
 
-    def command(self, track: Track, moving: Twist2, dt: float) -> Twist2:
+    def is_settling(self) -> bool:
+        """Whether it has driven a leg and is to stand."""
+        return self._stands_at is not None
+
+    def command(self, track: Track, dt: float) -> Twist2:
         """What to do now.
 
         Args:
             track: what odometry has said since the run began.
-            moving: how the base moves by its odometry.
             dt: since the last call, s.
         """
         if not self._left:
             return Twist2()
+        if self._stands_at is not None:
+            return self._settle(track, self._stands_at, dt)
         leg = self._left[0]
         rest = leg.way - (track.way - self._begin[0]), leg.turn - (track.turned - self._begin[1])
-        gap, size = (rest[0], leg.way) if leg.way else (rest[1], leg.turn)
-        if not self._arrived and gap * math.copysign(1.0, size) <= SLOWEST * dt:
-            self._arrived = True
-        if self._arrived:
-            return self._settle(track, moving, dt)
+        gap, size, near = (rest[0], leg.way, NEAR.linear) if leg.way else (rest[1], leg.turn, NEAR.angular)
         self._since = 0.0 if abs(gap) < self._best - 1e-3 else self._since + dt
         self._best = min(self._best, abs(gap)) if not self._since else self._best
-        self._commanded = self._towards(leg, gap, dt)
+        if gap * math.copysign(1.0, size) <= 0.0 or (abs(gap) < near and self._since >= PUSHED):
+            self._since, self._stood, self._stands_at = 0.0, 0.0, (track.way, track.turned)
+            self._commanded = Twist2()
+        else:
+            self._commanded = self._towards(leg, gap, dt)
         return self._commanded
 
-    def _settle(self, track: Track, moving: Twist2, dt: float) -> Twist2:
-        """Stand until it stands still; then comes the next leg."""
-        self._commanded = Twist2()
-        stands = abs(moving.linear) < STANDS and abs(moving.angular) < STANDS
-        self._stood = self._stood + dt if stands else 0.0
+    def _settle(self, track: Track, at: tuple[float, float], dt: float) -> Twist2:
+        """Stand until it stands still; then comes the next leg.
+
+        Its velocity says nothing of that: one tick to and fro is much of it.
+        """
         self._since += dt
-        if self._stood >= SETTLED:
+        self._stood += dt
+        if abs(track.way - at[0]) > STANDS.linear or abs(track.turned - at[1]) > STANDS.angular:
+            self._stood, self._stands_at = 0.0, (track.way, track.turned)
+        elif self._stood >= SETTLED:
             self._left.pop(0)
             self._begin = track.way, track.turned
-            self._stood, self._since, self._best, self._arrived = 0.0, 0.0, math.inf, False
+            self._since, self._best, self._stands_at = 0.0, math.inf, None
         return Twist2()
 
     def _towards(self, leg: Leg, gap: float, dt: float) -> Twist2:
         s = self._speeds
-        fastest, gains = (s.linear, s.linear_acceleration) if leg.way else (s.angular, s.angular_acceleration)
-        wanted = clamp(math.copysign(max(math.sqrt(2 * gains * abs(gap)) * 0.8, SLOWEST), gap), fastest)
+        fastest, gains, slowest = (
+            (s.linear, s.linear_acceleration, SLOWEST.linear)
+            if leg.way
+            else (s.angular, s.angular_acceleration, SLOWEST.angular)
+        )
+        slowest *= 2.0 ** (self._since / PUSHED)
+        wanted = clamp(math.copysign(max(math.sqrt(2 * gains * abs(gap)) * 0.8, slowest), gap), fastest)
         if leg.way:
             return Twist2(ramp(self._commanded.linear, wanted, dt, gains, 10 * gains), 0.0)
         return Twist2(0.0, ramp(self._commanded.angular, wanted, dt, gains, 10 * gains))
