@@ -79,7 +79,6 @@ class CalibrateBase(Node):
     @subscribe("odom", sole_source="controller")
     def on_odometry(self, odometry: Odometry, info: MessageInfo) -> None:
         """Follow the wheels; what is not finite counts as silence."""
-        elapsed = self._odometry.age(self.clock.monotonic())
         self._remember(self._odometry, odometry, info)
         if self._odometry.message is not odometry:
             return
@@ -87,7 +86,7 @@ class CalibrateBase(Node):
         if self._track is None:
             return
         pose = _pose_of(odometry)
-        if self._track.is_jump(pose, elapsed):
+        if self._track.is_jump(pose):
             self._give_up(f"{self.resolve('odom')} has jumped: was the base reset?")
         else:
             self._track.add(pose)
@@ -250,6 +249,7 @@ class CalibrateBase(Node):
         self.logger.error(text, why, self._left[0], self.resolve("~/go"))
 
     def _end(self, why: str) -> None:
+        self._left.clear()
         self._tell_runs()
         self.logger.error("%s", why)
         self.shutdown(1)

@@ -44,10 +44,8 @@ LONGEST_STEP, WIDEST_STEP = 0.1, 0.05
 """So long, m, and so wide, rad, a step of a track may be that takes in several messages."""
 BENT = 2e-4
 """Its way times its turn is at most this, m: half of it is what it may lead away from where all of them led."""
-FASTEST = Twist2(5.0, 10.0)
-"""What moves faster, m/s and rad/s, has not driven: its odometry was set."""
-JITTER = 0.1
-"""Messages come late by up to this, s."""
+JUMP = Twist2(0.5, 1.0)
+"""No base drives further, m, or turns more, rad, from one message to the next: its odometry was set."""
 
 
 class CalibrationError(ValueError):
@@ -132,14 +130,13 @@ class Track:
             self._steps.append(self._newest)
             self._newest = step
 
-    def is_jump(self, pose: Pose2, elapsed: float) -> bool:
-        """Whether no base drives so far in this time, s, as from the last pose to this one."""
+    def is_jump(self, pose: Pose2) -> bool:
+        """Whether no base drives so far at once as from the last pose to this one."""
         if self._last is None:
             return False
         way = math.hypot(pose.x - self._last.x, pose.y - self._last.y)
         turn = abs(angle_difference(pose.yaw, self._last.yaw))
-        time = max(elapsed, JITTER)
-        return way > FASTEST.linear * time or turn > FASTEST.angular * time
+        return way > JUMP.linear or turn > JUMP.angular
 
 
 def arc(begin: Pose2, end: Pose2) -> Twist2:

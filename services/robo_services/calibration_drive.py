@@ -130,7 +130,7 @@ class Drive:
             if leg.way
             else (s.angular, s.angular_acceleration, SLOWEST.angular)
         )
-        slowest *= 2.0 ** (self._since / PUSHED)
+        slowest *= 2.0 ** (min(self._since, STUCK) / PUSHED)
         wanted = clamp(math.copysign(max(math.sqrt(2 * gains * abs(gap)) * 0.8, slowest), gap), fastest)
         if leg.way:
             return Twist2(ramp(self._commanded.linear, wanted, dt, gains, 10 * gains), 0.0)
