@@ -15,6 +15,9 @@ from robo_services.serial_port import import_serial
 SILENT_AFTER = 1.0
 """A lidar that says nothing for this long is silent, s."""
 
+STALE_AFTER = 0.1
+"""It speaks every 2.7 ms: what has waited in the port for longer is of the past, s. Ports keep 0.2 to 3 s of it."""
+
 STRANGE = 20 * LENGTH
 """So many bytes without a packet are no lidar's."""
 
@@ -64,15 +67,20 @@ class LdLidar(Node):
         """No port is open yet."""
         import_serial()  # what cannot work is said at once
         p = self.parameters
-        self._feed = SerialFeed(p.port, BAUD, self.logger.warning, self._opened)
-        self._decoder, self._assembly = LdDecoder(), Turns(p.rays)
         self._wall = self.clock.wall
+        self._feed = SerialFeed(
+            p.port, BAUD, self.logger.warning, self._opened,
+            stale_after=STALE_AFTER, held_up=self._missed, now=self._wall.monotonic,
+        )  # fmt: skip
+        self._decoder, self._assembly = LdDecoder(), Turns(p.rays)
         self._heard = self._turned = -math.inf
         self._speed = 0.0
+        self._held_up = 0
+        """How often it was read too late."""
         self._told = 0
         """Bytes that could not be read, as last said."""
         self._is_new = True
-        """Whether nothing was heard since the port was opened."""
+        """Whether nothing was heard since the port was opened, or was read too late."""
 
     def shutdown(self, exit_code: int = 0) -> None:
         """End the node: wakes what waits for the port."""
@@ -84,7 +92,7 @@ class LdLidar(Node):
         """Read the lidar, whenever there is one."""
         assert self._feed is not None
         for chunk in self._feed.chunks(lambda: self.stopping):
-            self._take(chunk)
+            self._take(chunk, self._feed.read_at)
 
     @check("lidar")
     def is_heard(self) -> Health:
@@ -96,6 +104,7 @@ class LdLidar(Node):
             "crc_faults": decoder.crc_faults,
             "skipped_bytes": decoder.skipped,
             "incomplete_turns": self._assembly.incomplete,
+            "held_up": self._held_up,
         }
         if self._feed.missed:
             return Health.error(f"no port: {self._feed.missed}", **figures)
@@ -106,14 +115,23 @@ class LdLidar(Node):
         return Health.ok(**figures)
 
     def _opened(self, path: str) -> None:
-        self._decoder.forget()
-        self._assembly.forget()
-        self._told, self._is_new = self._decoder.skipped, True
+        self._begin()
         self._heard = self._turned = self._wall.monotonic()
         self.logger.info("listens to the lidar on %s", path)
 
-    def _take(self, chunk: bytes) -> None:
-        now = self.now()
+    def _missed(self, gap: float) -> None:
+        self._begin()
+        self._held_up += 1
+        self.logger.warning("held up: the lidar was not read for %.2f s, which is left out", gap, throttle=5.0)
+
+    def _begin(self) -> None:
+        """What comes now does not join on to what came before."""
+        self._decoder.forget()
+        self._assembly.forget()
+        self._told, self._is_new = self._decoder.skipped, True
+
+    def _take(self, chunk: bytes, read_at: float) -> None:
+        """Take what was read then, s by the wall's monotonic clock."""
         ended: list[Turn] = []
         last: Packet | None = None
         for last in self._decoder.feed(chunk):
@@ -121,16 +139,19 @@ class LdLidar(Node):
             if turn is not None:
                 ended.append(turn)
         if last is not None:
-            self._heard, self._speed = self._wall.monotonic(), last.speed
+            self._heard, self._speed = read_at, last.speed
             for turn in ended:
-                self._turned = self._heard
-                self._publish(turn, now, (last.time - turn.time) % CLOCK)
+                self._turned = read_at
+                self._publish(turn, read_at - (last.time - turn.time) % CLOCK)
         self._tell_unread(heard=last is not None)
 
-    def _publish(self, turn: Turn, now: Time, age: float) -> None:
+    def _publish(self, turn: Turn, ended: float) -> None:
+        """Publish a turn that ended then, s by the wall's monotonic clock."""
         p = self.parameters
-        ended = Time.from_nanoseconds(max(0, now.to_nanoseconds() - round(min(age, 1.0) * 1e9)))
-        self.scans.publish(laser_scan(turn, Header(ended, p.frame_id), p.range_min, p.range_max, p.no_return))
+        age = max(0.0, self._wall.monotonic() - ended)  # however long this process was held up since
+        stamp = Time.from_nanoseconds(max(0, self.now().to_nanoseconds() - round(age * 1e9)))
+        scan = laser_scan(turn, Header(stamp, p.frame_id), p.range_min, p.range_max, p.no_return)
+        self.scans.publish(scan, age)
 
     def _tell_unread(self, *, heard: bool) -> None:
         """Say what could not be read; a packet that was cut off when the port was opened is nothing to tell."""

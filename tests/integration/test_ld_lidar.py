@@ -3,6 +3,7 @@
 import math
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,11 @@ from robo.errors import RunError
 from robo.testing.heard import Heard
 from robo_messages import LaserScan, Odometry, Point, Pose, PoseWithCovariance, Trigger
 from robo_services.emulated_lidar import EmulatedLidar
-from robo_services.ld_lidar import LdLidar
+from robo_services.ld_lidar import STALE_AFTER, LdLidar
+from robo_services.ld_packets import encode
 from robo_services.pseudo_terminal import PseudoTerminal
 from tests.support import PATIENCE, eventually
+from tests.unit.test_ld_packets import spoken
 
 pytest.importorskip("serial", reason="the extra serial is not installed")
 
@@ -129,6 +132,53 @@ def test_a_port_that_is_not_there_is_said_once_and_waited_for(
         with emulated(robo_session, port):
             heard.wait_for("scan", whole, PATIENCE)
             assert caplog.messages.count(text) == 1
+
+
+def test_what_was_said_while_the_driver_was_held_up_is_left_out(
+    robo_session: zenoh.Session, port: Path, heard: Heard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    terminal = PseudoTerminal(port)
+    far, near = (b"".join(map(encode, spoken(4.0, distance=distance))) for distance in (5.0, 0.4))
+    is_held, released = threading.Event(), threading.Event()
+
+    def hold(chunk: bytes, read_at: float) -> None:
+        is_held.set()
+        assert released.wait(PATIENCE)
+        taken(chunk, read_at)
+
+    def say(what: bytes) -> bool:
+        terminal.write(what)  # four turns: less than a port takes
+        return bool(heard.messages("scan"))
+
+    try:
+        with driver(robo_session, port) as node:
+            eventually(lambda: say(far), "it sees")
+            taken = node._take
+            monkeypatch.setattr(node, "_take", hold)
+            eventually(lambda: say(far) and is_held.is_set(), "it is held up")
+            while terminal.write(far):
+                pass
+            begin = node.clock.wall.monotonic()
+            eventually(lambda: node.clock.wall.monotonic() - begin > STALE_AFTER, "time passes")
+            released.set()
+            eventually(lambda: node._held_up > 0, "it notices")
+            heard.clear()  # what was read before that says itself how old it is
+            eventually(lambda: say(near), "it sees again")
+            assert {distance for scan in heard.messages("scan") for distance in scan.ranges} == {0.4}
+    finally:
+        terminal.unplug()
+
+
+def test_a_scan_that_is_published_late_says_so(
+    robo_session: zenoh.Session, port: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[tuple[LaserScan, float]] = []
+    with driver(robo_session, port) as node:
+        monkeypatch.setattr(node.scans, "publish", lambda scan, age=0.0: told.append((scan, age)))
+        node._take(b"".join(map(encode, spoken(2.2))), node.clock.wall.monotonic() - 2.0)
+        ((scan, age),) = told
+        assert 2.01 < age < PATIENCE, "the turn had ended before the last packet"
+        assert node.now().to_seconds() - scan.header.stamp.to_seconds() >= age
 
 
 def test_what_is_no_lidar_is_said_with_its_bytes(
