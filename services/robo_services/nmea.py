@@ -25,7 +25,9 @@ FASTEST = 600.0
 
 _SENTENCE = re.compile(rb"\$([!-#%-)+-~ ]+)\*([0-9A-Fa-f]{2})")
 _READ = frozenset(("GGA", "RMC", "VTG", "GST"))
-_NUMBER = re.compile(r"-?\d{1,9}(\.\d{0,12})?")
+_NUMBER = re.compile(r"[-+]?(\d{1,9}(\.\d{0,12})?|\.\d{1,12})")
+_MEASURED = frozenset(("", "A", "D", "F", "P", "R"))
+"""Modes of RMC and VTG in which satellites are measured; the others reckon, simulate, or were told by hand."""
 _DAY = 86_400.0
 
 _SERVICES = {"GP": 1, "GL": 2, "GB": 4, "BD": 4, "GA": 8}
@@ -159,9 +161,16 @@ class Receiver:
         self._pynmea2 = import_pynmea2()
         self._without_rmc = MOST
         """How many VTG have come since the last RMC: where there are both, RMC counts."""
+        self._without_gga = 0
+        """How many RMC have come since the last GGA."""
         self._has_fix = False
         self.errors: Errors | None = None
         """Of the newest GST."""
+
+    @property
+    def has_only_rmc(self) -> bool:
+        """Whether RMC says where it is, is not asked for that, and nothing else says it."""
+        return not self._use_rmc and self._without_gga >= 4
 
     def take(self, sentence: str) -> list[Position | Velocity | datetime]:
         """What a sentence says; nothing for those that are of no interest.
@@ -169,14 +178,16 @@ class Receiver:
         Raises:
             Unreadable: it says what cannot be.
         """
-        kind = sentence[3:6]
-        if kind not in _READ or sentence[6:7] != ",":
+        kind = _kind(sentence)
+        if not kind:
             return []
         fields = self._fields(sentence)
         if kind == "GGA":
+            self._without_gga = 0
             return [] if self._use_rmc else [self._position(fields, sentence[1:3])]
         if kind == "RMC":
             self._without_rmc = 0
+            self._without_gga += 1
             return self._recommended_minimum(fields, sentence[1:3])
         if kind == "VTG":
             self._without_rmc += 1
@@ -212,7 +223,7 @@ class Receiver:
             quality,
             *_place(fields),
             _number(fields, "altitude", -10_000, 100_000) + _number(fields, "geo_sep", -1000, 1000),
-            _number(fields, "horizontal_dil", 0, 99.99),
+            _number(fields, "horizontal_dil", 0, 9999),
             satellites,
             _SERVICES.get(talker, 1),
             time,
@@ -222,7 +233,7 @@ class Receiver:
         status, time, service = fields["status"], _time(fields["timestamp"]), _SERVICES.get(talker, 1)
         if status not in ("A", "V"):
             raise Unreadable(f"a status is A or V, not {status!r}")
-        if status == "V" or fields.get("mode_indicator") == "N":
+        if status == "V" or fields["mode_indicator"] not in _MEASURED:
             return [Position(0, service=service, time=time)] if self._use_rmc else []
         place = _place(fields)
         velocity = _velocity(fields, "spd_over_grnd", "true_course")
@@ -238,18 +249,23 @@ class Receiver:
         if units[0] not in ("", "T") or units[1] not in ("", "N"):
             raise Unreadable(f"a track and knots have the signs T and N, not {units}")
         velocity = _velocity(fields, "spd_over_grnd_kts", "true_track")
-        if self._use_rmc or self._without_rmc < 4 or not self._has_fix or fields.get("faa_mode") == "N":
+        if self._use_rmc or self._without_rmc < 4 or not self._has_fix or fields["faa_mode"] not in _MEASURED:
             return []
         return velocity
 
 
+def _kind(sentence: str) -> str:
+    """What a sentence is, such as GGA; empty where it is of no interest, as all that makers have of their own."""
+    kind = sentence[3:6]
+    return kind if kind in _READ and sentence[6:7] == "," and sentence[1] != "P" else ""
+
+
 def time_of(sentence: str) -> float | None:
     """When a sentence says that it is, s of the day, UTC; None for one that does not say it."""
-    kind, time, *_ = *sentence[3:].split(","), ""
-    if kind not in ("GGA", "RMC", "GST"):
+    if _kind(sentence) not in ("GGA", "RMC", "GST"):
         return None
     try:
-        seconds = _time(time)
+        seconds = _time(sentence.split(",")[1])
     except Unreadable:
         return None
     return None if math.isnan(seconds) else seconds
@@ -258,9 +274,9 @@ def time_of(sentence: str) -> float | None:
 def nav_sat_fix(position: Position, errors: Errors | None, expected: dict[int, float], header: Header) -> NavSatFix:
     """A position as a message.
 
-    The covariance is that of a GST of the same time, which is along the diagonal and known. Without one it is
-    approximated as nmea_navsat_driver does: (HDOP · e)² to the east and north, (4 · HDOP · e)² up. Where HDOP is not
-    said it is unknown.
+    The covariance is that of a GST of the same time, give or take 2 s, which is along the diagonal and known. Without
+    one, or where it says an error of 0, it is approximated as nmea_navsat_driver does: (HDOP · e)² to the east and
+    north, (4 · HDOP · e)² up. Where HDOP is not said it is unknown.
 
     Args:
         position: what GGA or RMC says.
@@ -273,7 +289,7 @@ def nav_sat_fix(position: Position, errors: Errors | None, expected: dict[int, f
         status = NavSatStatus(NavSatStatus.STATUS_NO_FIX, position.service)
         return NavSatFix(header, status, math.nan, math.nan, math.nan)
     variances, kind = (0.0, 0.0, 0.0), NavSatFix.COVARIANCE_TYPE_UNKNOWN
-    if errors is not None and all(map(math.isfinite, errors)) and _apart(errors.time, position.time) <= 2.0:
+    if errors is not None and _is_known(errors) and _apart(errors.time, position.time) <= 2.0:
         variances = (errors.east**2, errors.north**2, errors.up**2)
         kind = NavSatFix.COVARIANCE_TYPE_DIAGONAL_KNOWN
     elif position.hdop > 0.0:  # NaN is not
@@ -308,6 +324,11 @@ def import_pynmea2() -> Any:
         return importlib.import_module("pynmea2")
     except ImportError:
         raise RunError("NMEA needs pynmea2, which is not installed: pip install 'robo-zenoh[gps]'") from None
+
+
+def _is_known(errors: Errors) -> bool:
+    """Whether a receiver knows them: nobody measures without an error."""
+    return all(map(math.isfinite, errors)) and min(errors[:3]) > 0.0
 
 
 def _apart(a: float, b: float) -> float:

@@ -185,8 +185,58 @@ def test_use_rmc() -> None:
 
 def test_others_are_of_no_interest() -> None:
     receiver = Receiver()
-    for body in ("GPGSV,1,1,00", "PUBX,00,1", "PGGA,1", "GPXXX", "G", "GPTXT,01,01,02,hello"):
+    for body in ("GPGSV,1,1,00", "PUBX,00,1", "PGGA,1", "GPXXX", "G", "GPTXT,01,01,02,hello", "GPGGA"):
         assert receiver.take(sentence(body)) == []
+
+
+@pytest.mark.parametrize("body", [GGA, RMC, VTG, GST])
+@pytest.mark.parametrize("maker", ["PG", "PP", "P1"])
+def test_what_makers_have_of_their_own_is_of_no_interest(body: str, maker: str) -> None:
+    assert Receiver(use_rmc=True).take(sentence(maker + body[2:])) == []
+    assert time_of(sentence(maker + body[2:])) is None
+
+
+@pytest.mark.parametrize("talker", ["GP", "GN", "QZ", "II", "X1", ",,", "  ", "__", "--"])
+@pytest.mark.parametrize("body", [GGA, RMC, VTG, GST])
+def test_any_other_talker_says_something_or_is_unreadable(talker: str, body: str) -> None:
+    try:
+        Receiver().take(sentence(talker + body[2:]))
+    except Unreadable:
+        assert not talker.isalnum()
+
+
+@pytest.mark.parametrize("mode", ["A", "D", "F", "P", "R", ""])
+def test_modes_in_which_satellites_are_measured(mode: str) -> None:
+    said = Receiver(use_rmc=True).take(sentence(f"{RMC[:-1]}{mode}"))
+    assert [type(each) for each in said] == [datetime, Position, Velocity]
+
+
+@pytest.mark.parametrize("mode", ["E", "M", "S", "N", "x"])
+def test_what_is_reckoned_told_by_hand_or_simulated_is_no_fix_of_rmc_and_vtg(mode: str) -> None:
+    (said,) = Receiver(use_rmc=True).take(sentence(f"{RMC[:-1]}{mode}"))
+    assert isinstance(said, Position)
+    assert (said.quality, math.isnan(said.latitude)) == (0, True)
+    receiver = Receiver()
+    receiver.take(sentence(GGA))
+    assert receiver.take(sentence(f"{RMC[:-1]}{mode}")) == []
+    for _ in range(10):
+        assert receiver.take(sentence(f"{VTG[:-1]}{mode}")) == []
+
+
+def test_numbers_as_receivers_write_them() -> None:
+    said = position(GGA.replace(",0.9,", ",.9,").replace(",46.9,", ",+46.9,"))
+    assert (said.hdop, said.altitude) == pytest.approx((0.9, 545.4 + 46.9))
+    assert position(GGA.replace(",0.9,", ",100.0,")).hdop == 100.0, "a fix that is bad, and one"
+
+
+def test_where_only_rmc_comes_it_knows() -> None:
+    receiver = Receiver()
+    for _ in range(4):
+        assert not receiver.has_only_rmc
+        receiver.take(sentence(RMC))
+    assert receiver.has_only_rmc
+    receiver.take(sentence(GGA))
+    assert not receiver.has_only_rmc
 
 
 def test_when_a_sentence_is() -> None:
@@ -229,6 +279,15 @@ def test_what_the_receiver_says_of_its_errors_goes_before() -> None:
     assert later.position_covariance_type == NavSatFix.COVARIANCE_TYPE_APPROXIMATED, "it is of another time"
 
 
+@pytest.mark.parametrize("errors", ["0.0,0.4,1.5", "0.5,0.0,1.5", "0.5,0.4,0.0", ",,"])
+def test_an_error_of_0_is_none_that_is_known(errors: str) -> None:
+    receiver = Receiver()
+    receiver.take(sentence(GST.replace("0.5,0.4,1.5", errors)))
+    fix = nav_sat_fix(position(GGA), receiver.errors, EPE, Header())
+    assert fix.position_covariance_type == NavSatFix.COVARIANCE_TYPE_APPROXIMATED
+    assert fix.position_covariance[0] == pytest.approx((0.9 * 4.0) ** 2)
+
+
 def test_without_hdop_the_covariance_is_unknown() -> None:
     fix = nav_sat_fix(position(GGA.replace(",0.9,", ",,")), None, EPE, Header())
     assert (fix.position_covariance_type, set(fix.position_covariance)) == (0, {0.0})
@@ -239,7 +298,8 @@ def test_without_hdop_the_covariance_is_unknown() -> None:
 
 def a_line(chance: random.Random) -> bytes:
     """Noise, sentences, sentences with wrong characters, and nonsense with a checksum that holds."""
-    good = sentence(chance.choice([GGA, RMC, VTG, GST]))
+    body = chance.choice([GGA, RMC, VTG, GST])
+    good = sentence(chance.choice(["GP", "GN", "GA", "PG", "PQ", "P,", ",,", "\x7f1"]) + body[2:])
     fields = good[1:-3].split(",")
     fields[chance.randrange(1, len(fields))] = chance.choice(
         ["", "nan", "-1", "1e400", "9" * 30, "N", "4", "\u00e9".encode().decode("latin-1"), "0x10", "12.5", "--"]
