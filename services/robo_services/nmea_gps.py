@@ -4,6 +4,7 @@ import os
 import stat
 from collections.abc import Iterator
 from datetime import datetime
+from pathlib import Path
 from typing import Annotated, ClassVar
 
 from msgspec import Meta
@@ -34,6 +35,9 @@ LONGEST_GAP = 10.0
 SLOWEST = 1e-3
 """A file is played no slower."""
 
+FILES = frozenset((".nmea", ".nma", ".txt", ".log", ".gps"))
+"""What the names of files of sentences end with."""
+
 _PIECE = 4096
 
 Error = Annotated[float, Meta(ge=0, le=1e6), Unit("m")]
@@ -46,7 +50,7 @@ class NmeaGps(Node):
     unplugged, is waited for. A file is played as fast as it was written, and the node ends with it.
     """
 
-    REQUIRES: ClassVar = {"pynmea2": "robo-zenoh[gps]"}
+    REQUIRES: ClassVar = {"pynmea2": "robo-zenoh[gps]", "serial": "robo-zenoh[gps]"}
 
     class Parameters(robo.Parameters):
         """Where the receiver is, and how sure it is; names are those of ROS's nmea_navsat_driver, where it has them."""
@@ -94,6 +98,8 @@ class NmeaGps(Node):
         self._file = _is_file(p.port)
         if self._file and not os.access(p.port, os.R_OK):
             raise ParameterError(f"{self.full_name}: port {p.port} is a file that may not be read")
+        if _would_be_file(p.port):
+            raise ParameterError(f"{self.full_name}: port {p.port}: there is no such file")
         if not self._file:
             import_serial()
             self._feed = SerialFeed(p.port, p.baud, self.logger.warning, self._opened)
@@ -101,6 +107,8 @@ class NmeaGps(Node):
         self._lines, self._receiver = NmeaLines(), Receiver(use_rmc=p.use_rmc)
         self._heard = self._wall.monotonic()
         self._position: Position | None = None
+        self._said = self._heard
+        """When that came."""
         self._impossible = 0
         self._told = 0
 
@@ -114,9 +122,7 @@ class NmeaGps(Node):
         """Read the receiver, whenever there is one; or the file, to its end."""
         if self._feed is not None:
             for chunk in self._feed.chunks(lambda: self.stopping):
-                for sentence in self._lines.feed(chunk):
-                    self._take(sentence)
-                self._tell_unread()
+                self._read(chunk)
             return
         count = 0
         for sentence in self._played():
@@ -140,15 +146,18 @@ class NmeaGps(Node):
             return Health.error(f"no sentence of NMEA comes from {self.parameters.port}", **figures)
         position = self._position
         if position is None:
-            return Health.warn("no position so far", **figures)
+            hint = ": RMC comes and no GGA; start it with use_rmc:=true" if self._receiver.has_only_rmc else ""
+            return Health.warn(f"no position so far{hint}", **figures)
         figures["satellites"] = position.satellites
+        if (age := self._wall.monotonic() - self._said) > SILENT_AFTER:
+            return Health.warn(f"the last position is {age:.0f} s old", **figures)
         if position.latitude != position.latitude:
             return Health.warn(f"no fix, {position.satellites} satellites", **figures)
         return Health.ok(**figures)
 
     def _opened(self, path: str) -> None:
         self._lines.forget()
-        self._heard = self._wall.monotonic()
+        self._heard, self._position = self._wall.monotonic(), None
         self._told = self._lines.unread + 1  # that of the line in whose middle it was opened is nothing to tell
         self.logger.info("listens to the receiver on %s", path)
 
@@ -171,6 +180,11 @@ class NmeaGps(Node):
             if not self.parameters.loop or not self.sleep(0.1):
                 return
 
+    def _read(self, chunk: bytes) -> None:
+        for sentence in self._lines.feed(chunk):
+            self._take(sentence)
+        self._tell_unread()
+
     def _take(self, sentence: str) -> None:
         self._heard = self._wall.monotonic()
         try:
@@ -183,7 +197,7 @@ class NmeaGps(Node):
         for each in said:
             match each:
                 case Position():
-                    self._position = each
+                    self._said, self._position = self._heard, each
                     self.fixes.publish(nav_sat_fix(each, self._receiver.errors, self._expected(), header))
                 case Velocity():
                     self.velocities.publish(TwistStamped(header, Twist(Vector3(each.east, each.north))))
@@ -216,6 +230,11 @@ def _is_file(path: str) -> bool:
         return stat.S_ISREG(os.stat(path).st_mode)
     except OSError:
         return False
+
+
+def _would_be_file(path: str) -> bool:
+    """Whether nothing is there, and its name is that of a file: a device is waited for, a file that is misspelt not."""
+    return Path(path).suffix.lower() in FILES and not path.startswith("/dev/") and not os.path.lexists(path)
 
 
 if __name__ == "__main__":

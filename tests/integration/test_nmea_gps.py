@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import random
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,9 +16,10 @@ from robo.errors import RunError
 from robo.testing.heard import Heard
 from robo_messages import NavSatFix
 from robo_services.nmea import checksum
-from robo_services.nmea_gps import NmeaGps
+from robo_services.nmea_gps import SILENT_AFTER, NmeaGps
 from robo_services.pseudo_terminal import PseudoTerminal
 from tests.support import PATIENCE, eventually
+from tests.unit.test_nmea import a_line
 
 pytest.importorskip("serial", reason="the extra serial is not installed")
 pytest.importorskip("pynmea2", reason="the extra gps is not installed")
@@ -93,6 +95,56 @@ def test_an_unplug_is_said_and_a_replug_goes_on(
             eventually(lambda: bool(second.write(epoch(1)) and heard.messages("fix")), "a fix")
         finally:
             second.unplug()
+
+
+@pytest.mark.usefixtures("receiver")
+def test_a_position_that_is_long_gone_and_one_of_before_an_unplug_are_no_position(
+    robo_session: zenoh.Session, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", "robo.node")
+    with gps(robo_session, tmp_path / "gps") as node:
+        eventually(lambda: any("listens to" in message for message in caplog.messages), "it is open")
+        fix, move = (sentence.decode() for sentence in epoch(1).splitlines())
+        node._take(fix)
+        assert levels(node) == (0, "")
+        node._said -= SILENT_AFTER + 1.0
+        node._take(move)
+        assert levels(node) == (1, "the last position is 4 s old")
+        node._opened("port")
+        assert levels(node) == (1, "no position so far")
+        for _ in range(4):
+            node._take(move)
+        assert levels(node) == (1, "no position so far: RMC comes and no GGA; start it with use_rmc:=true")
+
+
+def test_10_000_random_streams_break_no_driver(
+    robo_session: zenoh.Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chance = random.Random(23)
+    told: list[NavSatFix] = []
+    with gps(robo_session, tmp_path / "gps") as node:
+        monkeypatch.setattr(node.fixes, "publish", told.append)
+        for topic in (node.velocities, node.times):
+            monkeypatch.setattr(topic, "publish", lambda _: None)
+        for _ in range(10_000):
+            node._read(b"".join(a_line(chance) for _ in range(chance.randrange(6))))
+            for fix in told:
+                assert math.isnan(fix.latitude) if fix.status.status < 0 else -90 <= fix.latitude <= 90
+            told.clear()
+        assert node._impossible > 1_000
+        assert node._lines.checksum_faults > 1_000
+
+
+@pytest.mark.parametrize("name", ["drvie.nmea", "log.txt", "a.LOG"])
+def test_a_file_that_is_not_there_is_not_waited_for(robo_session: zenoh.Session, tmp_path: Path, name: str) -> None:
+    with pytest.raises(ParameterError, match="there is no such file"):
+        gps(robo_session, tmp_path / name).start()
+
+
+def test_a_link_is_a_port_whatever_its_name(robo_session: zenoh.Session, tmp_path: Path) -> None:
+    (tmp_path / "gps.log").symlink_to("/dev/pts/no_such")
+    with gps(robo_session, tmp_path / "gps.log") as node:
+        eventually(lambda: levels(node)[1].startswith("no port: "), "it is waited for")
 
 
 def test_what_cannot_be_read_is_said_and_counted(
