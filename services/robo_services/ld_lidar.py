@@ -40,26 +40,35 @@ class LdLidar(Node):
             READ_ONLY,
         ] = "/dev/ttyUSB0"
         frame_id: Annotated[str, Meta(min_length=1, description="the frame of scans"), READ_ONLY] = "base_laser"
+        inverted: Annotated[bool, Meta(description="it hangs upside down, with its front where it was"), READ_ONLY] = (
+            False
+        )
         rays: Annotated[
             int,
-            Meta(ge=1, le=10_000, description="rays of a scan; the lidar measures 4,500 points a second"),
+            Meta(ge=36, le=10_000, description="rays of a scan; the lidar measures 4,500 points a second"),
             READ_ONLY,
         ] = 360
         range_min: Annotated[
             float, Meta(ge=0, le=100, description="the lidar measures nothing nearer"), Unit("m"), READ_ONLY
         ] = 0.02
         range_max: Annotated[
-            float, Meta(gt=0, le=100, description="the lidar measures nothing further"), Unit("m"), READ_ONLY
+            float, Meta(ge=1, le=100, description="the lidar measures nothing further"), Unit("m"), READ_ONLY
         ] = 12.0
         no_return: Annotated[
             Literal["nan", "inf"],
             Meta(description="what a ray is of which nothing came back: not known, or free"),
         ] = "nan"
 
+        def __post_init__(self) -> None:
+            """Refuse a lidar that measures nothing."""
+            if not self.range_min < self.range_max:
+                raise ValueError(f"range_min = {self.range_min:g} has to be less than range_max = {self.range_max:g}")
+
     parameters: Parameters
 
     scans = Publisher(LaserScan, "scan", qos=QoS.SENSOR_DATA)
-    """One per turn, counter-clockwise from the back; stamped with the end of the turn, where ray 0 was measured."""
+    """One per turn, counter-clockwise from the back; stamped with when ray 0 was measured: the end of the turn, or its
+    beginning where the lidar hangs upside down."""
 
     _feed: SerialFeed | None = None
 
@@ -149,8 +158,9 @@ class LdLidar(Node):
         """Publish a turn that ended then, s by the wall's monotonic clock."""
         p = self.parameters
         age = max(0.0, self._wall.monotonic() - ended)  # however long this process was held up since
-        stamp = Time.from_nanoseconds(max(0, self.now().to_nanoseconds() - round(age * 1e9)))
-        scan = laser_scan(turn, Header(stamp, p.frame_id), p.range_min, p.range_max, p.no_return)
+        before = age + (1.0 / turn.speed if p.inverted else 0.0)
+        header = Header(Time.from_nanoseconds(max(0, self.now().to_nanoseconds() - round(before * 1e9))), p.frame_id)
+        scan = laser_scan(turn, header, p.range_min, p.range_max, p.no_return, inverted=p.inverted)
         self.scans.publish(scan, age)
 
     def _tell_unread(self, *, heard: bool) -> None:

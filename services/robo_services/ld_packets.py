@@ -228,21 +228,33 @@ class Turns:
 
 
 def laser_scan(
-    turn: Turn, header: Header, range_min: float, range_max: float, no_return: Literal["nan", "inf"] = "nan"
+    turn: Turn,
+    header: Header,
+    range_min: float,
+    range_max: float,
+    no_return: Literal["nan", "inf"] = "nan",
+    *,
+    inverted: bool = False,
 ) -> LaserScan:
     """A turn as a message.
 
     REP-117: -inf is too near, +inf beyond `range_max`, NaN no measurement. The lidar turns clockwise, so that the first
-    ray is measured last: `time_increment` is negative.
+    ray is measured last: `time_increment` is negative, but for a lidar that is upside down.
 
     Args:
         turn: what was seen.
-        header: when the turn ended, and the lidar's frame.
+        header: when ray 0 was measured, which is the end of the turn, or its beginning where it is inverted; and the
+            lidar's frame.
         range_min: the lidar measures nothing nearer, m.
         range_max: and nothing further, m.
         no_return: what a measured 0 becomes, by which a lidar tells that nothing came back.
+        inverted: it hangs upside down, with its front where it was.
     """
-    rays = len(turn.distances)
+    distances, intensities, sense = turn.distances, turn.intensities, -1.0
+    if inverted:  # what was at an angle is at its negative, of which -π is itself
+        distances, intensities = distances[:1] + distances[:0:-1], intensities[:1] + intensities[:0:-1]
+        sense = 1.0
+    rays = len(distances)
     nothing = math.nan if no_return == "nan" else math.inf
 
     def as_range(distance: float) -> float:
@@ -258,10 +270,10 @@ def laser_scan(
         angle_min=-math.pi,
         angle_max=-math.pi + (rays - 1) * increment,
         angle_increment=increment,
-        time_increment=-1.0 / turn.speed / rays,
+        time_increment=sense / turn.speed / rays,
         scan_time=1.0 / turn.speed,
         range_min=range_min,
         range_max=range_max,
-        ranges=[as_range(distance) for distance in turn.distances],
-        intensities=turn.intensities,
+        ranges=[as_range(distance) for distance in distances],
+        intensities=intensities,
     )

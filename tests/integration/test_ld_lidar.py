@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import zenoh
 
+from robo import ParameterError
 from robo.errors import RunError
 from robo.testing.heard import Heard
 from robo_messages import LaserScan, Odometry, Point, Pose, PoseWithCovariance, Trigger
@@ -79,6 +80,32 @@ def test_what_stands_in_the_world_is_where_it_is(robo_session: zenoh.Session, po
         assert 0.0 <= node.now().to_seconds() - scan.header.stamp.to_seconds() < PATIENCE
         assert node._decoder.crc_faults == 0
         assert check_of(node) == (0, "")
+
+
+def test_of_one_that_hangs_upside_down_left_and_right_are_changed_back(
+    robo_session: zenoh.Session, port: Path, heard: Heard
+) -> None:
+    with emulated(robo_session, port), driver(robo_session, port, inverted=True):
+        scan: LaserScan = heard.wait_for("scan", whole, PATIENCE)
+        assert seen_at(scan, -math.pi / 2) == pytest.approx(0.8, abs=0.01), (
+            "an emulated one that stands upright, so it is the other way round"
+        )
+        assert scan.time_increment > 0.0
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"range_min": 5.0, "range_max": 5.0}, "range_min = 5 has to be less than range_max = 5"),
+        ({"range_max": 0.5}, "range_max"),
+        ({"rays": 35}, "rays"),
+    ],
+)
+def test_a_lidar_that_sees_nothing_is_refused(
+    robo_session: zenoh.Session, port: Path, values: dict[str, Any], text: str
+) -> None:
+    with pytest.raises(ParameterError, match=text):
+        driver(robo_session, port, **values)
 
 
 def test_it_moves_as_odometry_says(robo_session: zenoh.Session, port: Path, heard: Heard) -> None:

@@ -174,8 +174,11 @@ def test_turns_are_whole_and_even(rate: float) -> None:
     assert found[1].time - found[0].time == pytest.approx(1 / rate, abs=1e-3)
 
 
+@pytest.mark.parametrize(("inverted", "sense"), [(False, -1.0), (True, 1.0)])
 @pytest.mark.parametrize("device_degrees", [0, 45, 90, 179, 181, 270, 359])
-def test_what_stands_to_the_right_is_at_a_negative_angle(device_degrees: int) -> None:
+def test_what_stands_to_the_right_is_at_a_negative_angle_unless_the_lidar_is_upside_down(
+    device_degrees: int, inverted: bool, sense: float
+) -> None:
     step = 0.8
     packets = [
         packet._replace(
@@ -186,10 +189,26 @@ def test_what_stands_to_the_right_is_at_a_negative_angle(device_degrees: int) ->
         )
         for packet in spoken(2.2)
     ]
-    scan = laser_scan(turns_of(packets)[0], Header(), 0.02, 12.0)
+    scan = laser_scan(turns_of(packets)[0], Header(), 0.02, 12.0, inverted=inverted)
     nearest = min(range(360), key=lambda ray: scan.ranges[ray])
     angle = scan.angle_min + nearest * scan.angle_increment
-    assert abs(math.remainder(angle + math.radians(device_degrees), math.tau)) <= math.radians(1.0)
+    assert abs(math.remainder(angle - sense * math.radians(device_degrees), math.tau)) <= math.radians(1.0)
+    assert scan.time_increment == pytest.approx(sense * 0.1 / 360)
+
+
+@pytest.mark.parametrize("rays", [36, 37])
+def test_upside_down_each_ray_is_at_its_negative_angle(rays: int) -> None:
+    turn = Turn([1.0 + n for n in range(rays)], [float(n) for n in range(rays)], 10.0, 0.0)
+    upright, inverted = (laser_scan(turn, Header(), 0.02, 100.0, inverted=each) for each in (False, True))
+    for ray in range(rays):
+        other = -ray % rays  # its angle is the negative, modulo a turn
+        angles = (
+            upright.angle_min + ray * upright.angle_increment,
+            inverted.angle_min + other * inverted.angle_increment,
+        )
+        assert math.remainder(sum(angles), math.tau) == pytest.approx(0.0, abs=1e-9)
+        assert inverted.ranges[other] == upright.ranges[ray]
+        assert inverted.intensities[other] == upright.intensities[ray]
 
 
 def test_a_scan_is_as_reps_103_and_117_say() -> None:
