@@ -101,8 +101,9 @@ class Pace:
 
         Args:
             taken: when it was taken, s from the file's beginning.
-            now: s by a monotonic clock.
+            now: s by the node's clock; simulated time may step back.
         """
+        self._last = min(self._last, now)
         due = self._begin + taken / self._speed
         if not -self.SLIPPED <= due - now <= self._longest:  # so is the first one, as NaN
             self.slips += due < now - self.SLIPPED

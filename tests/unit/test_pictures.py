@@ -203,6 +203,13 @@ def test_a_pause_is_not_made_up_for_and_a_leap_of_time_not_waited_for() -> None:
     assert slow.wait(100.0, 0.0) == pytest.approx(100.0)
 
 
+def test_time_that_steps_back_is_not_waited_for() -> None:
+    pace = Pace(1.0, 30.0)
+    pace.wait(0.0, 1000.0)
+    assert pace.wait(1 / 30, 5.0) == pytest.approx(0.0, abs=1 / 60)
+    assert pace.wait(2 / 30, 5.0 + 1 / 60) == pytest.approx(1 / 60, abs=1 / 60)
+
+
 def test_what_is_late_is_caught_up_with_at_twice_the_rate() -> None:
     pace = Pace(1.0, 30.0)
     pace.wait(0.0, 100.0)
