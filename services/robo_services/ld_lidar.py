@@ -18,6 +18,12 @@ SILENT_AFTER = 1.0
 STALE_AFTER = 0.1
 """It speaks every 2.7 ms: what has waited in the port for longer is of the past, s. Ports keep 0.2 to 3 s of it."""
 
+MANY = 0.1
+"""A larger share of packets that cannot be read is a warning."""
+
+ENOUGH = 100
+"""Packets that tell the share: those of a quarter of a second."""
+
 STRANGE = 20 * LENGTH
 """So many bytes without a packet are no lidar's."""
 
@@ -86,6 +92,10 @@ class LdLidar(Node):
         self._speed = 0.0
         self._held_up = 0
         """How often it was read too late."""
+        self._counted = (0, 0)
+        """Packets that could not and could be read when the share was told last."""
+        self._share = 0.0
+        """Of packets that cannot be read, of late."""
         self._told = 0
         """Bytes that could not be read, as last said."""
         self._is_new = True
@@ -121,7 +131,17 @@ class LdLidar(Node):
             return Health.error(f"the lidar on {self.parameters.port} is silent", **figures)
         if self._wall.monotonic() - self._turned > SILENT_AFTER:
             return Health.error("the lidar speaks and makes no whole turn: is it stuck?", **figures)
+        if self._unread_share() > MANY:
+            return Health.warn(f"{self._share:.0%} of what it says cannot be read: look at the cable", **figures)
         return Health.ok(**figures)
+
+    def _unread_share(self) -> float:
+        """Of packets that could not be read since it was asked last."""
+        counts = (self._decoder.crc_faults, self._decoder.packets)
+        faults, read = (late - early for late, early in zip(counts, self._counted, strict=True))
+        if faults + read >= ENOUGH:
+            self._share, self._counted = faults / (faults + read), counts
+        return self._share
 
     def _opened(self, path: str) -> None:
         self._begin()

@@ -33,6 +33,9 @@ _MOST_SPEED = 20 * 360
 
 _NOTHING_READ = -1.0
 
+MOST_GAP = 30.0
+"""A turn that says nothing of more than this in a row is none, °: three packets are 29° at ten turns a second."""
+
 
 def _table(polynomial: int) -> bytes:
     """The remainders of a CRC-8, most significant bit first, for each byte."""
@@ -88,6 +91,8 @@ class LdDecoder:
 
     def __init__(self) -> None:
         self._rest = b""
+        self.packets = 0
+        """Those that were read."""
         self.crc_faults = 0
         """Packets whose checksum was wrong, or that say what no lidar can mean."""
         self.skipped = 0
@@ -119,6 +124,7 @@ class LdDecoder:
                 at = begin + len(_HEAD)  # a true packet may begin within what only looked like one
             else:
                 packets.append(packet)
+                self.packets += 1
                 at = begin + LENGTH
 
     def forget(self) -> None:
@@ -158,7 +164,8 @@ class Turns:
     """Makes turns of packets.
 
     A turn begins and ends at the back, where the rays of a `LaserScan` do. Where several points fall into a ray, the
-    nearest counts. A turn of which more than a half is missing is none, nor is one whose beginning was not seen.
+    nearest counts. A turn of which more than a half is missing is none, nor is one of which more than `MOST_GAP` in a
+    row is, or whose beginning was not seen.
     """
 
     def __init__(self, rays: int) -> None:
@@ -221,10 +228,19 @@ class Turns:
         if not self._seen:
             return None
         speed = self._speeds / self._count if self._count else packet.speed
-        if self._swept < 180.0 or speed <= 0.0:
+        if self._swept < 180.0 or speed <= 0.0 or _longest_gap(self._distances) * 360.0 > MOST_GAP * self._rays:
             self.incomplete += 1
             return None
         return Turn(self._distances, self._intensities, speed, time)
+
+
+def _longest_gap(distances: list[float]) -> int:
+    """How many rays in a row nothing was said of; all the way round."""
+    longest = gap = 0
+    for distance in distances * 2:  # a gap over the back is one
+        gap = gap + 1 if distance == _NOTHING_READ else 0
+        longest = max(longest, gap)
+    return min(longest, len(distances))
 
 
 def laser_scan(

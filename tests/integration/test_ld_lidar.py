@@ -2,6 +2,8 @@
 
 import math
 import os
+import random
+import re
 import sys
 import threading
 from collections.abc import Iterator
@@ -17,10 +19,10 @@ from robo.testing.heard import Heard
 from robo_messages import LaserScan, Odometry, Point, Pose, PoseWithCovariance, Trigger
 from robo_services.emulated_lidar import EmulatedLidar
 from robo_services.ld_lidar import STALE_AFTER, LdLidar
-from robo_services.ld_packets import encode
+from robo_services.ld_packets import LENGTH, encode
 from robo_services.pseudo_terminal import PseudoTerminal
 from tests.support import PATIENCE, eventually
-from tests.unit.test_ld_packets import spoken
+from tests.unit.test_ld_packets import a_stream, spoken
 
 pytest.importorskip("serial", reason="the extra serial is not installed")
 
@@ -51,6 +53,15 @@ def emulated(session: zenoh.Session, port: Path, **parameters: Any) -> EmulatedL
 
 def driver(session: zenoh.Session, port: Path, **parameters: Any) -> LdLidar:
     return LdLidar(session=session, parameters={"port": str(port), **parameters})
+
+
+@pytest.fixture
+def deaf(robo_session: zenoh.Session, port: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[LdLidar]:
+    """A driver that reads nothing by itself: what has come is said by the test."""
+    monkeypatch.setattr(LdLidar, "main", lambda node: node.sleep(1e6))
+    with driver(robo_session, port) as node:
+        node._opened("port")
+        yield node
 
 
 def whole(scan: LaserScan) -> bool:
@@ -128,6 +139,38 @@ def test_garbled_packets_are_counted_and_leave_only_holes(
         eventually(lambda: any("were no packet" in message for message in caplog.messages), "it is said, with bytes")
 
 
+def test_a_cable_that_garbles_much_is_a_warning(deaf: LdLidar) -> None:
+    chance = random.Random(19)
+    packets = [bytearray(encode(packet)) for packet in spoken(30.0)]
+    for packet in packets:
+        packet[20] ^= chance.random() < 0.15
+    later = deaf.clock.wall.monotonic() + 1000.0  # and no silence meanwhile
+    assert check_of(deaf) == (0, "")
+    deaf._take(b"".join(packets), later)
+    level, message = check_of(deaf)
+    assert level == 1
+    assert re.fullmatch(r"1\d% of what it says cannot be read: look at the cable", message)
+    deaf._take(b"".join(map(encode, spoken(30.0))), later)
+    assert check_of(deaf) == (0, "")
+
+
+def test_10_000_random_streams_break_no_driver(deaf: LdLidar, monkeypatch: pytest.MonkeyPatch) -> None:
+    chance, number = random.Random(23), 0
+    told: list[LaserScan] = []
+    monkeypatch.setattr(deaf.scans, "publish", lambda scan, _age: told.append(scan))
+    whole_turns = b"".join(map(encode, spoken(2.2)))
+    for n in range(10_000):
+        deaf._take(a_stream(chance) + (whole_turns if n % 100 == 0 else b""), deaf.clock.wall.monotonic())
+        for scan in told:
+            assert all(not each < 0.02 or each == -math.inf for each in scan.ranges)
+            assert all(not each > 12.0 or each == math.inf for each in scan.ranges)
+        number += len(told)
+        told.clear()
+        assert len(deaf._decoder._rest) < LENGTH
+    assert number >= 100
+    assert deaf._decoder.crc_faults > 1_000
+
+
 def test_an_unplug_is_said_and_a_replug_goes_on(
     robo_session: zenoh.Session, port: Path, heard: Heard, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -196,16 +239,13 @@ def test_what_was_said_while_the_driver_was_held_up_is_left_out(
         terminal.unplug()
 
 
-def test_a_scan_that_is_published_late_says_so(
-    robo_session: zenoh.Session, port: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_scan_that_is_published_late_says_so(deaf: LdLidar, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[tuple[LaserScan, float]] = []
-    with driver(robo_session, port) as node:
-        monkeypatch.setattr(node.scans, "publish", lambda scan, age=0.0: told.append((scan, age)))
-        node._take(b"".join(map(encode, spoken(2.2))), node.clock.wall.monotonic() - 2.0)
-        ((scan, age),) = told
-        assert 2.01 < age < PATIENCE, "the turn had ended before the last packet"
-        assert node.now().to_seconds() - scan.header.stamp.to_seconds() >= age
+    monkeypatch.setattr(deaf.scans, "publish", lambda scan, age=0.0: told.append((scan, age)))
+    deaf._take(b"".join(map(encode, spoken(2.2))), deaf.clock.wall.monotonic() - 2.0)
+    ((scan, age),) = told
+    assert 2.01 < age < PATIENCE, "the turn had ended before the last packet"
+    assert deaf.now().to_seconds() - scan.header.stamp.to_seconds() >= age
 
 
 def test_what_is_no_lidar_is_said_with_its_bytes(

@@ -239,12 +239,27 @@ def test_the_nearest_of_several_points_counts() -> None:
 
 def test_what_is_missing_is_not_known() -> None:
     packets = spoken(3.2)
-    del packets[45:50]  # 48 degrees of the first whole turn
+    del packets[45:48]  # 29 degrees of the first whole turn
     found = turns_of(packets)
     gaps = [sum(distance < 0 for distance in turn.distances) for turn in found]
     assert len(found) == 2
-    assert 45 <= gaps[0] <= 52
+    assert 26 <= gaps[0] <= 30
     assert gaps[1] == 0
+
+
+@pytest.mark.parametrize("missing", [45, 36, 20])
+def test_a_turn_that_says_nothing_of_too_much_in_a_row_is_none(missing: int) -> None:
+    packets = spoken(5.2)
+    del packets[missing : missing + 4]
+    assembly = Turns(360)
+    found = [turn for packet in packets if (turn := assembly.take(packet)) is not None]
+    assert assembly.incomplete == 1
+    assert len(found) in (2, 3)
+    assert all(min(turn.distances) == 2.0 for turn in found)
+
+
+def test_many_rays_are_no_gap_where_the_lidar_measures_fewer_points() -> None:
+    assert len(turns_of(spoken(4.2), rays=10_000)) == 3
 
 
 def test_a_turn_of_which_a_half_is_missing_is_none() -> None:
