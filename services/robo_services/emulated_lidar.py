@@ -8,7 +8,7 @@ from typing import Annotated
 from msgspec import Meta
 
 import robo
-from robo import READ_ONLY, Node, ParameterError, Unit, service
+from robo import READ_ONLY, Node, ParameterError, Subscribes, Unit, service
 from robo_messages import Odometry, Trigger
 from robo_services import world
 from robo_services.kinematics import Pose2
@@ -28,7 +28,7 @@ INTENSITY = 200
 class EmulatedLidar(Node):
     """Play a lidar LD06 that stands in a flat world, on a pseudo-terminal, with faults where they are asked for.
 
-    It stands still, or moves as `odom` says where it follows that. What is too near, too far or nowhere it says as a
+    It stands still, or moves as the odometry says that it follows. What is too near, too far or nowhere it says as a
     real one does: 0.
     """
 
@@ -44,9 +44,12 @@ class EmulatedLidar(Node):
         x: Annotated[float, Meta(description="where it stands at the start, along x"), Unit("m"), READ_ONLY] = 0.0
         y: Annotated[float, Meta(description="where it stands at the start, along y"), Unit("m"), READ_ONLY] = 0.0
         yaw: Annotated[float, Meta(description="where it looks at the start"), Unit("rad"), READ_ONLY] = 0.0
-        follow_odom: Annotated[
-            bool, Meta(description="it moves from there as odom says; false: it stands still"), READ_ONLY
-        ] = False
+        follow: Annotated[
+            str,
+            Meta(description="it moves from there as this nav/Odometry says, as ground_truth; empty: it stands still"),
+            Subscribes(Odometry),
+            READ_ONLY,
+        ] = ""
         scan_rate: Annotated[float, Meta(ge=5, le=13, description="turns per second"), Unit("Hz")] = 10.0
         range_max: Annotated[
             float, Meta(gt=0, le=60, description="it measures nothing further"), Unit("m"), READ_ONLY
@@ -76,8 +79,8 @@ class EmulatedLidar(Node):
         self._ranges: list[float] = []
         self._wall = self.clock.wall
         self._begin, self._packets = self._wall.monotonic(), 0
-        if p.follow_odom:
-            self.create_subscription(Odometry, "odom", self.on_odometry, depth=1)
+        if p.follow:
+            self.create_subscription(Odometry, p.follow, self.on_odometry, depth=1)
         self._plug_in()
         self.create_timer(PERIOD, self.speak, self._wall)
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from robo import ParameterError
+from robo import Node, ParameterError, Publisher
 from robo.errors import RunError
 from robo.testing.heard import Heard
 from robo_messages import LaserScan, Odometry, Point, Pose, PoseWithCovariance, Trigger
@@ -119,10 +119,18 @@ def test_a_lidar_that_sees_nothing_is_refused(
         driver(robo_session, port, **values)
 
 
-def test_it_moves_as_odometry_says(robo_session: zenoh.Session, port: Path, heard: Heard) -> None:
-    with emulated(robo_session, port) as lidar, driver(robo_session, port):
+class Mover(Node):
+    """Says where the base is."""
+
+    moves = Publisher(Odometry, "ground_truth")
+
+
+def test_it_moves_as_the_odometry_says_that_it_follows(robo_session: zenoh.Session, port: Path, heard: Heard) -> None:
+    lidar = emulated(robo_session, port, follow="ground_truth")
+    with lidar, driver(robo_session, port), Mover(session=robo_session) as mover:
         heard.wait_for("scan", lambda scan: seen_at(scan, 0.0) == pytest.approx(3.0, abs=0.01), PATIENCE)
-        lidar.on_odometry(Odometry(pose=PoseWithCovariance(Pose(Point(1.0, 0.0)))))
+        eventually(lambda: mover.moves.has_subscribers, "it listens")
+        mover.moves.publish(Odometry(pose=PoseWithCovariance(Pose(Point(1.0, 0.0)))))
         heard.wait_for("scan", lambda scan: seen_at(scan, 0.0) == pytest.approx(2.0, abs=0.01), PATIENCE)
 
 
