@@ -1,6 +1,6 @@
 """Tells what a camera sees; or a video file, or a test picture, where there is none."""
 
-import math
+import time
 from typing import Annotated, ClassVar
 
 import msgspec
@@ -11,13 +11,16 @@ from robo import READ_ONLY, Health, Node, ParameterError, Publisher, QoS, Unit, 
 from robo_messages import CameraInfo, CompressedImage, Header, Image, Time
 from robo_services import camera_info
 from robo_services.camera_source import TEST, Picture, Source, SourceGone, Wanted, import_av, is_device
-from robo_services.pictures import Encoding, JpegEncoder, Pace, Rate, image_of, jpeg_image
+from robo_services.pictures import Encoding, Gaps, JpegEncoder, Pace, Rate, image_of, jpeg_image
 
 RETRY = 1.0
 """How long it waits before it looks for a camera again, s."""
 
 SILENT_AFTER = 2.0
 """A camera that says nothing for this long is silent, s."""
+
+OLDEST = 10.0
+"""A camera whose pictures are older goes by another clock, s."""
 
 
 class Camera(Node):
@@ -73,6 +76,11 @@ class Camera(Node):
             float, Meta(ge=0.001, le=100, description="a file: 1.0 as fast as it was recorded"), READ_ONLY
         ] = 1.0
 
+        def __post_init__(self) -> None:
+            """Refuse half a size."""
+            if bool(self.image_width) != bool(self.image_height):
+                raise ValueError("image_width and image_height are asked for together, or neither")
+
     parameters: Parameters
 
     images = Publisher(Image, "image_raw", qos=QoS(priority="background"))
@@ -96,8 +104,10 @@ class Camera(Node):
         self._wanted = 0.0
         """How many pictures a second the source says that there are; 0 where it does not."""
         self._count = self._lost = self._broken = self._slips = 0
-        self._heard = self._started = self.clock.monotonic()
-        if not is_device(p.source):
+        live = is_device(p.source)
+        self._ticks = self.clock.wall if live else self.clock
+        self._heard = self._started = self._ticks.monotonic()
+        if not live:
             try:
                 self._first = self._opened()
             except SourceGone as error:
@@ -112,7 +122,7 @@ class Camera(Node):
                 if str(error) != self._missed:  # once, however long it stays away
                     self._missed = str(error)
                     self.logger.warning("no camera: %s; it is waited for", error)
-                self.sleep(RETRY)
+                self._pause(RETRY)
                 continue
             self._begin(source)
             broken = self._broken
@@ -125,7 +135,7 @@ class Camera(Node):
                 source.close()
                 self._broken = broken + source.broken
             if source.is_live:
-                self.sleep(RETRY)
+                self._pause(RETRY)
             elif not self._plays_again(source):
                 break
         self.flush(timeout=10.0)
@@ -134,7 +144,7 @@ class Camera(Node):
     @check("pictures")
     def pictures_come(self) -> Health:
         """Whether pictures come, as fast as they should."""
-        now, source = self.clock.monotonic(), self.parameters.source
+        now, source = self._ticks.monotonic(), self.parameters.source
         rate = self._came.at(now)
         figures: dict[str, object] = {"rate": round(rate, 1), "pictures": self._count, "lost": self._lost}
         figures |= {"broken": self._broken, "held_up": self._slips}
@@ -161,7 +171,7 @@ class Camera(Node):
         return self.sleep(1.0 / (source.rate or 30.0) / self.parameters.playback_rate)
 
     def _begin(self, source: Source) -> None:
-        self._missed, self._started = "", self.clock.monotonic()
+        self._missed, self._started = "", self._ticks.monotonic()
         self._heard = self._started
         self._wanted = source.rate * (1.0 if source.is_live else self.parameters.playback_rate)
         self._came.forget()
@@ -177,11 +187,10 @@ class Camera(Node):
             SourceGone: it was unplugged, or is broken.
         """
         pace = Pace(self.parameters.playback_rate, source.rate)
-        broken, before = self._broken, math.nan
-        for index, picture in enumerate(source.pictures(lambda: self.images.has_subscribers, self.sleep)):
+        broken, gaps = self._broken, Gaps()
+        for index, picture in enumerate(source.pictures(lambda: self.images.has_subscribers, self._pause)):
             if source.is_live:
-                self._count_lost(picture.time - before, source.rate)
-                before = picture.time
+                self._count_lost(gaps.lost(picture.time))
             else:
                 taken = picture.time if picture.time == picture.time else index / (source.rate or 30.0)
                 slips = pace.slips
@@ -194,16 +203,18 @@ class Camera(Node):
                 self._broken = broken + source.broken
                 self.logger.warning("%d pictures could not be decoded so far", self._broken, throttle=5.0)
 
-    def _count_lost(self, gap: float, rate: float) -> None:
-        """A camera that takes pictures evenly has taken more than came, where the gap between two is longer."""
-        lost = round(gap * rate) - 1 if 0.0 < gap * rate < math.inf else 0
-        if lost > 0:
+    def _count_lost(self, lost: int) -> None:
+        if lost:
             self._lost += lost
             self.logger.warning("%d pictures were lost between camera and node so far", self._lost, throttle=5.0)
 
+    def _pause(self, seconds: float) -> bool:
+        """Wait for a device, by the wall's clock as it knows no other; False where it is time to stop."""
+        return not self.wait(seconds)
+
     def _tell(self, picture: Picture, *, is_live: bool) -> None:
-        p, now = self.parameters, self.clock.monotonic()
-        age = self.clock.wall.monotonic() - picture.time if is_live else 0.0
+        p = self.parameters
+        age = time.monotonic() - picture.time if is_live else 0.0  # by the kernel's clock, as picture.time is
         header = Header(_before(self.now(), age), p.frame_id)
         if (picture.width, picture.height) != self._size:
             self._size = picture.width, picture.height
@@ -217,8 +228,8 @@ class Camera(Node):
             except ValueError as error:
                 self.logger.warning("no JPEG could be made: %s", error, throttle=5.0)
         self._count += 1
-        self._heard = now
-        self._came.take(now)
+        self._heard = self._ticks.monotonic()
+        self._came.take(self._heard)
 
     def _tell_info(self, header: Header) -> None:
         width, height = self._size
@@ -240,7 +251,7 @@ class Camera(Node):
 
 def _before(now: Time, age: float) -> Time:
     """A while ago; now, where nobody knows how long ago."""
-    return Time.from_nanoseconds(max(0, now.to_nanoseconds() - round(age * 1e9))) if 0.0 < age < 1.0 else now
+    return Time.from_nanoseconds(max(0, now.to_nanoseconds() - round(age * 1e9))) if 0.0 < age < OLDEST else now
 
 
 if __name__ == "__main__":

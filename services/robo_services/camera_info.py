@@ -95,14 +95,17 @@ def _info(read: Calibration, path: Path) -> CameraInfo:
     for name, (matrix, shape) in wanted.items():
         if (matrix.rows, matrix.cols) != shape or len(matrix.data) != shape[0] * shape[1]:
             raise CalibrationError(f"{path}: {name} has to have {shape[0]} rows, {shape[1]} cols and as many data")
-    every = [*k, *read.distortion_coefficients.data, *read.rectification_matrix.data, *projection.data]
+    d = read.distortion_coefficients
+    if d.rows * d.cols != len(d.data):
+        raise CalibrationError(f"{path}: distortion_coefficients has {len(d.data)} data and {d.rows} x {d.cols}")
+    every = [*k, *d.data, *read.rectification_matrix.data, *projection.data]
     if not all(map(math.isfinite, every)):
         raise CalibrationError(f"{path}: a number is NaN or infinite")
     return CameraInfo(
         height=read.image_height,
         width=read.image_width,
         distortion_model=read.distortion_model,
-        d=read.distortion_coefficients.data,
+        d=d.data,
         k=tuple(k),
         r=tuple(read.rectification_matrix.data),
         p=tuple(projection.data),

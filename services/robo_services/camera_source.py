@@ -4,6 +4,7 @@ PyAV rather than OpenCV: it has half the size (104 MB installed beside 226 MB wi
 JPEGs of a camera as they are, without decoding, and tells when each picture was taken.
 """
 
+import errno
 import importlib
 import os
 import stat
@@ -65,6 +66,12 @@ class Wanted(NamedTuple):
     pixel_format: str = ""
     """As FFmpeg calls it, such as mjpeg or yuyv422; empty as the camera likes it."""
 
+    def __str__(self) -> str:
+        """What is asked for, in words; empty for nothing."""
+        size = f"{self.width}x{self.height}" if self.width and self.height else ""
+        rate = f"{self.rate:g} pictures a second" if self.rate else ""
+        return ", ".join(filter(None, (size, rate, self.pixel_format)))
+
 
 class Source:
     """A source that is open."""
@@ -95,14 +102,15 @@ class Source:
         try:
             timeout = OPENED_WITHIN if self.is_live else None
             self._container: Any = self._av.open(name, format=form, options=options, timeout=timeout)
-            self._stream: Any = self._container.streams.video[0]
-        except IndexError:
-            raise SourceGone(f"{place} has no pictures") from None
         except (OSError, ValueError, self._av.FFmpegError) as error:
-            raise SourceGone(f"{place}: {_reason(error)}") from None
-        if self._stream.codec_context is None:
+            asked = str(wanted) if self.is_live and getattr(error, "errno", None) == errno.EINVAL else ""
+            what = f"{place} cannot give {asked}" if asked else place
+            raise SourceGone(f"{what}: {_reason(error)}") from None
+        streams = self._container.streams.video
+        if not streams or streams[0].codec_context is None:
             self.close()
-            raise SourceGone(f"{place} has pictures that nothing here can decode")
+            raise SourceGone(f"{place} has {'pictures that nothing here can decode' if streams else 'no pictures'}")
+        self._stream: Any = streams[0]
         self.rate = float(self._stream.average_rate or 0)
         """Pictures per second, as it says; 0 where it does not."""
         self.broken = 0
@@ -125,9 +133,10 @@ class Source:
             jpeg = jpeg if _TABLES in jpeg.partition(_SCAN)[0] else b""
             if jpeg and not wants_frame():
                 codec = self._stream.codec_context
-                yield Picture(self._time(packet.pts), None, jpeg, codec.width, codec.height)
+                if self._is_sized(codec):
+                    yield Picture(self._time(packet.pts), None, jpeg, codec.width, codec.height)
                 continue
-            for frame in self._decoded(packet):
+            for frame in filter(self._is_sized, self._decoded(packet)):
                 yield Picture(self._time(frame.pts), frame, jpeg, frame.width, frame.height)
 
     def close(self) -> None:
@@ -157,7 +166,13 @@ class Source:
             return []
         if frames:
             self._broken_in_a_row = 0
-        return [frame for frame in frames if 0 < frame.width * frame.height <= MOST_PIXELS]
+        return list(frames)
+
+    def _is_sized(self, picture: Any) -> bool:
+        """Whether a picture has a size that it may have; counts it as broken where it has none."""
+        fits: bool = 0 < picture.width * picture.height <= MOST_PIXELS
+        self.broken += not fits
+        return fits
 
     def _time(self, pts: int | None) -> float:
         return float(pts * self._stream.time_base) if pts is not None else float("nan")
@@ -181,7 +196,9 @@ def _check_file(place: str) -> None:
 
 
 def _ratio(rate: float) -> Fraction:
-    """A rate as FFmpeg takes it; 0 for one that is too small to be meant."""
+    """A rate as FFmpeg takes it; 0 is none."""
+    if 0.0 < rate < 1.0:
+        return 1 / Fraction(1.0 / rate).limit_denominator(1001)
     return Fraction(rate).limit_denominator(1001)
 
 

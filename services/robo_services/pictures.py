@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from fractions import Fraction
+from statistics import median
 from typing import Any, Literal
 
 from robo_messages import CompressedImage, Header, Image
@@ -111,6 +112,30 @@ class Pace:
         # What is late is caught up with at twice the rate: all at once it would be more than a reader keeps.
         self._last = max(due, now, self._last + self._period / 2.0)
         return self._last - now
+
+
+class Gaps:
+    """How many pictures a camera has lost, by the gaps between those that came.
+
+    A gap is compared with what was usual of late, not with the rate that a camera says: in dim light it has another.
+    """
+
+    OVER = 10
+    """Gaps that tell what is usual."""
+    LEAST = 3
+
+    def __init__(self) -> None:
+        self._before = math.nan
+        self._gaps: deque[float] = deque(maxlen=self.OVER)
+
+    def lost(self, taken: float) -> int:
+        """How many were lost before a picture that was taken then, s; NaN where that is not known."""
+        gap, self._before = taken - self._before, taken
+        if not 0.0 < gap < math.inf:
+            return 0
+        usual = median(self._gaps) if len(self._gaps) >= self.LEAST else gap
+        self._gaps.append(gap)
+        return max(0, round(gap / usual) - 1)
 
 
 class Rate:

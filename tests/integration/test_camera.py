@@ -130,10 +130,27 @@ def test_what_a_camera_loses_is_told_and_one_that_is_unplugged_comes_back(
     assert "2 pictures were lost between camera and node so far" in caplog.messages
 
 
+def test_a_camera_is_seen_where_simulated_time_stands_still(
+    robo_session: zenoh.Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robo_services.camera.RETRY", 0.02)
+    plugged_in = PluggedIn(make_video(tmp_path / "a.avi", 10), since=time.monotonic())
+    monkeypatch.setattr("robo_services.camera_source.import_av", lambda: plugged_in)
+    with camera(robo_session, "/dev/video7", use_sim_time=True) as node:
+        eventually(lambda: len(plugged_in.asked) > 1, "all were seen, and it was looked for again")
+        assert node._count >= 9
+
+
+def test_half_a_size_is_refused(robo_session: zenoh.Session) -> None:
+    for half in ("image_width", "image_height"):
+        with pytest.raises(ParameterError, match="image_width and image_height are asked for together"):
+            camera(robo_session, "test", **{half: 640})
+
+
 def test_a_picture_is_stamped_with_when_it_was_taken() -> None:
     now = Time(100, 0)
     assert _before(now, 0.25) == Time(99, 750_000_000)
-    for unknown in (math.nan, -1.0, 5.0, math.inf):
+    for unknown in (math.nan, -1.0, 50.0, math.inf):
         assert _before(now, unknown) == now
 
 

@@ -1,10 +1,14 @@
 """Pictures of files and of the test picture, when they are due, and calibrations."""
 
+import errno
+import math
 import os
 import random
 import sys
+import wave
 from itertools import islice, pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,7 +17,7 @@ from robo_messages import Header
 from robo_services import camera_info
 from robo_services.camera_info import CalibrationError
 from robo_services.camera_source import TEST, Picture, Source, SourceGone, Wanted, import_av
-from robo_services.pictures import JpegEncoder, Pace, Rate, image_of
+from robo_services.pictures import Gaps, JpegEncoder, Pace, Rate, image_of
 from tests.videos import PluggedIn, brightness, make_video
 
 needs_av = pytest.mark.skipif("not __import__('importlib.util').util.find_spec('av')", reason="no extra camera")
@@ -125,23 +129,31 @@ def test_what_cannot_be_opened_says_why(place: str, text: str) -> None:
         Source(place, Wanted())
 
 
+def spoilt(whole: bytes, begin: int, chance: random.Random) -> bytes:
+    """A file with wrong bytes, most of them behind its beginning; or without an end, or nothing but noise."""
+    data = bytearray(whole)
+    for _ in range(chance.randrange(1, 8)):
+        data[chance.randrange(0 if chance.random() < 0.03 else begin, len(data))] = chance.randrange(256)
+    if chance.random() < 0.1:
+        del data[chance.randrange(len(data)) :]
+    return bytes(data) if chance.random() < 0.98 else chance.randbytes(500)
+
+
 @needs_av
-def test_broken_files_break_nothing(tmp_path: Path) -> None:
-    chance = random.Random(19)
-    whole = make_video(tmp_path / "a.avi", 2, size=(16, 16)).read_bytes()
-    begin = whole.index(b"movi")
-    broken = tmp_path / "broken.avi"
+@pytest.mark.parametrize(
+    ("name", "codec", "pictures"), [("a.avi", "mjpeg", b"movi"), ("a.mp4", "libx264", b"mdat")], ids=["mjpeg", "h264"]
+)
+def test_broken_files_break_nothing(tmp_path: Path, name: str, codec: str, pictures: bytes) -> None:
+    if codec not in import_av().codecs_available:
+        pytest.skip(f"no {codec} is here to make a film with")
+    chance, source = random.Random(19), tmp_path / f"broken{name[1:]}"
+    whole = make_video(tmp_path / name, 2, codec=codec, size=(16, 16)).read_bytes()
+    begin = whole.index(pictures)
     came = refused = 0
     for _ in range(BROKEN):
-        data = bytearray(whole)
-        for _ in range(chance.randrange(1, 8)):
-            data[chance.randrange(0 if chance.random() < 0.03 else begin, len(data))] = chance.randrange(256)
-        if chance.random() < 0.1:
-            del data[chance.randrange(len(data)) :]
-        broken.write_bytes(data if chance.random() < 0.98 else chance.randbytes(500))
+        source.write_bytes(spoilt(whole, begin, chance))
         try:
-            source = Source(str(broken), Wanted())
-            for picture in played(source):
+            for picture in played(Source(str(source), Wanted())):
                 image = image_of(picture.frame, "rgb8", Header())
                 assert len(image.data) == image.step * image.height <= 256 * 1024 * 1024
                 came += 1
@@ -173,6 +185,72 @@ def test_a_camera_is_asked_without_waiting_and_tells_that_it_was_unplugged(
     assert len(waited) == 1
     assert [picture.time for picture in found] == pytest.approx([100.0 + n / 30 for n in range(1, 5)], abs=1e-3)
     source.close()
+
+
+class Refuses:
+    """PyAV with a camera that does not open."""
+
+    def __init__(self, number: int) -> None:
+        self._av, self._number = import_av(), number
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._av, name)
+
+    def open(self, place: str, **_: Any) -> Any:
+        self._av.error.err_check(-self._number, place)
+
+
+@needs_av
+@pytest.mark.parametrize(
+    ("wanted", "number", "text"),
+    [
+        (
+            Wanted(641, 481, 7.5, "none"),
+            errno.EINVAL,
+            "/dev/video7 cannot give 641x481, 7.5 pictures a second, none: Inv",
+        ),
+        (Wanted(pixel_format="none"), errno.EINVAL, "/dev/video7 cannot give none: Invalid argument"),
+        (Wanted(), errno.EINVAL, "/dev/video7: Invalid argument"),
+        (Wanted(641, 481), errno.ENODEV, "/dev/video7: No such device"),
+        (Wanted(641, 481), errno.EBUSY, "/dev/video7: Device or resource busy"),
+    ],
+)
+def test_a_camera_that_cannot_give_what_is_asked_for_says_so(
+    monkeypatch: pytest.MonkeyPatch, wanted: Wanted, number: int, text: str
+) -> None:
+    plugged_in = Refuses(number)
+    monkeypatch.setattr("robo_services.camera_source.import_av", lambda: plugged_in)
+    with pytest.raises(SourceGone) as error:
+        Source("/dev/video7", wanted)
+    assert str(error.value).startswith(text)
+
+
+@needs_av
+def test_a_file_without_pictures_is_closed(tmp_path: Path) -> None:
+    place = tmp_path / "a.wav"
+    with wave.open(str(place), "wb") as sound:
+        sound.setparams((1, 1, 8000, 0, "NONE", ""))
+        sound.writeframes(bytes(8000))
+    with pytest.raises(SourceGone, match="has no pictures"):
+        Source(str(place), Wanted())
+    assert str(place) not in {os.path.realpath(f"/proc/self/fd/{fd}") for fd in os.listdir("/proc/self/fd")}
+
+
+@needs_av
+@pytest.mark.parametrize("frames", [True, False])
+def test_a_picture_that_is_too_large_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, frames: bool) -> None:
+    source = Source(str(make_video(tmp_path / "a.avi", 5)), Wanted())
+    monkeypatch.setattr("robo_services.camera_source.MOST_PIXELS", 1000)
+    assert played(source, frames=frames) == []
+    assert source.broken == 5
+
+
+@needs_av
+@pytest.mark.parametrize("rate", [0.0004, 0.5, 29.97, 30.0, 1000.0])
+def test_any_rate_is_asked_for(rate: float) -> None:
+    source = Source(TEST, Wanted(64, 48, rate))
+    source.close()
+    assert source.rate == pytest.approx(rate, rel=1e-6)
 
 
 def test_pyav_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -221,6 +299,22 @@ def test_what_is_late_is_caught_up_with_at_twice_the_rate() -> None:
     assert min(gaps) == pytest.approx(1 / 60)
     assert times[-1] == pytest.approx(102.0)
     assert pace.slips == 0
+
+
+def test_a_gap_that_is_longer_than_usual_is_a_loss() -> None:
+    gaps = Gaps()
+    times = [n / 30 for n in (0, 1, 2, 3, 4, 7, 8, 9.2, 9.9, 11, 21)]
+    assert [gaps.lost(time) for time in times] == [0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 9]
+    assert [gaps.lost(time) for time in (math.nan, 2.0, 1.0, 1.0)] == [0] * 4
+
+
+def test_a_camera_that_is_slower_for_a_while_loses_nothing() -> None:
+    gaps, time, lost = Gaps(), 0.0, []
+    for gap in [1 / 30] * 100 + [1 / 15] * 100 + [1 / 30] * 100:
+        time += gap
+        lost.append(gaps.lost(time))
+    assert sum(lost) == sum(lost[100:106]), "nothing, once it is usual"
+    assert sum(lost) <= 6
 
 
 def test_a_rate_is_that_of_the_last_seconds() -> None:
@@ -290,6 +384,7 @@ def test_what_it_does_not_say_is_that_of_a_single_camera(tmp_path: Path) -> None
         ("[500.5,", "[.nan,", "NaN or infinite"),
         ("[0.1, -0.2", "[0.1, .inf", "NaN or infinite"),
         ("data: [510, ", "data: [", "projection_matrix has to have 3 rows"),
+        ("cols: 5", "cols: 4", "distortion_coefficients has 5 data and 1 x 4"),
     ],
 )
 def test_mistakes_of_a_calibration_are_said(tmp_path: Path, old: str, new: str, text: str) -> None:
