@@ -85,7 +85,7 @@ class LdLidar(Node):
         self._wall = self.clock.wall
         self._feed = SerialFeed(
             p.port, BAUD, self.logger.warning, self._opened,
-            stale_after=STALE_AFTER, held_up=self._missed, now=self._wall.monotonic,
+            stale_after=STALE_AFTER, held_up=self._was_held_up, now=self._wall.monotonic,
         )  # fmt: skip
         self._decoder, self._assembly = LdDecoder(), Turns(p.rays)
         self._heard = self._turned = -math.inf
@@ -148,7 +148,7 @@ class LdLidar(Node):
         self._heard = self._turned = self._wall.monotonic()
         self.logger.info("listens to the lidar on %s", path)
 
-    def _missed(self, gap: float) -> None:
+    def _was_held_up(self, gap: float) -> None:
         self._begin()
         self._held_up += 1
         self.logger.warning("held up: the lidar was not read for %.2f s, which is left out", gap, throttle=5.0)

@@ -108,9 +108,9 @@ class LdDecoder:
         while True:
             begin = data.find(_HEAD, at)
             if begin < 0:
-                end = len(data) - data.endswith(_HEAD[:1])  # its second byte may come yet
-                self._skip(data[at:end])
-                self._rest = data[end:]
+                left = data[at:]
+                self._rest = left[-1:] if left.endswith(_HEAD[:1]) else b""  # its second byte may come yet
+                self._skip(left.removesuffix(self._rest))
                 return packets
             self._skip(data[at:begin])
             if begin + LENGTH > len(data):

@@ -100,6 +100,14 @@ def test_a_packet_of_which_the_end_is_missing_does_not_take_the_next_one_along(c
     assert len(found) == 2
 
 
+def test_a_checksum_like_the_first_byte_of_a_packet_begins_none() -> None:
+    raw = next(one for one in (encode(a_packet(time=n / 1000)) for n in range(30_000)) if one[-1] == 0x54)
+    decoder = LdDecoder()
+    for _ in range(3):
+        assert len(decoder.feed(raw)) == 1
+    assert decoder.skipped == 0
+
+
 def resealed(at: int, value: bytes) -> bytes:
     """The packet of the manual with other bytes, and a checksum that holds."""
     body = FROM_THE_MANUAL[:at] + value + FROM_THE_MANUAL[at + len(value) : -1]
