@@ -1,8 +1,5 @@
 """Serial ports: what is said of those that cannot be opened, and how one is found on USB."""
 
-import fcntl
-import os
-import resource
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,7 +11,6 @@ from robo_services import serial_port
 from robo_services.pseudo_terminal import PseudoTerminal
 from robo_services.serial_feed import SerialFeed, shown
 from robo_services.serial_port import PortGone, SerialPort, find_port
-from robo_services.waiting import Waiting, is_readable
 
 pytest.importorskip("serial", reason="the extra serial is not installed")
 
@@ -108,73 +104,6 @@ def test_a_feed_says_what_comes_in_each_life_of_a_port(tmp_path: Path, monkeypat
     board.unplug()
     kinds = ["gone" if "the port is gone" in one else "none" if "no port" in one else one for one in said]
     assert [kind for kind in kinds if kind != "none"] == ["opened", "gone", "opened"]
-
-
-def test_what_has_waited_for_too_long_is_left_out_and_silence_is_no_being_held_up(tmp_path: Path) -> None:
-    board, now, gaps = PseudoTerminal(tmp_path / "port"), [100.0], list[float]()
-    feed = SerialFeed(
-        str(tmp_path / "port"),
-        9600,
-        lambda _: None,
-        lambda _: None,
-        stale_after=0.1,
-        held_up=gaps.append,
-        now=lambda: now[0],
-    )
-    chunks = feed.chunks(lambda: False)
-    assert next(chunks) == b""
-    now[0] += 0.05
-    board.write(b"one")
-    assert (next(chunks), feed.read_at) == (b"one", 100.05)
-    now[0] += 0.09
-    assert next(chunks) == b"", "nobody spoke, and it looked"
-    now[0] += 0.09
-    board.write(b"two")
-    assert next(chunks) == b"two"
-    while board.write(b"old " * 1000):
-        pass
-    now[0] += 3.0  # held up
-    assert next(chunks) == b""
-    assert gaps == pytest.approx([3.0])
-    board.write(b"new")
-    assert next(chunks) == b"new"
-    chunks.close()
-    feed.close()
-    board.unplug()
-
-
-def test_a_file_above_the_1024th_is_waited_for() -> None:
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if hard < 1100:
-        pytest.skip("this machine opens no 1,100 files")
-    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, 1100), hard))
-    read, write = os.pipe()
-    high = fcntl.fcntl(read, fcntl.F_DUPFD, 1050)
-    waiting = Waiting()
-    try:
-        assert waiting.wait([high], 0.0) == []
-        os.write(write, b"a")
-        assert waiting.wait([high], 5.0) == [high]
-        assert is_readable(high, 5.0)
-    finally:
-        waiting.close()
-        for fd in (read, write, high):
-            os.close(fd)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
-
-
-def test_who_wakes_what_was_given_back_writes_to_nobody() -> None:
-    waiting = Waiting()
-    waiting.wake()
-    assert waiting.wait([], 100.0) == []
-    waiting.close()
-    others = [os.pipe() for _ in range(4)]  # they have the numbers of what was closed
-    waiting.wake()
-    waiting.close()
-    for read, write in others:
-        assert not is_readable(read, 0.0)
-        os.close(read)
-        os.close(write)
 
 
 def test_pyserial_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
