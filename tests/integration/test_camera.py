@@ -15,7 +15,7 @@ from robo_messages import CameraInfo, CompressedImage, Image, Time
 from robo_services.camera import Camera, _before
 from robo_services.camera_info import CalibrationError
 from tests.support import PATIENCE, eventually
-from tests.unit.test_pictures import CALIBRATION
+from tests.unit.test_camera_info import CALIBRATION
 from tests.videos import PluggedIn, brightness, make_video
 
 pytest.importorskip("av", reason="the extra camera is not installed: 100 MB")
