@@ -47,7 +47,7 @@ class Pulse:
         self._hooks = hooks
         self._publishes = tuple(publishes)
         self._flow = flow
-        self._started_at = self._ready_at = self._heard_at = self._said_at = now
+        self._started_at = self._ready_at = self._heard_at = self._said_at = self._excused_at = now
         self._counted: Beat | None = None
         """The beat since which messages are counted for the next rate."""
         self._counted_at = now
@@ -75,6 +75,8 @@ class Pulse:
             return None
         self._late = beat if beat.late else None
         self._said_at = now
+        if _own_trouble(beat.status.checks) is not None:
+            self._excused_at = now
         if beat.late:
             return beat
         self._count(beat, now)
@@ -113,20 +115,18 @@ class Pulse:
             return None  # its topics have to come first
         problems = (flow.problem(now, self._ready_at) for flow in self._flows())
         problem = next((problem for problem in problems if problem is not None), None)
-        if problem is None or (trouble := self._own_trouble()) is None:
+        if problem is None or (trouble := _own_trouble(self.checks)) is None:
             return problem
         return f"{problem}; {check_name(trouble)}: {trouble.message}"
 
     def silent_topic(self, now: float) -> str | None:
         """Why it hangs: nothing comes on a topic that it promised, for as long as the watchdog allows.
 
-        None where a check of its own says what ails it, such as a port that is not there: it is alive and knows, and a
-        new one would have to wait for the same.
+        The time does not count in which a check of its own said what ails it, such as a port that is not there: it is
+        alive and knows, and a new one would have to wait for the same.
         """
-        if self._own_trouble() is not None:
-            return None
         for flow in self._flows():
-            silent = flow.silent(now, self._ready_at) or 0.0
+            silent = flow.silent(now, max(self._ready_at, self._excused_at)) or 0.0
             if self._watchdog and silent > self._watchdog:
                 return f"hangs: nothing on {flow.promise.key} for {silent:.1f} s"
         return None
@@ -179,13 +179,15 @@ class Pulse:
             for topic, count in status.received.items()
         ]
 
-    def _own_trouble(self) -> DiagnosticStatus | None:
-        errors = (one for one in self.checks if one.level == DiagnosticStatus.ERROR)
-        return next((one for one in errors if check_name(one) not in EVERY_NODES), None)
-
     def _flows(self) -> Iterable[Flow]:
         said = self._beat.status.published if self._beat is not None else {}
         return (flow for key in said or self._publishes if (flow := self._flow(key)) is not None)
+
+
+def _own_trouble(checks: Iterable[DiagnosticStatus]) -> DiagnosticStatus | None:
+    """The first error that a check of the node's own has found."""
+    errors = (one for one in checks if one.level == DiagnosticStatus.ERROR)
+    return next((one for one in errors if check_name(one) not in EVERY_NODES), None)
 
 
 def _rates(old: Mapping[str, int], new: Mapping[str, int], span: float) -> dict[str, float]:

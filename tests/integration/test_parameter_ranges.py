@@ -28,6 +28,7 @@ from robo_services.position_tracker import PositionTracker
 from robo_services.robot_state_publisher import RobotStatePublisher
 from robo_services.safety_monitor import SafetyMonitor
 from robo_services.serial_base import SerialBase
+from robo_services.static_transform_publisher import StaticTransformPublisher
 from robo_services.teleop_joy import TeleopJoy
 from robo_services.teleop_keyboard import TeleopKeyboard
 from robo_services.twist_mux import TwistMux
@@ -54,6 +55,7 @@ SHIPPED = [
     RobotStatePublisher,
     SafetyMonitor,
     SerialBase,
+    StaticTransformPublisher,
     TeleopJoy,
     TeleopKeyboard,
     TwistMux,

@@ -42,6 +42,7 @@ def modules_after(code: str) -> set[str]:
         "import robo_services.diff_drive_controller, robo.process.node",
         "import robo_services.ekf_filter, robo.process.node",
         "import robo_services.robot_state_publisher, robo.process.node",
+        "import robo_services.static_transform_publisher, robo.process.node",
         "import robo_services.emulated_board, robo.process.node",
         "import robo_services.serial_base, robo.process.node",
         "import robo_services.teleop_keyboard, robo.process.node",

@@ -304,6 +304,7 @@ def test_robo_announces_the_nodes_that_ship() -> None:
         "robot_state_publisher",
         "safety_monitor",
         "serial_base",
+        "static_transform_publisher",
         "teleop_joy",
         "teleop_keyboard",
         "twist_mux",

@@ -93,7 +93,9 @@ def test_simulation_yaml_is_the_robot_with_other_values() -> None:
 
 
 def test_real_robot_yaml_drives_slower_and_needs_its_safety_monitor() -> None:
-    found = by_name(shipped("real_robot.yaml", base_service="robo_services.diff_drive_sim"))
+    standing = by_name(shipped("real_robot.yaml", base_service="robo_services.diff_drive_sim"))
+    assert "/r1/velocity_controller" not in standing, "by itself it does nothing"
+    found = by_name(shipped("real_robot.yaml", base_service="robo_services.diff_drive_sim", demo=Word("arc")))
     assert found["/r1/velocity_controller"].parameters["linear_velocity"] == 0.2
     assert found["/r1/safety_monitor"].required
     assert found["/r1/base"].restart.policy == "on-failure"
@@ -112,24 +114,32 @@ def test_real_robot_yaml_takes_a_serial_port() -> None:
     base = found["/r1/serial_base"]
     assert (base.service, base.restart.policy) == ("robo_services.serial_base", "on-failure")
     assert {"port": "/dev/ttyUSB0", "command_source": "safety_monitor"}.items() <= base.parameters.items()
-    assert found["/r1/safety_monitor"].parameters["laser"] is True
+    monitor = found["/r1/safety_monitor"].parameters
+    assert (monitor["laser"], monitor["wait_for_laser"]) == (True, False), "port is all that has to be said"
     topics = {topic.key: topic for topic in plan.topics}
     assert (topics["r1/odom"].external, topics["r1/scan"].external) == (False, True)
     assert not {"/r1/base", "/r1/emulated_board"} & {*found}
     own = by_name(shipped("real_robot.yaml", port=Word("/dev/ttyUSB0"), base_service="robo_services.diff_drive_sim"))
     assert "/r1/serial_base" not in own
+    seeing = shipped("real_robot.yaml", port=Word("/dev/ttyUSB0"), lidar_port=Word("10c4:ea60"))
+    assert by_name(seeing)["/r1/ld_lidar"].parameters["port"] == "10c4:ea60"
+    assert "wait_for_laser" not in by_name(seeing)["/r1/safety_monitor"].parameters
+    assert not next(topic for topic in seeing.topics if topic.key == "r1/scan").external
 
 
 @pytest.mark.parametrize(("port", "link"), [("", "/tmp/r1_board"), ("/tmp/mine", "/tmp/mine")])
-def test_real_robot_yaml_plays_the_board(port: str, link: str) -> None:
+def test_real_robot_yaml_plays_board_and_lidar(port: str, link: str) -> None:
     plan = shipped("real_robot.yaml", emulate=Word("true"), port=Word(port))
     found = by_name(plan)
+    assert found["/r1/ld_lidar"].parameters["port"] == found["/r1/emulated_lidar"].parameters["port"] == "/tmp/r1_lidar"
+    assert found["/r1/emulated_lidar"].parameters["follow"] == "ground_truth"
     assert found["/r1/serial_base"].parameters["port"] == link
     assert found["/r1/emulated_board"].parameters["link"] == link
-    assert found["/r1/safety_monitor"].parameters["laser"] is False, "it has none"
-    topics = {topic.key: topic for topic in plan.topics}
-    assert not topics["r1/odom"].external
-    assert (topics["r1/scan"].external, topics["r1/scan"].min_rate) == (True, None)
+    assert found["/r1/safety_monitor"].parameters["laser"] is True
+    assert "wait_for_laser" not in found["/r1/safety_monitor"].parameters
+    assert not [topic.key for topic in plan.topics if topic.key in ("r1/odom", "r1/scan") and topic.external]
+    blind = shipped("real_robot.yaml", emulate=Word("true"), laser=Word("false"))
+    assert not {"/r1/ld_lidar", "/r1/emulated_lidar"} & {*by_name(blind)}
 
 
 def test_an_argument_without_a_default_has_to_be_given() -> None:
