@@ -10,6 +10,7 @@ MuJoCo and numpy are imported when a base is made, not with this module.
 import importlib
 import importlib.util
 import math
+import os
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,11 @@ from robo_services import mjcf
 from robo_services.drives import DiffDrive, Wheels
 from robo_services.kinematics import Pose2, Twist2
 from robo_services.limits import clamp, ramp
-from robo_services.mujoco_sensors import SEEN, Feeling, Imu, ModelError, add_sensors
+from robo_services.mujoco_drawing import VARIABLE, choose_drawing
+from robo_services.mujoco_robot import PREFIX, Places, model_of, one_line
+from robo_services.mujoco_sensors import Feeling, Imu
 from robo_services.simulated_base import BaseLimits
 
-PREFIX = "robot/"
-"""Before every name of the robot's, so that a world may have the same ones."""
 LOOK = 0.01
 """How often the motors' controllers, the inertial measurement unit and what is touched are looked at, s."""
 SETTLING = 0.1
@@ -32,12 +33,8 @@ SETTLING = 0.1
 TIMESTEP = 0.002
 """Of the physics, s; no longer than this unless somebody says so."""
 
-_VISIBLE, _ROBOT = 2, 2
-"""Groups of geoms: the last one that is shown, and that of the robot; a world's are moved out of that."""
 _INTEGRAL, _NEAR = 10.0, 1.0
 """Of the motors' controllers: by how much of an error they add, 1/s, and up to which error, rad/s."""
-_STEEP = 0.7
-"""A contact whose normal leans less, as the part of it that points up, is with something that stands around."""
 
 
 REQUIRES = {"mujoco": "robo-zenoh[mujoco]"}
@@ -56,13 +53,16 @@ def import_mujoco() -> Any:
     """The module of MuJoCo.
 
     Raises:
-        RunError: it is not installed; names the extra.
+        RunError: it is not installed, and names the extra; or it cannot be imported, and says why.
     """
+    choose_drawing()
     try:
         return importlib.import_module("mujoco")
-    except ImportError as error:
-        missing = absent(REQUIRES) or [f"needs MuJoCo, which cannot be imported: {error}"]
-        raise RunError(f"mujoco_sim {missing[0]}") from None
+    except Exception as error:  # what is to draw is imported with it, and has errors of its own
+        way = os.environ.get(VARIABLE)
+        asked = f"; {VARIABLE} is {way!r}: it may be egl, osmesa or glfw, or not be said" if way else ""
+        why = absent(REQUIRES) or [f"needs MuJoCo, which cannot be imported: {one_line(error)}{asked}"]
+        raise RunError(f"mujoco_sim {why[0]}") from None
 
 
 class MujocoBase:
@@ -93,7 +93,7 @@ class MujocoBase:
         """
         self.mujoco = mujoco = import_mujoco()
         mujoco.set_mju_user_warning(_ignore)  # else it writes a file into the current folder; `_check` asks instead
-        self.model = _model(mujoco, world, robot, pose)
+        self.model = model_of(mujoco, world, robot, pose)
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         self.data = mujoco.MjData(self.model)
         self.touches = 0
@@ -103,7 +103,9 @@ class MujocoBase:
         self.imu: Imu
         """What its inertial measurement unit has felt in the last step."""
         self._limits, self._drive, self._timestep = limits, drive, timestep
-        self._at = _Places(mujoco, self.model)
+        self._at = Places(mujoco, self.model, self.data)
+        self.starts_inside = self._at.starts_inside
+        """Whether the robot stands in something at the start."""
         self._feeling = Feeling(mujoco, self.model, self.data, PREFIX + mjcf.IMU)
         self._commanded, self._added = Twist2(), [0.0, 0.0]
         self.reset()
@@ -192,6 +194,7 @@ class MujocoBase:
     def site(self, name: str) -> Transform3 | None:
         """Where a site of the robot's stands in its base; None where there is none."""
         number = self.number_of_site(name)
+        self._look_around()
         return self._in_base(self.data.site_xpos[number], self.data.site_xmat[number]) if number >= 0 else None
 
     def camera(self, name: str) -> Transform3 | None:
@@ -199,8 +202,20 @@ class MujocoBase:
         number = self.mujoco.mj_name2id(self.model, self.mujoco.mjtObj.mjOBJ_CAMERA, PREFIX + name)
         if number < 0:
             return None
+        self._look_around()
         # MuJoCo's cameras look along -z, with y up.
         return self._in_base(self.data.cam_xpos[number], self.data.cam_xmat[number]) @ Transform3(qx=1.0, qw=0.0)
+
+    @property
+    def tilt(self) -> float:
+        """How far it leans to any side, 0 to pi rad."""
+        *_, i, j, _ = self.data.qpos[self._at.base_position].tolist()
+        return 2 * math.asin(min(1.0, math.hypot(i, j)))
+
+    def _look_around(self) -> None:
+        """Let MuJoCo say where everything is; after a step it says it of the time before that."""
+        self.mujoco.mj_kinematics(self.model, self.data)
+        self.mujoco.mj_camlight(self.model, self.data)
 
     def _in_base(self, position: Any, rotation: Any) -> Transform3:
         import numpy as np
@@ -243,89 +258,10 @@ class MujocoBase:
             raise Diverged(f"the physics has come to numbers that mean nothing after {self.data.time:.3f} s")
 
 
-class _Places:
-    """Where in MuJoCo's arrays the robot is."""
-
-    def __init__(self, mujoco: Any, model: Any) -> None:
-        import numpy as np
-
-        base = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, PREFIX + mjcf.BASE)
-        free = model.body_jntadr[base]
-        if free < 0 or model.jnt_type[free] != mujoco.mjtJoint.mjJNT_FREE:
-            raise ModelError(f"the robot's body {mjcf.BASE!r} has no free joint")
-        position, velocity = model.jnt_qposadr[free], model.jnt_dofadr[free]
-        self.base = base
-        self.base_position = slice(position, position + 7)
-        self.base_velocity = slice(velocity, velocity + 6)
-        self.left, self.left_velocity, self.left_motor = _wheel(mujoco, model, mjcf.LEFT)
-        self.right, self.right_velocity, self.right_motor = _wheel(mujoco, model, mjcf.RIGHT)
-        self._of_robot = model.body_rootid[model.geom_bodyid] == model.body_rootid[base]
-        self._stands = ~self._of_robot & (model.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE))
-        # What the robot's geoms are not in, a laser may see: it never sees its own robot, nor what is invisible.
-        groups = model.geom_group
-        visible = groups <= _VISIBLE
-        groups[self._of_robot & visible] = _ROBOT
-        groups[~self._of_robot & (groups == _ROBOT)] = SEEN[-1]
-        self._abs = np.abs
-
-    def touching(self, contacts: Any) -> bool:
-        """Whether the robot touches what stands around."""
-        pairs = contacts.geom
-        if not self._stands[pairs].any():
-            return False  # it is on the floor, as nearly always
-        mine = self._of_robot[pairs]
-        steep = self._abs(contacts.frame[:, 2]) < _STEEP
-        return bool((steep & (mine[:, 0] != mine[:, 1]) & (contacts.dist <= 0.0)).any())
-
-
 def _transform(position: list[float], rotation: list[float]) -> Transform3:
     """From a place and a quaternion in MuJoCo's order, w, x, y, z."""
     (x, y, z), (w, i, j, k) = position, rotation
     return Transform3(x, y, z, i, j, k, w)
-
-
-def _wheel(mujoco: Any, model: Any, name: str) -> tuple[int, int, int]:
-    """The places of a wheel's position, of its velocity and of its motor."""
-    joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, PREFIX + name)
-    if joint < 0:
-        raise ModelError(f"the robot has no joint {name!r}; it needs {mjcf.LEFT} and {mjcf.RIGHT}")
-    of_joints = model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)
-    (motors,) = (of_joints & (model.actuator_trnid[:, 0] == joint)).nonzero()
-    if len(motors) != 1:
-        raise ModelError(f"the robot's joint {name!r} has {len(motors)} actuators; it needs one that takes a velocity")
-    return int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint]), int(motors[0])
-
-
-def _model(mujoco: Any, world: str | Path, robot: str | Path, pose: Pose2) -> Any:
-    """Both as one model, with the sensors of an inertial measurement unit."""
-    whole, part = _spec(mujoco, world, "world"), _spec(mujoco, robot, "robot")
-    try:
-        turned = [math.cos(pose.yaw / 2), 0.0, 0.0, math.sin(pose.yaw / 2)]
-        frame = whole.worldbody.add_frame(pos=[pose.x, pose.y, 0.0], quat=turned)
-        whole.attach(part, prefix=PREFIX, frame=frame)
-        base = whole.body(PREFIX + mjcf.BASE)
-        if base is None:
-            raise ModelError(f"the robot has no body {mjcf.BASE!r}")
-        if PREFIX + mjcf.IMU not in {site.name for site in whole.sites}:
-            base.add_site(name=PREFIX + mjcf.IMU)
-        add_sensors(mujoco, whole, PREFIX + mjcf.IMU)
-        return whole.compile()
-    except (ValueError, KeyError) as error:
-        raise ModelError(f"MuJoCo cannot put the robot into the world: {_line(error)}") from None
-
-
-def _spec(mujoco: Any, source: str | Path, what: str) -> Any:
-    try:
-        if isinstance(source, Path):
-            return mujoco.MjSpec.from_file(str(source))
-        return mujoco.MjSpec.from_string(source)
-    except ValueError as error:
-        where = f"{what} file {source}" if isinstance(source, Path) else f"the {what}"
-        raise ModelError(f"{where} is no model for MuJoCo: {_line(error)}") from None
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())
 
 
 def _ignore(_text: str) -> None:

@@ -1,12 +1,13 @@
 """What a robot in MuJoCo senses of its own motion, and what its sensors may lack."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from robo.errors import RunError
 
 SEEN = (0, 1)
 """The groups of geoms that a laser sees."""
-_GYRO, _VELOCITY, _ORIENTATION = (f"robo/{name}" for name in ("gyro", "velocity", "orientation"))
+_GYRO, _VELOCITY = "robo/gyro", "robo/velocity"
 
 
 class ModelError(RunError):
@@ -17,7 +18,7 @@ class Imu(NamedTuple):
     """What an inertial measurement unit measures, in the frame of its site."""
 
     orientation: tuple[float, float, float, float]
-    """From the world's axes to its own, x, y, z, w."""
+    """From the world's axes to its own at the end of the last step, x, y, z, w."""
     angular_velocity: tuple[float, float, float]
     """rad/s, the mean over the last step."""
     linear_acceleration: tuple[float, float, float]
@@ -29,7 +30,6 @@ def add_sensors(mujoco: Any, spec: Any, site: str) -> None:
     kinds, of_site = mujoco.mjtSensor, mujoco.mjtObj.mjOBJ_SITE
     spec.add_sensor(name=_GYRO, type=kinds.mjSENS_GYRO, objtype=of_site, objname=site)
     spec.add_sensor(name=_VELOCITY, type=kinds.mjSENS_VELOCIMETER, objtype=of_site, objname=site)
-    spec.add_sensor(name=_ORIENTATION, type=kinds.mjSENS_FRAMEQUAT, objtype=of_site, objname=site)
 
 
 class Feeling:
@@ -41,10 +41,13 @@ class Feeling:
     """
 
     def __init__(self, mujoco: Any, model: Any, data: Any, site: str) -> None:
-        self._model, self._data = model, data
+        import numpy as np
+
+        self._turned = np.zeros(4)
+        self._mujoco, self._model, self._data = mujoco, model, data
         self._site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, site)
         first = int(model.sensor_adr[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, _GYRO)])
-        self._motion, self._orientation = slice(first, first + 6), slice(first + 6, first + 10)
+        self._motion = slice(first, first + 6)
 
     def begin_anew(self) -> Imu:
         """Forget what was."""
@@ -67,7 +70,19 @@ class Feeling:
         return self._imu((a, b, c), (x, y, z))
 
     def _imu(self, turning: tuple[float, float, float], speeding: tuple[float, float, float]) -> Imu:
-        w, i, j, k = self._data.sensordata[self._orientation].tolist()
-        down = (self._data.site_xmat[self._site].reshape(3, 3).T @ self._model.opt.gravity).tolist()
+        self._mujoco.mj_kinematics(self._model, self._data)  # sites stand where they were before the last step
+        axes = self._data.site_xmat[self._site]
+        self._mujoco.mju_mat2Quat(self._turned, axes)
+        w, i, j, k = self._turned.tolist()
+        down = (axes.reshape(3, 3).T @ self._model.opt.gravity).tolist()
         x, y, z = (change - pull for change, pull in zip(speeding, down, strict=True))
         return Imu((i, j, k, w), turning, (x, y, z))
+
+
+def mean(felt: Sequence[Imu]) -> Imu:
+    """Of several steps of the same length, as if they had been one."""
+    turning, pulling = (
+        [sum(column) / len(felt) for column in zip(*vectors, strict=True)]
+        for vectors in ([one.angular_velocity for one in felt], [one.linear_acceleration for one in felt])
+    )
+    return Imu(felt[-1].orientation, (turning[0], turning[1], turning[2]), (pulling[0], pulling[1], pulling[2]))
