@@ -30,6 +30,7 @@ from robo_services.mujoco_laser import MujocoLaser
 from robo_services.mujoco_messages import imu_message
 from robo_services.mujoco_physics import MujocoBase
 from robo_services.simulated_base import DRIVE, BaseLimits, SimulatedBase
+from robo_services.simulated_errors import ImuNoise
 from robo_services.wheel_odometry import WheelOdometry
 
 RESULTS = Path(__file__).parent / "MUJOCO.md"
@@ -71,7 +72,7 @@ def with_sensors(base: MujocoBase) -> Callable[[int], None]:
     def step(number: int) -> None:
         base.step(SPEED, TURNING, STEP)
         odometry.take_positions(base.wheels[:1], base.wheels[1:2], base.time)
-        imu_message(Header(), base.imu, 0.002, 0.02, rng)
+        imu_message(Header(), base.imu, ImuNoise(), rng)
         if number % 5 == 0:
             laser.scan()
 
@@ -190,7 +191,6 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=10)
     parser.add_argument("--seconds", type=float, default=10.0, help="of each round, simulated or by the clock, s")
     asked = parser.parse_args()
-    mujoco_pictures.choose_drawing()
     about = machine()
     about[0] = about[0].removesuffix(".") + f", mujoco {version('mujoco')}."
     lines = [

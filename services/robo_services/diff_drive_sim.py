@@ -5,7 +5,7 @@ from collections.abc import Set
 from functools import partial
 from typing import Annotated, Literal
 
-from msgspec import Meta
+from msgspec import Meta, structs
 
 import robo
 from robo import READ_ONLY, Health, MessageInfo, Node, Publisher, QoS, Unit, check, service, subscribe, timer
@@ -29,7 +29,7 @@ from robo_services.drives import Ackermann, DiffDrive, SkidSteer
 from robo_services.kinematics import Pose2, Twist2
 from robo_services.safety import is_finite
 from robo_services.simulated_base import SimulatedBase
-from robo_services.simulated_errors import ErringWheels, ImuNoise, SimulatedImu, WheelErrors
+from robo_services.simulated_errors import ErringWheels, SimulatedImu, WheelErrors
 from robo_services.simulator import MOST_STEPS, REMEMBERED, Command, SimulatorParameters, in_force
 from robo_services.uncertainty import NOISE, PoseCovariance
 from robo_services.wheel_odometry import odometry_message, twist_variances
@@ -50,7 +50,7 @@ class DiffDriveSim(Node):
     """Simulate a base and its laser in a flat world: a differential drive, or a skid steer, or a car."""
 
     class Parameters(SimulatorParameters):
-        """The base, its laser and its world."""
+        """The base, its sensors and its world."""
 
         drive: Annotated[
             Literal["diff", "skid", "ackermann"],
@@ -67,17 +67,10 @@ class DiffDriveSim(Node):
             float, Meta(ge=0.01, le=100, description="how quickly it steers"), Unit("rad/s"), READ_ONLY
         ] = 2.0
         errors: WheelErrors = WheelErrors()
-        imu: Annotated[bool, Meta(description="publish imu, after every step"), READ_ONLY] = False
-        imu_noise: ImuNoise = ImuNoise()
-        ground_truth: Annotated[bool, Meta(description="publish ground_truth: odometry without errors"), READ_ONLY] = (
-            False
-        )
-        enable_odom_tf: Annotated[
-            bool, Meta(description="say on tf where the base stands in odom; false where a filter does")
-        ] = True
 
         def __post_init__(self) -> None:
             """Refuse what is not simulated."""
+            super().__post_init__()
             if self.errors and self.drive == "ackermann":
                 raise ValueError("errors are simulated of the drives diff and skid, not of ackermann")
 
@@ -131,12 +124,12 @@ class DiffDriveSim(Node):
             self.clock = wall
             self.create_timer(1.0 / p.odom_rate, self.advance)
         self._begin = self.clock.monotonic()
-        self._say_where_laser_is()
+        self._say_where_sensors_are()
 
     def on_parameters_changed(self, names: Set[str]) -> None:
         """Say where a laser stands that is there now."""
         if "laser" in names:
-            self._say_where_laser_is()
+            self._say_where_sensors_are()
 
     @subscribe("cmd_vel", qos=QoS.COMMAND, sole_source="command_source")
     def on_command(self, twist: Twist, info: MessageInfo) -> None:
@@ -195,9 +188,10 @@ class DiffDriveSim(Node):
             moved = Transform3.from_message(odometry.pose.pose)
             self.frames.send(moved.to_stamped(odometry.header, odometry.child_frame_id))
         if self._truth is not None:
-            self._truth.publish(truth)
+            header = Header(truth.header.stamp, self.parameters.world_frame)
+            self._truth.publish(structs.replace(truth, header=header))
         if self._imu_readings is not None and steps:
-            header = Header(odometry.header.stamp, self.parameters.base_frame)
+            header = Header(odometry.header.stamp, self.parameters.imu_frame)
             self._imu_readings.publish(self._imu.message(header, self._base.linear, turned, len(steps) / rate))
         if self._joints is not None:
             self._joints.publish(self._joint_state(odometry.header.stamp, max(len(steps), 1) / rate))
@@ -228,10 +222,13 @@ class DiffDriveSim(Node):
             return Health.warn("the base pushes against something")
         return Health.ok()
 
-    def _say_where_laser_is(self) -> None:
+    def _say_where_sensors_are(self) -> None:
         p = self.parameters
-        if p.laser and p.publish_laser_tf:  # it stands in the middle of the base
-            self.fixed_frames.send(TransformStamped(Header(self.now(), p.base_frame), p.laser_frame))
+        sensors = {p.laser_frame: p.laser and p.publish_laser_tf, p.imu_frame: p.imu}
+        header = Header(self.now(), p.base_frame)  # all of them stand in the middle of the base
+        said = [TransformStamped(header, frame) for frame, is_there in sensors.items() if is_there]
+        if said:
+            self.fixed_frames.send(*said)
 
     def _odometry(self) -> Odometry:
         base, p = self._base, self.parameters

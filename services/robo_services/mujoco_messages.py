@@ -2,11 +2,17 @@
 
 from random import Random
 
-from robo_messages import Header, JointState, LaserScan, Quaternion, Vector3, sensor
+from msgspec import structs
+
+from robo_messages import Header, JointState, LaserScan, Odometry, Quaternion, sensor
 from robo_services import mjcf
+from robo_services.kinematics import Twist2
 from robo_services.mujoco_laser import MujocoLaser
 from robo_services.mujoco_physics import MujocoBase
 from robo_services.mujoco_sensors import Imu
+from robo_services.simulated_errors import ImuNoise, alike, imu_reading
+from robo_services.uncertainty import PoseCovariance
+from robo_services.wheel_odometry import odometry_message
 
 ORIENTATION_VARIANCE = 1e-6
 """The orientation is true; a variance of 0 would say that nobody knows it, rad²."""
@@ -26,27 +32,29 @@ def scan_message(header: Header, laser: MujocoLaser, period: float) -> LaserScan
     )
 
 
-def imu_message(header: Header, felt: Imu, gyro_noise: float, accelerometer_noise: float, rng: Random) -> sensor.Imu:
+def imu_message(header: Header, felt: Imu, noise: ImuNoise, rng: Random) -> sensor.Imu:
     """What is felt, with noise.
 
     Args:
         header: when, and the sensor's frame.
         felt: truly.
-        gyro_noise: standard deviation of an angular velocity, rad/s.
-        accelerometer_noise: of an acceleration, m/s².
+        noise: how it errs.
         rng: makes the noise.
     """
-    turning = [value + rng.gauss(0.0, gyro_noise) for value in felt.angular_velocity]
-    pulling = [value + rng.gauss(0.0, accelerometer_noise) for value in felt.linear_acceleration]
-    return sensor.Imu(
-        header=header,
+    return structs.replace(
+        imu_reading(header, felt.angular_velocity, felt.linear_acceleration, noise, rng),
         orientation=Quaternion(*felt.orientation),
-        orientation_covariance=_diagonal(ORIENTATION_VARIANCE),
-        angular_velocity=Vector3(*turning),
-        angular_velocity_covariance=_diagonal(gyro_noise**2),
-        linear_acceleration=Vector3(*pulling),
-        linear_acceleration_covariance=_diagonal(accelerometer_noise**2),
+        orientation_covariance=alike(ORIENTATION_VARIANCE),
     )
+
+
+def truth_message(header: Header, base_frame: str, base: MujocoBase) -> Odometry:
+    """Where the base truly is, in the frame of the header, and how it moves."""
+    truth = odometry_message(
+        header, base_frame, base.pose, Twist2(base.linear, base.angular), PoseCovariance(), (0.0, 0.0)
+    )
+    truth.twist.twist.linear.y = base.sideways
+    return truth
 
 
 def joint_state(header: Header, base: MujocoBase) -> JointState:
@@ -58,7 +66,3 @@ def joint_state(header: Header, base: MujocoBase) -> JointState:
         list(base.wheel_velocities[:2]),
         list(base.wheel_torques[:2]),
     )
-
-
-def _diagonal(variance: float) -> tuple[float, ...]:
-    return (variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance)

@@ -116,23 +116,39 @@ class SimulatedImu:
             turn: by how much it has turned since the last reading, rad.
             dt: how long ago that was, s.
         """
-        noise, gauss = self._noise, self._random.gauss
         gained, self._linear = (linear - self._linear) / dt, linear
         rate = turn / dt
-        felt = Vector3(gained, linear * rate, GRAVITY)
-        return Imu(
-            header,
-            orientation_covariance=(-1.0, *(0.0,) * 8),  # REP-145: it is not measured
-            angular_velocity=Vector3(
-                gauss(0.0, noise.gyro), gauss(0.0, noise.gyro), rate + noise.gyro_bias + gauss(0.0, noise.gyro)
-            ),
-            angular_velocity_covariance=_alike(noise.gyro),
-            linear_acceleration=Vector3(*(gauss(one, noise.acceleration) for one in (felt.x, felt.y, felt.z))),
-            linear_acceleration_covariance=_alike(noise.acceleration),
-        )
+        return imu_reading(header, (0.0, 0.0, rate), (gained, linear * rate, GRAVITY), self._noise, self._random)
 
 
-def _alike(deviation: float) -> tuple[float, ...]:
+def imu_reading(
+    header: Header,
+    turning: tuple[float, float, float],
+    pulling: tuple[float, float, float],
+    noise: ImuNoise,
+    rng: random.Random,
+) -> Imu:
+    """What an IMU says that does not say how it stands.
+
+    Args:
+        header: when, and in which frame.
+        turning: how it truly turns, rad/s.
+        pulling: what truly speeds it up, and holds it against gravity, m/s².
+        noise: how it errs.
+        rng: makes the noise.
+    """
+    x, y, z = (rng.gauss(one, noise.gyro) for one in turning)
+    return Imu(
+        header,
+        orientation_covariance=(-1.0, *(0.0,) * 8),  # REP-145: it is not measured
+        angular_velocity=Vector3(x, y, z + noise.gyro_bias),
+        angular_velocity_covariance=alike(noise.gyro**2),
+        linear_acceleration=Vector3(*(rng.gauss(one, noise.acceleration) for one in pulling)),
+        linear_acceleration_covariance=alike(noise.acceleration**2),
+    )
+
+
+def alike(variance: float) -> tuple[float, ...]:
     """A covariance of three numbers; never of zeros, which would say that it is not known."""
-    variance = max(deviation * deviation, 1e-12)
+    variance = max(variance, 1e-12)
     return tuple(variance if i % 4 == 0 else 0.0 for i in range(9))

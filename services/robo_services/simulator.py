@@ -1,4 +1,4 @@
-"""What simulators of a base have in common: how the base, its laser and its world are said, and which command holds."""
+"""What simulators of a base have in common: how it, its sensors and its world are said, and which command holds."""
 
 from collections.abc import Iterable
 from typing import Annotated, NamedTuple
@@ -9,6 +9,7 @@ import robo
 from robo import READ_ONLY, Unit
 from robo_messages import Twist
 from robo_services.simulated_base import BaseLimits
+from robo_services.simulated_errors import ImuNoise
 
 MOST_STEPS = 50
 """Steps made up for at once after the process was held up; beyond them simulated time falls behind."""
@@ -36,25 +37,31 @@ def in_force(commands: Iterable[Command], moment: float, timeout: float) -> Twis
 
 
 class SimulatorParameters(robo.Parameters):
-    """The base, its laser and its world."""
+    """The base, its sensors and its world."""
 
     world: Annotated[str, Meta(description="YAML file of walls, boxes and circles; empty: a 10 m room"), READ_ONLY] = ""
-    x: Annotated[float, Meta(description="where it starts, along x of the world"), Unit("m"), READ_ONLY] = 0.0
-    y: Annotated[float, Meta(description="where it starts, along y"), Unit("m"), READ_ONLY] = 0.0
-    yaw: Annotated[float, Meta(description="where it looks at the start"), Unit("rad"), READ_ONLY] = 0.0
-    seed: Annotated[
-        int, Meta(description="what the laser's noise begins from: the same seed, the same noise"), READ_ONLY
-    ] = 0
+    x: Annotated[
+        float, Meta(ge=-1e4, le=1e4, description="where it starts, along x of the world"), Unit("m"), READ_ONLY
+    ] = 0.0
+    y: Annotated[float, Meta(ge=-1e4, le=1e4, description="where it starts, along y"), Unit("m"), READ_ONLY] = 0.0
+    yaw: Annotated[float, Meta(ge=-1e6, le=1e6, description="where it looks at the start"), Unit("rad"), READ_ONLY] = (
+        0.0
+    )
+    seed: Annotated[int, Meta(description="what all noise begins from: the same seed, the same noise"), READ_ONLY] = 0
     wheel_separation: Annotated[
-        float, Meta(ge=0.001, le=100, description="between the wheels of the two sides"), Unit("m"), READ_ONLY
+        float, Meta(ge=0.01, le=10, description="between the wheels of the two sides"), Unit("m"), READ_ONLY
     ] = 0.3
-    wheel_radius: Annotated[float, Meta(ge=0.001, le=100, description="radius of a wheel"), Unit("m"), READ_ONLY] = 0.05
+    wheel_radius: Annotated[float, Meta(ge=0.01, le=10, description="radius of a wheel"), Unit("m"), READ_ONLY] = 0.05
     joint_states: Annotated[
         bool, Meta(description="publish joint_states: how far wheels have turned and are steered"), READ_ONLY
     ] = False
-    radius: Annotated[float, Meta(gt=0, description="radius of the round base"), Unit("m"), READ_ONLY] = 0.2
-    max_linear_velocity: Annotated[float, Meta(gt=0, description="it drives no faster"), Unit("m/s"), READ_ONLY] = 1.5
-    max_angular_velocity: Annotated[float, Meta(gt=0, description="it turns no faster"), Unit("rad/s"), READ_ONLY] = 3.0
+    radius: Annotated[float, Meta(ge=0.01, le=10, description="radius of the round base"), Unit("m"), READ_ONLY] = 0.2
+    max_linear_velocity: Annotated[
+        float, Meta(gt=0, le=100, description="it drives no faster"), Unit("m/s"), READ_ONLY
+    ] = 1.5
+    max_angular_velocity: Annotated[
+        float, Meta(gt=0, le=100, description="it turns no faster"), Unit("rad/s"), READ_ONLY
+    ] = 3.0
     linear_acceleration: Annotated[float, Meta(gt=0, description="how it gains speed"), Unit("m/s²"), READ_ONLY] = 2.0
     linear_deceleration: Annotated[float, Meta(gt=0, description="how it brakes"), Unit("m/s²"), READ_ONLY] = 5.0
     angular_acceleration: Annotated[
@@ -81,6 +88,14 @@ class SimulatorParameters(robo.Parameters):
         12.0
     )
     range_noise: Annotated[float, Meta(ge=0, description="standard deviation of a range"), Unit("m"), READ_ONLY] = 0.005
+    imu: Annotated[bool, Meta(description="publish imu, after every step"), READ_ONLY] = False
+    imu_noise: ImuNoise = ImuNoise()
+    ground_truth: Annotated[
+        bool, Meta(description="publish ground_truth: where the base truly is and how it moves"), READ_ONLY
+    ] = False
+    enable_odom_tf: Annotated[
+        bool, Meta(description="say on tf where the base stands in odom; false where a filter does")
+    ] = True
     publish_clock: Annotated[
         bool, Meta(description="publish /clock: time is what is simulated, for nodes with use_sim_time"), READ_ONLY
     ] = False
@@ -92,11 +107,20 @@ class SimulatorParameters(robo.Parameters):
         "base_link"
     )
     laser_frame: Annotated[str, Meta(min_length=1, description="the frame of scans"), READ_ONLY] = "base_laser"
+    imu_frame: Annotated[str, Meta(min_length=1, description="the frame of imu"), READ_ONLY] = "imu_link"
+    world_frame: Annotated[
+        str, Meta(min_length=1, description="the frame of ground_truth; no frame leads there"), READ_ONLY
+    ] = "world"
     publish_laser_tf: Annotated[
         bool,
         Meta(description="say on tf_static where the laser stands; false where a robot_state_publisher does"),
         READ_ONLY,
     ] = True
+
+    def __post_init__(self) -> None:
+        """Refuse a laser that would measure nothing."""
+        if self.range_min >= self.range_max:
+            raise ValueError(f"range_min = {self.range_min:g} has to be less than range_max = {self.range_max:g}")
 
     @property
     def limits(self) -> BaseLimits:

@@ -56,6 +56,19 @@ def test_the_frames_of_the_simulation(run_node: RunNode, clock: Clock) -> None:
     assert buffer.can_transform(odometry.header.frame_id, odometry.child_frame_id, odometry.header.stamp)
 
 
+def test_the_imu_of_the_simulation_has_its_frame_and_the_truth_is_in_no_frame_of_the_robots(
+    run_node: RunNode, clock: Clock
+) -> None:
+    base = run_node(DiffDriveSim, imu=True, ground_truth=True, laser=False)
+    clock.advance(0.3)
+    buffer = taken(base)
+    felt, truth, odometry = (base.published(topic)[-1] for topic in ("imu", "ground_truth", "odom"))
+    assert felt.header.frame_id == "imu_link"
+    assert buffer.lookup("odom", "imu_link", felt.header.stamp) == Transform3()
+    assert truth.header.frame_id == "world", "odom goes astray with the wheels"
+    assert (truth.header.stamp, truth.pose) == (odometry.header.stamp, odometry.pose)
+
+
 def test_a_laser_that_is_there_later_has_its_frame_too(run_node: RunNode, clock: Clock) -> None:
     base = run_node(DiffDriveSim, laser=False)
     clock.advance(0.3)

@@ -3,6 +3,7 @@
 import hashlib
 import math
 import random
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,14 +11,17 @@ from typing import Any
 
 import pytest
 
-from robo.errors import RunError
+from robo.errors import ParameterError, RunError
+from robo.parameters.model import build, describe
 from robo_services import mjcf, mujoco_physics, world
+from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.kinematics import ORIGIN, Pose2
 from robo_services.mujoco_laser import MujocoLaser
 from robo_services.mujoco_parameters import MujocoParameters
 from robo_services.mujoco_physics import MujocoBase
 from robo_services.mujoco_sensors import ModelError
 from robo_services.simulated_base import DRIVE, BaseLimits, SimulatedBase
+from robo_services.simulator import SimulatorParameters
 from robo_services.wheel_odometry import WheelOdometry
 from robo_services.world import Box, Circle, Laser, World
 
@@ -157,8 +161,21 @@ def test_what_it_feels() -> None:
     felt = base.imu
     assert felt.angular_velocity == pytest.approx((0, 0, 1.0), abs=0.05)
     assert felt.linear_acceleration[1] == pytest.approx(1.0, abs=0.1), "v w, towards the middle of the circle"
-    *_, z, w = felt.orientation
-    assert math.remainder(2 * math.atan2(z, w) - base.pose.yaw, math.tau) == pytest.approx(0, abs=1e-2)
+    driven(base, 0.0, 3.0, 1.0)
+    *_, z, w = base.imu.orientation
+    assert base.angular == pytest.approx(3.0, rel=0.01)
+    assert math.remainder(2 * math.atan2(z, w) - base.pose.yaw, math.tau) == pytest.approx(0, abs=1e-6)
+    assert base.imu.linear_acceleration[2] == pytest.approx(9.81, abs=0.01)
+
+
+@needs_mujoco
+def test_sensors_stand_where_they_do_whenever_somebody_asks() -> None:
+    base = base_in(world.ROOM)
+    places = base.site(mjcf.LASER), base.camera(mjcf.CAMERA)
+    driven(base, 1.0, 1.0, 1.0)
+    MujocoLaser(base, rays=4, range_min=0.05, range_max=12.0, noise=0.0, seed=0).scan()
+    for place, before in zip((base.site(mjcf.LASER), base.camera(mjcf.CAMERA)), places, strict=True):
+        assert place == pytest.approx(before, abs=1e-9)
 
 
 # -- each time the same ------------------------------------------------------------------------------------------------
@@ -245,11 +262,55 @@ def test_a_robot_and_a_world_from_files(tmp_path: Path) -> None:
         (f'name="{mjcf.LEFT}" joint="{mjcf.LEFT}"', f'name="x" joint="{mjcf.RIGHT}"', "has 0 actuators; it needs one"),
         ("<body", "<bodie", "the robot is no model for MuJoCo: XML parse error"),
         (mjcf.LASER, "lidar", "the robot has no site 'base_laser'"),
+        (f'<velocity name="{mjcf.LEFT}"', f'<motor name="{mjcf.LEFT}"', "'left_wheel_joint' takes no velocity: it has"),
+        (f'<velocity name="{mjcf.LEFT}"', f'<position name="{mjcf.LEFT}"', "takes no velocity: it has to be <velocity"),
+        (f'joint="{mjcf.RIGHT}"', f'joint="{mjcf.RIGHT}" gear="30"', "'right_wheel_joint' has a gear of 30: leave it"),
+        (f'joint="{mjcf.RIGHT}"', f'joint="{mjcf.RIGHT}" ctrlrange="-1 1"', "has a ctrlrange: leave it out, for max_"),
+        ('axis="0 1 0"', 'axis="0 -1 0"', "'left_wheel_joint' has to be a hinge about y, which turns forward"),
+        ('type="hinge"', 'type="slide"', "'left_wheel_joint' has to be a hinge about y"),
     ],
 )
 def test_a_robot_that_lacks_something_is_refused(old: str, new: str, message: str) -> None:
+    robot = ROBOT.replace(old, new)
+    if "<motor" in robot or "<position" in robot:
+        robot = re.sub("kv=", "gear=" if "<motor" in robot else "kp=", robot, count=1)
     with pytest.raises(ModelError, match=message):
-        MujocoLaser(base_in(robot=ROBOT.replace(old, new)), rays=4, range_min=0.05, range_max=12.0, noise=0.0, seed=0)
+        MujocoLaser(base_in(robot=robot), rays=4, range_min=0.05, range_max=12.0, noise=0.0, seed=0)
+
+
+@needs_mujoco
+def test_wheels_of_a_robot_that_stands_turned_are_those_of_the_robot() -> None:
+    base = base_in(pose=Pose2(0.0, 0.0, math.pi))
+    driven(base, 1.0, 0.0, 1.0)
+    assert base.pose.x < -0.5
+
+
+@needs_mujoco
+def test_meshes_are_looked_for_beside_each_file(tmp_path: Path) -> None:
+    shape = "v 0 0 0\nv {0} 0 0\nv 0 {0} 0\nv 0 0 {0}\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+    mesh = '<asset><mesh name="shape" file="shape.obj"/></asset><worldbody>'
+    shapes = {"robot": 0.1, "world": 1.0}
+    for name, size in shapes.items():
+        (tmp_path / name / "parts").mkdir(parents=True)
+        (tmp_path / name / "parts" / "shape.obj").write_text(shape.format(size))
+    head = '<compiler meshdir="parts"/>' + mesh
+    robot, around = tmp_path / "robot" / "robot.xml", tmp_path / "world" / "world.xml"
+    text = ROBOT.replace("<worldbody>", head, 1)
+    robot.write_text(text.replace("</body>", "</body><geom type='mesh' mesh='shape' mass='0' contype='0'/>", 1))
+    around.write_text(
+        f"<mujoco>{head}<geom type='plane' size='9 9 1'/><geom type='mesh' mesh='shape' pos='1 0 0'/></worldbody>"
+        "</mujoco>"
+    )
+    base = MujocoBase(around, robot, LIMITS, DRIVE, Pose2())
+    reach = base.model.geom_rbound[base.model.geom_type == int(base.mujoco.mjtGeom.mjGEOM_MESH)].tolist()
+    assert max(reach) > 5 * min(reach) > 0, "each has its own shape of the same name"
+
+
+@needs_mujoco
+@pytest.mark.parametrize(("pose", "inside"), [((4.95, 0.0), True), ((4.0, 0.0), False), ((2.0, 2.0), True)])
+def test_a_start_within_something_is_noticed(pose: tuple[float, float], inside: bool) -> None:
+    around = World(walls=world.ROOM.walls, boxes=(Box((2.0, 2.0), (2.0, 2.0)),))
+    assert base_in(around, Pose2(*pose)).starts_inside == inside
 
 
 @needs_mujoco
@@ -278,14 +339,30 @@ def test_a_missing_mujoco_is_an_error_that_names_the_extra(monkeypatch: pytest.M
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"radius": 0.001}, "radius = 0.001: MuJoCo needs 0.01 m at the least"),
-        ({"wheel_radius": 11.0}, "wheel_radius = 11: MuJoCo can do with 10 at the most"),
-        ({"x": -1e5}, "x = -100000: MuJoCo can do with 10000 at the most"),
+        ({"radius": 0.001}, "radius = 0.001: .*0.01"),
+        ({"wheel_radius": 11.0}, "wheel_radius = 11.0: .*10"),
+        ({"x": -1e5}, "x = -100000.0: .*10000"),
+        ({"range_min": 2.0, "range_max": 2.0}, "range_min = 2 has to be less than range_max = 2"),
     ],
 )
-def test_robots_that_numbers_cannot_follow_are_refused(values: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        MujocoParameters(**values)
+@pytest.mark.parametrize("cls", [MujocoParameters, DiffDriveSim.Parameters])
+def test_robots_that_numbers_cannot_follow_are_refused(
+    cls: type[SimulatorParameters], values: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ParameterError, match=message):
+        build(cls, values, "/sim")
+
+
+def test_the_parameters_of_both_simulators_differ_by_these_alone() -> None:
+    plain, ours = ({info.name for info in describe(cls)} for cls in (DiffDriveSim.Parameters, MujocoParameters))
+    assert plain - ours == {
+        "drive", "wheelbase", "max_steering_angle", "max_steering_velocity",
+        "errors.left_wheel_radius", "errors.right_wheel_radius", "errors.wheel_separation", "errors.slip",
+    }  # fmt: skip
+    assert ours - plain == {
+        "robot", "mass", "friction", "max_wheel_torque", "timestep", "window", "paused",
+        "camera", "camera_rate", "camera_width", "camera_height", "camera_frame",
+    }  # fmt: skip
 
 
 def test_models_of_parameters(tmp_path: Path) -> None:
@@ -295,6 +372,8 @@ def test_models_of_parameters(tmp_path: Path) -> None:
     assert "0.7" in around, "walls as high as twice the laser"
     parameters = MujocoParameters(world=str(tmp_path / "w.xml"), robot=str(tmp_path / "r.xml"))
     assert parameters.models() == (tmp_path / "w.xml", tmp_path / "r.xml")
+    for name in ("W.XML", "w.mjcf"):
+        assert MujocoParameters(world=name).models()[0] == Path(name)
     (tmp_path / "w.yaml").write_text("walls: [[0, 0, .inf, 1]]")
     with pytest.raises(world.WorldError, match=r"w.yaml: a number in it is inf"):
         MujocoParameters(world=str(tmp_path / "w.yaml")).models()
