@@ -46,16 +46,18 @@ def test_its_camera_sees_the_hall_or_it_says_why_not(launch: Launch) -> None:
     robot.wait_for(
         "diagnostics",
         lambda report: any(
-            one.name.endswith("diff_drive_sim: camera") and (one.message or robot.messages("image"))
+            one.name.endswith("diff_drive_sim: camera") and (one.message or robot.messages("image_raw"))
             for one in report.status
         ),
         timeout=60.0,
     )
-    if not robot.messages("image"):
+    if not robot.messages("image_raw"):
         line = robot.wait_for_line("no pictures: ")
         pytest.skip(line.strip())
-    image = robot.messages("image")[-1]
+    image = robot.messages("image_raw")[-1]
     assert (image.width, image.height, image.encoding) == (320, 240, "rgb8")
+    (info,) = robot.messages("camera_info")
+    assert (info.width, info.height, info.header.frame_id) == (320, 240, image.header.frame_id)
     sky, floor = image.array[:20].mean(axis=(0, 1)), image.array[-20:].mean(axis=(0, 1))
     assert sky[2] > sky[0], "the sky is blue"
     assert max(floor) - min(floor) < 20, "the floor is grey"
@@ -79,5 +81,13 @@ def test_without_the_library_or_a_screen_nothing_would_start(monkeypatch: pytest
     monkeypatch.setattr(mujoco_sim.MujocoSim, "REQUIRES", {})
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    (screen,) = missing.for_nodes(resolve(file, {"physics": "mujoco", "viewer": "mujoco"}))
-    assert "window: there is no screen here" in str(screen)
+    for arguments in ({"viewer": "mujoco"}, {"physics": "mujoco", "viewer": "mujoco"}):
+        (screen,) = missing.for_nodes(resolve(file, arguments))
+        assert "window: there is no screen here" in str(screen)
+
+
+@pytest.mark.parametrize("physics", ["plain", "mujoco"])
+def test_its_window_shows_its_physics(physics: str) -> None:
+    plan = resolve(find_manifest("simulation.yaml"), {"viewer": "mujoco", "physics": physics}).plan
+    (base,) = (process for process in plan.processes if process.name == "diff_drive_sim")
+    assert (base.service, base.parameters["window"]) == ("robo_services.mujoco_sim", True)
