@@ -56,7 +56,7 @@ def test_its_camera_sees_the_hall_or_it_says_why_not(launch: Launch) -> None:
         pytest.skip(line.strip())
     image = robot.messages("image_raw")[-1]
     assert (image.width, image.height, image.encoding) == (320, 240, "rgb8")
-    (info,) = robot.messages("camera_info")
+    info = robot.wait_for("camera_info", lambda _: True)
     assert (info.width, info.height, info.header.frame_id) == (320, 240, image.header.frame_id)
     sky, floor = image.array[:20].mean(axis=(0, 1)), image.array[-20:].mean(axis=(0, 1))
     assert sky[2] > sky[0], "the sky is blue"
