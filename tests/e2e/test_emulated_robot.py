@@ -11,8 +11,7 @@ from robo_messages import DiagnosticStatus, Odometry, Trigger
 MANIFEST = """\
 include:
   file: real_robot.yaml
-  args:
-    {{emulate: true, demo: arc, speed: 0.3, world: ./corridor.yaml, port: "{folder}/board", lidar_port: "{folder}/lidar"}}
+  args: {{emulate: true, demo: arc, speed: 0.3, world: ./corridor.yaml, port: {folder}/b, lidar_port: {folder}/l}}
   override:
     velocity_controller: {{params: {{angular_velocity: 0.0}}}}
     serial_base: {{watchdog: 1.5}}
