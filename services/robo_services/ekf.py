@@ -17,15 +17,19 @@ Measurements (`correct`): each quantity by itself, but for accelerations. What a
 how its velocity grows but also that it goes round: ax - vyaw vy ahead, ay + vyaw vx to the left. Errors that belong
 together, as those of a pose, are taken as such.
 
-The covariance is kept in factors (`factors`): symmetric and positive by construction.
+The covariance is kept in factors (`factors`): symmetric and positive by construction. What a gyro's bias errs by does
+not average out as noise does: it is the same in all readings. So beside the covariance of all that is noise an estimate
+says how far one standard deviation of that error has moved it (`drift`), as Schmidt's consider covariance does (Bierman
+1977, ch. VIII). Gains go by the noise alone.
 """
 
 import math
 from collections.abc import Sequence
+from operator import add, mul
 from typing import NamedTuple
 
-from robo_services.factors import Factors, Matrix, NotPositive
-from robo_services.planar import angle_difference, normalize_angle
+from robo_services.factors import Changes, Factors, Matrix, NotPositive
+from robo_services.planar import normalize_angle
 
 QUANTITIES = ("x", "y", "yaw", "vx", "vy", "vyaw", "ax", "ay")
 X, Y, YAW, VX, VY, VYAW, AX, AY = range(8)
@@ -35,6 +39,8 @@ MEMORY = 0.3
 """An acceleration that nobody measures again is down to 1/e after this time, s."""
 LEAST_VARIANCE = 1e-9
 """No measurement is surer."""
+LOST = 1e3
+"""Nobody is less sure than that of how far a base has driven meanwhile, m: then it may be anywhere."""
 FURTHEST = 1e7
 """No base is further away, m, moves faster, m/s, or accelerates more, m/s²."""
 JITTER = 1e-9
@@ -51,11 +57,23 @@ class Estimate(NamedTuple):
     mean: tuple[float, ...]
     """The most likely values: six or, with accelerations, eight; m, rad, m/s, rad/s, m/s²."""
     factors: Factors
-    """Of their covariance."""
+    """Of the covariance of their errors, as far as those are noise."""
+    drift: tuple[float, ...] = ()
+    """By how much more one standard deviation of what sensors err by all the time makes each err; empty for nothing."""
 
     def variance(self, index: int) -> float:
         """Of one quantity, in its unit squared."""
-        return self.factors.variance(index)
+        return self.factors.variance(index) + (self.drift[index] ** 2 if self.drift else 0.0)
+
+    def covariance(self) -> list[list[float]]:
+        """Of all errors, row by row."""
+        noise = self.factors.matrix()
+        if not self.drift:
+            return noise
+        return [
+            [a + one * b for a, b in zip(row, self.drift, strict=True)]
+            for row, one in zip(noise, self.drift, strict=True)
+        ]
 
 
 class Measurement(NamedTuple):
@@ -73,6 +91,10 @@ class Measurement(NamedTuple):
     """Of their errors."""
     threshold: float = math.inf
     """One further away than so many standard deviations is not believed (Mahalanobis)."""
+    drift: float = 0.0
+    """The standard deviation of an error that stays the same from one to the next, as of a gyro's bias; in its unit."""
+    assumed: bool = False
+    """Nobody has measured it: it is how the base is built."""
 
 
 class Unusable(ValueError):
@@ -103,16 +125,18 @@ def predict(now: Estimate, dt: float, noise: Sequence[float]) -> Estimate:
     yaw, vx, vy, turning = mean[YAW : VYAW + 1]
     ax, ay = mean[AX:] or (0.0, 0.0)
     half = turning * dt / 2
-    ahead, aside = vx * dt + ax * dt * dt / 2, vy * dt + ay * dt * dt / 2
+    fades = math.exp(-dt / MEMORY)
+    gains = MEMORY * (1.0 - fades)  # the integral of what is left of an acceleration
+    reaches = MEMORY * (dt - gains)  # and the integral of that
+    ahead, aside = vx * dt + ax * reaches, vy * dt + ay * reaches
     shrink = math.sin(half) / half if abs(half) > SMALL else 1.0 - half * half / 6
     bend = (half * math.cos(half) - math.sin(half)) / (half * half) if abs(half) > SMALL else -half / 3
     cos, sin = math.cos(yaw + half), math.sin(yaw + half)
     along, across = ahead * cos - aside * sin, ahead * sin + aside * cos
     way_x, way_y = shrink * along, shrink * across
-    fades = math.exp(-dt / MEMORY)
     moved = [
         *(mean[X] + way_x, mean[Y] + way_y, normalize_angle(yaw + turning * dt)),
-        *(vx + ax * dt, vy + ay * dt, turning),
+        *(vx + ax * gains, vy + ay * gains, turning),
         *(one * fades for one in mean[AX:]),
     ]
     cos, sin = shrink * cos * dt, shrink * sin * dt
@@ -124,12 +148,18 @@ def predict(now: Estimate, dt: float, noise: Sequence[float]) -> Estimate:
     errors = {VX: (cos / 2, sin / 2, 0.0, 1.0), VY: (-sin / 2, cos / 2, 0.0, 0.0, 1.0)}
     errors[VYAW] = (turned_x / 2, turned_y / 2, dt / 2, 0.0, 0.0, 1.0)
     if len(mean) > AX:
-        row_x += [(AX, cos * dt / 2), (AY, -sin * dt / 2)]
-        row_y += [(AX, sin * dt / 2), (AY, cos * dt / 2)]
-        changes += [(VX, [(AX, dt)]), (VY, [(AY, dt)]), (AX, [(AX, fades - 1.0)]), (AY, [(AY, fades - 1.0)])]
-    n = len(mean)
-    added = [(_padded(errors.get(i) or (*(0.0,) * i, 1.0), n), noise[i] * dt) for i in range(n) if noise[i] > 0.0]
-    return Estimate(now.time + dt, tuple(moved), now.factors.moved(changes, added))
+        share = reaches / dt
+        row_x += [(AX, cos * share), (AY, -sin * share)]
+        row_y += [(AX, sin * share), (AY, cos * share)]
+        changes += [(VX, [(AX, gains)]), (VY, [(AY, gains)]), (AX, [(AX, fades - 1.0)]), (AY, [(AY, fades - 1.0)])]
+    n, lasting = len(mean), MEMORY / 2 * (1.0 - fades * fades)
+    added = [
+        (_padded(errors.get(i) or (*(0.0,) * i, 1.0), n), noise[i] * (dt if i < AX else lasting))
+        for i in range(n)
+        if noise[i] > 0.0
+    ]
+    drift = _moved(now.drift, changes) if now.drift else ()
+    return Estimate(now.time + dt, tuple(moved), now.factors.moved(changes, added), drift)
 
 
 def correct(now: Estimate, measured: Measurement) -> tuple[Estimate, float]:
@@ -150,40 +180,56 @@ def correct(now: Estimate, measured: Measurement) -> tuple[Estimate, float]:
         Unusable: the measurement says nothing.
     """
     kept = [k for k, index in enumerate(measured.indices) if index < len(now.mean)]
-    check(measured)
+    _check_numbers(measured)
     if not kept:
         return now, 0.0
+    n = len(now.mean)
     errors = _errors_of([[measured.covariance[a][b] for b in kept] for a in kept])
-    expected = [_expected(now.mean, measured.indices[k]) for k in kept]
-    gaps = [
-        angle_difference(measured.values[k], value) if measured.indices[k] == YAW else measured.values[k] - value
-        for k, (value, _) in zip(kept, expected, strict=True)
-    ]
-    rows = errors.correlate([[*row, gap] for (_, row), gap in zip(expected, gaps, strict=True)])
-    factors, change = now.factors, [0.0] * len(now.mean)
-    squares = 0.0
-    for row, variance in zip(rows, errors.d, strict=True):
-        h, gap = row[:-1], row[-1]
-        left = gap - sum(a * b for a, b in zip(h, change, strict=True))
+    rows = []
+    for k in kept:
+        value, row = _expected(now.mean, measured.indices[k])
+        gap = measured.values[k] - value
+        row.append(math.remainder(gap, math.tau) if measured.indices[k] == YAW else gap)
+        if now.drift or measured.drift:
+            row.append(measured.drift - sum(map(mul, row, now.drift)))
+        rows.append(row)
+    factors = now.factors
+    change, drift = [0.0] * n, list(now.drift) or [0.0] * n
+    change_of_drift = [0.0] * n
+    squares = along = common = 0.0
+    for row, variance in zip(errors.correlate(rows), errors.d, strict=True):
+        h, gap = row[:n], row[n]
+        left = gap - sum(map(mul, h, change))
         factors, gain, total = factors.measured(h, variance)
         squares += left * left / total
         change = [old + k * left for old, k in zip(change, gain, strict=True)]
-    distance = math.sqrt(squares)
+        if len(row) > n + 1:
+            shift = row[n + 1] - sum(map(mul, h, change_of_drift))
+            along, common = along + left * shift / total, common + shift * shift / total
+            change_of_drift = [old + k * shift for old, k in zip(change_of_drift, gain, strict=True)]
+    # Of a gap in which a common error has its share (Sherman, Morrison 1950).
+    distance = math.sqrt(max(0.0, squares - along * along / (1.0 + common)))
     if distance > measured.threshold:
         return now, distance
     mean = [old + new for old, new in zip(now.mean, change, strict=True)]
     if not all(map(math.isfinite, mean)):
         raise Unusable("it leads to what is not finite")
     mean[YAW] = normalize_angle(mean[YAW])
-    return Estimate(now.time, tuple(mean), factors), distance
+    moved = tuple(map(add, drift, change_of_drift)) if now.drift or measured.drift else ()
+    return Estimate(now.time, tuple(mean), factors, moved), distance
 
 
 def check(measured: Measurement) -> None:
-    """Refuse what no base does.
+    """Refuse what no base does, and what says nothing.
 
     Raises:
         Unusable: says what is wrong.
     """
+    _check_numbers(measured)
+    _errors_of([list(row) for row in measured.covariance])
+
+
+def _check_numbers(measured: Measurement) -> None:
     if not math.isfinite(measured.time):
         raise Unusable("its time is not finite")
     for index, value in zip(measured.indices, measured.values, strict=True):
@@ -205,7 +251,7 @@ def after_gap(now: Estimate, dt: float, unsure: Sequence[float]) -> Estimate:
         unsure: the variances of the velocities and accelerations now.
     """
     mean = now.mean
-    way, turn = math.hypot(mean[VX], mean[VY]) * dt, min(abs(mean[VYAW]) * dt, math.pi)
+    way, turn = min(math.hypot(mean[VX], mean[VY]) * dt, LOST), min(abs(mean[VYAW]) * dt, math.pi)
     found = [[*row] for row in now.factors.matrix()]
     n = len(mean)
     for i in range(VX, n):
@@ -215,7 +261,17 @@ def after_gap(now: Estimate, dt: float, unsure: Sequence[float]) -> Estimate:
     for index, error in ((X, way), (Y, way), (YAW, turn)):
         found[index][index] += error * error + found[index][index] * JITTER + LEAST_VARIANCE * JITTER
     still = (*mean[:VX], *(0.0,) * (n - VX))
-    return Estimate(now.time + dt, still, Factors.of(found))
+    drift = (*now.drift[:VX], *(0.0,) * (n - VX)) if now.drift else ()
+    return Estimate(now.time + dt, still, Factors.of(found), drift)
+
+
+def _moved(drift: tuple[float, ...], changes: Changes) -> tuple[float, ...]:
+    """By how much a constant error makes each quantity err after a step; of the heading no more than all round."""
+    moved = list(drift)
+    for i, added in changes:
+        moved[i] += sum(share * drift[k] for k, share in added)
+    moved[YAW] = max(-math.pi, min(math.pi, moved[YAW]))
+    return tuple(moved)
 
 
 def _expected(mean: Sequence[float], index: int) -> tuple[float, list[float]]:

@@ -21,22 +21,22 @@ from robo_messages import (
     Trigger,
     TwistWithCovarianceStamped,
 )
-from robo_services.arrivals import Arrivals, Newest, Unstamped
-from robo_services.ekf import AX, QUANTITIES, Estimate, Measurement, Unusable, begin
+from robo_services.arrivals import Arrivals, Unstamped
+from robo_services.ekf import AX, QUANTITIES, VX, Estimate, Measurement, Unusable, begin
+from robo_services.ekf import check as check_measured
 from robo_services.ekf_history import Ekf
 from robo_services.ekf_messages import odometry_of, placed
 from robo_services.ekf_parameters import (
     ANYWHERE,
-    HEADING,
     INITIAL,
     PROCESS_NOISE,
-    WAY,
     SourceParameters,
     diagonal,
 )
-from robo_services.ekf_sources import Reader
+from robo_services.ekf_sources import Measured, Reader
+from robo_services.ekf_watch import Source, Watch
+from robo_services.kinematics import Pose2
 
-Measured = Odometry | Imu | PoseWithCovarianceStamped | TwistWithCovarianceStamped
 TYPES: dict[str, type[Measured]] = {
     "odometry": Odometry,
     "imu": Imu,
@@ -47,6 +47,8 @@ Variances = Annotated[list[float], Meta(max_length=225), READ_ONLY]
 
 AHEAD = 0.5
 """A stamp that is so far ahead of this node's clock, s, is of a clock that is not set."""
+BEHIND = 1.0
+"""A stamp that is by so much further behind it than the history is long, s, likewise."""
 SETTLING = 2.0
 """For so long after the start it is no news that nothing has come yet, s."""
 MOST_WAITING = 2000
@@ -57,8 +59,8 @@ class EkfFilter(Node):
     """Fuse odometry, IMUs and poses into one odometry, by an extended Kalman filter in the plane.
 
     What robot_localization's ekf_node is with `two_d_mode`. Measurements are taken in the order of their stamps, late
-    ones too. Where nobody says any more how far the base drives, or how it turns, the filter is silent: it does not
-    guess. Then it goes on from where it was, less sure.
+    ones too. Where nobody says any more how far the base drives, or how it turns, or nobody is believed, the filter is
+    silent: it does not guess. Then it goes on from where it was, less sure.
     """
 
     class Parameters(robo.Parameters):
@@ -74,7 +76,7 @@ class EkfFilter(Node):
             float, Meta(ge=0.01, le=60, description="a source that has been silent for so long says nothing"), Unit("s")
         ] = 0.25
         history_length: Annotated[
-            float, Meta(ge=0, le=10, description="how much older than the newest a measurement may come"), Unit("s")
+            float, Meta(ge=0, le=2, description="how much older than the newest a measurement may come"), Unit("s")
         ] = 0.3
         holonomic: Annotated[
             bool, Meta(description="the base can drive sideways; else it is taken not to"), READ_ONLY
@@ -115,13 +117,19 @@ class EkfFilter(Node):
         self._wall = self.clock.wall
         self._arrivals = Arrivals(unstamped=p.unstamped)
         self._readers = {name: Reader(name, said, holonomic=p.holonomic) for name, said in p.sources.items()}
-        self._heard: dict[str, Newest[Measured]] = {name: Newest() for name in p.sources}
+        asked = {name: Source(self.resolve(said.topic), frozenset(said.use)) for name, said in p.sources.items()}
+        self._watch = Watch(asked)
         self._origin = self.now()
         """What times of the filter count from: s since the epoch would cost it digits."""
         self._waiting: list[Measurement] = []
-        self._refused: Counter[str] = Counter()
         self._before: Counter[str] = Counter()
         self._hindrance, self._begin = "", self._wall.monotonic()
+        self._is_lost = True
+        """Whether nobody is heard who says how the base moves."""
+        self._is_doubted = False
+        """Whether nobody is believed how it moves."""
+        self._is_slow = False
+        """Whether the last tick took longer than it may."""
         self._ekf = filter_of(p)
         for name, said in p.sources.items():
             if self.resolve(said.topic) == self.resolve("odometry/filtered"):
@@ -143,14 +151,22 @@ class EkfFilter(Node):
         now = self.clock.monotonic()
         try:
             found = self._read(name, message, info)
+            for one in found:
+                check_measured(one)
         except Unusable as error:
-            self._refused[name] += 1
-            text = "left out what %s says: %s; %d times so far"
-            self.logger.warning(text, name, error, self._refused[name], throttle=5.0)
+            self._ekf.refuse(name, error)
+            self._complain(name)
             return
-        self._heard[name].take(message, self._arrivals.sent(info, now, self._wall.monotonic()), now)
+        self._watch.hear(name, found, self._arrivals.sent(info, now, self._wall.monotonic()), now)
+        if found and (motion := self._readers[name].motion(message)) is not None:
+            for other in self._readers.values():
+                other.bias.wheels(*motion, found[0].time)
         self._waiting += found
         del self._waiting[:-MOST_WAITING]
+
+    def _complain(self, name: str) -> None:
+        why, count = self._ekf.complaints[name], self._ekf.left_out[name]
+        self.logger.warning("left out what %s says: %s; %d times so far", name, why, count, throttle=5.0)
 
     def _read(self, name: str, message: Measured, info: MessageInfo) -> list[Measurement]:
         """What a message measures; raises Unusable."""
@@ -162,14 +178,11 @@ class EkfFilter(Node):
         if isinstance(message, TwistWithCovarianceStamped):
             _refuse_other(frame, p.base_link_frame)
             return reader.twist(message.twist, time)
-        if {"x", "y", "yaw"} & {*p.sources[name].use} and not p.sources[name].differential:
+        if any(map(reader.said.is_absolute, ("x", "y", "yaw"))):
             _refuse_other(frame, p.odom_frame)
         if isinstance(message, PoseWithCovarianceStamped):
             return reader.pose(message.pose, time)
         _refuse_other(message.child_frame_id, p.base_link_frame)
-        twist = message.twist.twist
-        for other in self._readers.values():
-            other.bias.wheels(twist.linear.x, twist.angular.z, time)
         return reader.odometry(message, time)
 
     def _time_of(self, stamp: Time, info: MessageInfo) -> float:
@@ -180,6 +193,8 @@ class EkfFilter(Node):
         time = self._since_begin(stamp)
         if time > now + AHEAD:
             raise Unusable(f"its stamp is {time - now:.3g} s ahead of the clock here")
+        if time < now - self.parameters.history_length - BEHIND:
+            raise Unusable(f"its stamp is {now - time:.3g} s behind the clock here")
         return time
 
     def _since_begin(self, stamp: Time) -> float:
@@ -188,37 +203,43 @@ class EkfFilter(Node):
     @timer(rate="frequency")
     def fuse(self) -> None:
         """Take what was measured since the last tick, in the order of its stamps, and tell what is known now."""
-        p, now = self.parameters, self.clock.monotonic()
+        p, now, begun = self.parameters, self.clock.monotonic(), self._wall.monotonic()
         if not p.use_sim_time:
-            self._arrivals.tick(self._wall.monotonic(), 1.0 / p.frequency)
+            self._arrivals.tick(begun, 1.0 / p.frequency)
         here = self._since_begin(self.now())
         if self._ekf.now.time > here + AHEAD:
             self._step_back()
         waiting, self._waiting = self._waiting, []
-        hindrance, hindered = self._why_not(now), bool(self._hindrance)
-        self._say(hindrance)
-        if hindrance or not waiting:
-            return
-        if hindered:
-            self._ekf.lose(min(one.time for one in waiting))
-        before, late = self._ekf.now.time, self._ekf.late
-        self._ekf.history, self._ekf.longest_step = p.history_length, p.sensor_timeout
-        self._ekf.take(waiting)
-        if self._ekf.late > late:
-            text = "measurements came more than %g s late, %d so far; the newest one is %.3g s old"
-            self.logger.warning(text, p.history_length, self._ekf.late, here - self._ekf.now.time, throttle=5.0)
-        if self._ekf.now.time > before or math.isnan(before):
-            self._tell(self._ekf.now, here)
+        if hindrance := self._watch.unheard(now, p.sensor_timeout):
+            self._is_lost = True
+            self._say(hindrance)
+        elif waiting:
+            self._take(waiting, now, here)
+        took = self._wall.monotonic() - begun
+        self._is_slow = took > 1.0 / p.frequency
+        if self._is_slow:
+            text = "a tick took %.3g s, longer than its period: what comes late is left out of the next one"
+            self.logger.warning(text, took, throttle=5.0)
 
-    def _why_not(self, now: float) -> str:
-        """Why nothing is known; empty where all is heard that it takes."""
-        p = self.parameters
-        alive = [said for name, said in p.sources.items() if self._heard[name].age(now) <= p.sensor_timeout]
-        for needed, what in ((WAY, "how far it drives"), (HEADING, "how it turns")):
-            if not any(needed & {*said.use} for said in alive):
-                asked = [self.resolve(said.topic) for said in p.sources.values() if needed & {*said.use}]
-                return f"nothing new of {what} on {', '.join(asked) or 'any topic: no source has it'}"
-        return ""
+    def _take(self, waiting: list[Measurement], now: float, here: float) -> None:
+        """Take measurements, and tell what is known now, unless those of them that matter are not believed."""
+        p, ekf, watch = self.parameters, self._ekf, self._watch
+        if self._is_lost:
+            ekf.lose(min((one.time for one in waiting if one.time > ekf.now.time), default=-math.inf))
+            watch.trust(now)
+            self._is_lost = False
+        before, left_out = ekf.now.time, ekf.left_out
+        ekf.history, ekf.longest_step = p.history_length, p.sensor_timeout
+        watch.believe(ekf.take(waiting, replay=not self._is_slow), now)
+        for name in ekf.left_out - left_out:
+            self._complain(name)
+        hindrance, was_doubted = watch.doubted(now, p.sensor_timeout), self._is_doubted
+        self._is_doubted = bool(hindrance)
+        self._say(hindrance)
+        if hindrance and not was_doubted:
+            ekf.lose()
+        if not hindrance and (ekf.now.time > before or math.isnan(before)):
+            self._tell(ekf.now, here)
 
     def _say(self, hindrance: str) -> None:
         has_begun = not math.isnan(self._ekf.now.time) or self._wall.monotonic() - self._begin >= SETTLING
@@ -236,10 +257,13 @@ class EkfFilter(Node):
         what = "at the origin" if p.reset_on_time_jump else "where it was"
         self.logger.warning("time has stepped back: it begins anew %s", what, throttle=5.0)
         estimate = filter_of(p).now if p.reset_on_time_jump else self._ekf.now
-        self._ekf.begin_anew(estimate._replace(time=math.nan))
+        self._begin_anew(estimate._replace(time=math.nan))
+
+    def _begin_anew(self, estimate: Estimate) -> None:
+        self._ekf.begin_anew(estimate)
         self._waiting.clear()
         for reader in self._readers.values():
-            reader.begin_anew()
+            reader.begin_anew(Pose2(*estimate.mean[:VX]))
 
     def _tell(self, known: Estimate, here: float) -> None:
         p = self.parameters
@@ -254,44 +278,43 @@ class EkfFilter(Node):
         """Begin anew from a pose."""
         try:
             _refuse_other(said.header.frame_id, self.parameters.odom_frame)
-            there = placed(self._ekf.now, said.pose)
+            there = placed(self._ekf.now, said.pose, self._ekf.unsure)
         except Unusable as error:
             self.logger.warning("the pose is not taken: %s", error)
             return
-        self._ekf.begin_anew(there)
-        self._waiting.clear()
+        self._begin_anew(there)
 
     @service("reset")
     def reset(self, _request: Trigger.Request) -> Trigger.Response:
         """Begin anew at the origin."""
-        self._ekf = filter_of(self.parameters)
-        self._waiting.clear()
-        for reader in self._readers.values():
-            reader.begin_anew()
+        self._begin_anew(filter_of(self.parameters).now)
         return Trigger.Response(message="back at the origin")
 
     @check("sources")
     def sources_are_heard(self) -> Health:
         """Whether all that is to be fused comes, and is believed."""
         p, now, ekf = self.parameters, self.clock.monotonic(), self._ekf
-        if hindrance := self._why_not(now):
-            return Health.error(f"silent: {hindrance}")
-        said = ekf.refused + self._refused
+        gyros = {name: one.bias for name, one in self._readers.items() if one.said.type == "imu"}
         figures = {
-            "late": ekf.late,
-            "refused": said.total(),
+            "late": ekf.late.total(),
+            "refused": ekf.refused.total(),
             "rejected": ekf.rejected.total(),
             "replayed": ekf.replayed,
-            **{f"bias.{name}": one.bias.bias for name, one in self._readers.items() if one.said.type == "imu"},
+            **{f"bias.{name}": bias.bias for name, bias in gyros.items()},
         }
-        silent = [name for name in p.sources if not self._heard[name].age(now) <= p.sensor_timeout]
-        count, before = said + ekf.rejected, self._before
-        self._before = count
-        doubted = [name for name in count if count[name] > before[name]]
-        if silent:
+        left_out, self._before = ekf.left_out - self._before, ekf.left_out
+        reasons = "; ".join(f"{name}: {ekf.complaints[name]}" for name in left_out)
+        doubted = self._watch.doubted(now, p.sensor_timeout) if self._is_doubted else ""
+        if hindrance := self._watch.unheard(now, p.sensor_timeout) or doubted:
+            return Health.error(f"silent: {hindrance}" + (f" ({reasons})" if reasons else ""), **figures)
+        if silent := self._watch.silent(now, p.sensor_timeout):
             return Health.warn(f"nothing new of {', '.join(silent)}", **figures)
-        if doubted:
-            return Health.warn(f"not believed: {', '.join(doubted)}", **figures)
+        if reasons:
+            return Health.warn(f"left out: {reasons}", **figures)
+        for name, bias in gyros.items():
+            if bias.excess:
+                text = f"{name} says {bias.excess:.3g} rad/s while the wheels stand: more than rest_bias"
+                return Health.warn(text, **figures)
         return Health.ok(**figures)
 
 

@@ -28,8 +28,8 @@ rad/s; its pose changes by moving, and by nothing else.
 """
 INITIAL = (1e-6, 1e-6, 1e-6, 1.0, 0.01, 1.0, 1.0, 1.0)
 """Variances at the start: it is at the origin, and how it moves is not known."""
-ANYWHERE = (100.0, 100.0, 10.0)
-"""Of a pose that a source is to say, m² and rad²."""
+ANYWHERE = (1e6, 1e6, 10.0)
+"""Of a pose that a source is to say, m² and rad²: its first one is taken wherever that is."""
 
 MOST = 1e9
 """No variance is larger."""

@@ -9,10 +9,19 @@ import math
 from collections.abc import Sequence
 from operator import mul
 
-from robo_messages import Imu, Odometry, PoseWithCovariance, Quaternion, TwistWithCovariance, Vector3
+from robo_messages import (
+    Imu,
+    Odometry,
+    PoseWithCovariance,
+    PoseWithCovarianceStamped,
+    Quaternion,
+    TwistWithCovariance,
+    TwistWithCovarianceStamped,
+    Vector3,
+)
 from robo_services.ekf import AX, AY, QUANTITIES, VX, VY, VYAW, YAW, Measurement, Unusable, X, Y
 from robo_services.ekf_parameters import SourceParameters
-from robo_services.kinematics import Pose2
+from robo_services.kinematics import ORIGIN, Pose2
 from robo_services.planar import angle_difference, normalize_angle
 from robo_services.uncertainty import NOT_MEASURED
 
@@ -31,9 +40,14 @@ HEARD = 0.2
 """Wheels that have said nothing for so long may turn, s."""
 AVERAGED = 500
 """How many readings a bias is the mean of."""
+ONE_AFTER_ANOTHER = 50
+"""So many readings at rest that are more than any bias are no noise."""
 
 _PLANE = (0, 1, 5)
 """Where x, y and yaw stand among the six of a covariance."""
+
+Measured = Odometry | Imu | PoseWithCovarianceStamped | TwistWithCovarianceStamped
+"""What a source may say."""
 
 Vector = tuple[float, float, float]
 Rotation = tuple[Vector, Vector, Vector]
@@ -46,7 +60,12 @@ class RestBias:
     def __init__(self) -> None:
         self.bias = 0.0
         """rad/s."""
+        self.excess = 0.0
+        """What it says at rest, rad/s, where that is more than may be its bias; else 0."""
+        self._limit = 0.0
         self._count = 0
+        self._variance = 0.0
+        self._beyond = 0
         self._waiting: list[float] = []
         self._stands_since = math.inf
         self._heard = -math.inf
@@ -60,16 +79,45 @@ class RestBias:
             self._stands_since = time
         else:  # they stood before what the gyro said meanwhile, and they stand now
             for rate in waiting:
-                self._count = min(self._count + 1, AVERAGED)
-                self.bias += (rate - self.bias) / self._count
+                self._learn(rate)
         self._heard = time
 
-    def without(self, rate: float, time: float, limit: float) -> float:
-        """A gyro's rate without its bias, rad/s; more than `limit` is none."""
+    def without(self, rate: float, time: float, limit: float) -> tuple[float, float]:
+        """A gyro's rate without its bias, and how sure that bias is.
+
+        Args:
+            rate: as said, rad/s.
+            time: s.
+            limit: no bias is larger, rad/s.
+
+        Returns:
+            The rate, and the standard deviation of the error that is left in this reading and all that follow, rad/s:
+            before any rest that of a bias anywhere up to the limit; 0 at rest, where it is being found.
+        """
+        self._limit = limit
         resting = time - self._stands_since >= AT_REST and abs(time - self._heard) <= HEARD
-        if resting and abs(rate) <= limit and len(self._waiting) < AVERAGED:
+        if resting and limit and len(self._waiting) < AVERAGED:
             self._waiting.append(rate)
-        return rate - self.bias if limit else rate
+        bias = max(-limit, min(limit, self.bias))
+        return rate - bias, 0.0 if resting and self._count else self._deviation(limit)
+
+    def _learn(self, rate: float) -> None:
+        if abs(rate) > self._limit:
+            self._beyond += 1
+            if self._beyond >= ONE_AFTER_ANOTHER:
+                self.excess = rate
+            return
+        self._beyond, self.excess = 0, 0.0
+        self._count = min(self._count + 1, AVERAGED)
+        before = rate - self.bias
+        self.bias += before / self._count
+        self._variance += (before * (rate - self.bias) - self._variance) / self._count
+
+    def _deviation(self, limit: float) -> float:
+        """Of what is left of a bias: evenly spread at first, then that of a mean."""
+        if self._count < 2 or not limit:
+            return limit / math.sqrt(3.0)
+        return math.sqrt(self._variance / (self._count - 1 + 3.0 * self._variance / (limit * limit)))
 
 
 class Reader:
@@ -90,12 +138,24 @@ class Reader:
         self._guided = not holonomic
         turned = said.roll or said.pitch or said.yaw
         self._mounted = _rotation(said.roll, said.pitch, said.yaw) if turned else LEVEL
+        self._anchor = ORIGIN
         self._first: Pose2 | None = None
-        self._last: tuple[float, Pose2] | None = None
+        self._last: tuple[float, Pose2, list[list[float]]] | None = None
 
-    def begin_anew(self) -> None:
-        """Forget where its poses began."""
-        self._first = self._last = None
+    def begin_anew(self, anchor: Pose2 = ORIGIN) -> None:
+        """Forget where its poses began; those that are relative count from the next one, which is there."""
+        self._anchor, self._first, self._last = anchor, None, None
+
+    def motion(self, message: Measured) -> tuple[float, float] | None:
+        """How fast its wheels say that the base moves, m/s and rad/s; None of one that does not know of wheels."""
+        if not isinstance(message, Odometry | TwistWithCovarianceStamped):
+            return None
+        said = message.twist
+        if self.said.differential or not self._used & {VX, VYAW} or said.covariance[0] >= NOT_MEASURED:
+            return None
+        if said.covariance[35] >= NOT_MEASURED:
+            return None
+        return math.hypot(said.twist.linear.x, said.twist.linear.y), said.twist.angular.z
 
     def odometry(self, message: Odometry, time: float) -> list[Measurement]:
         """Poses and velocities of an odometry.
@@ -114,13 +174,13 @@ class Reader:
         _refuse_infinite(pose)
         covariance = _block(said.covariance, 6, _PLANE)
         if self.said.differential:
-            return self._between(pose, time)
+            return self._between(pose, covariance, time)
         if self.said.relative:
             self._first = first = self._first or pose
-            cos, sin = math.cos(first.yaw), math.sin(first.yaw)
-            turn = ((cos, sin, 0.0), (-sin, cos, 0.0), (0.0, 0.0, 1.0))
+            turn = _about_z(self._anchor.yaw - first.yaw)
             x, y, _ = _turned(turn, (pose.x - first.x, pose.y - first.y, 0.0))
-            pose = Pose2(x, y, angle_difference(pose.yaw, first.yaw))
+            yaw = normalize_angle(self._anchor.yaw + pose.yaw - first.yaw)
+            pose = Pose2(self._anchor.x + x, self._anchor.y + y, yaw)
             covariance = _seen(turn, covariance)
         return self._parts((X, Y, YAW), pose, covariance, time)
 
@@ -141,8 +201,8 @@ class Reader:
             covariance = _seen(self._mounted, _block(message.angular_velocity_covariance, 3, range(3)))
             rate = _turned(self._mounted, _vector(message.angular_velocity))[2]
             _refuse_infinite((rate,))
-            rate = self.bias.without(rate, time, self.said.rest_bias)
-            found += self._parts((VYAW,), (rate,), [[covariance[2][2]]], time)
+            rate, drift = self.bias.without(rate, time, self.said.rest_bias)
+            found += (one._replace(drift=drift) for one in self._parts((VYAW,), (rate,), [[covariance[2][2]]], time))
         if self._used & {AX, AY} and message.linear_acceleration_covariance[0] != -1.0:
             x, y, _ = _turned(self._mounted, _vector(message.linear_acceleration))
             if self.said.remove_gravitational_acceleration:
@@ -163,25 +223,32 @@ class Reader:
     def _heading(self, yaw: float, covariance: list[list[float]], time: float) -> list[Measurement]:
         _refuse_infinite((yaw,))
         if self.said.differential:
-            return self._between(Pose2(yaw=yaw), time)
+            return self._between(Pose2(yaw=yaw), [[0.0] * 3, [0.0] * 3, [0.0, 0.0, covariance[2][2]]], time)
         if self.said.relative:
             self._first = self._first or Pose2(yaw=yaw)
-            yaw = angle_difference(yaw, self._first.yaw)
+            yaw = normalize_angle(self._anchor.yaw + yaw - self._first.yaw)
         return self._parts((YAW,), (yaw,), [[covariance[2][2]]], time)
 
-    def _between(self, pose: Pose2, time: float) -> list[Measurement]:
+    def _between(self, pose: Pose2, covariance: list[list[float]], time: float) -> list[Measurement]:
         """The velocities from the last pose to this one, along the arc between them."""
-        before, self._last = self._last, (time, pose)
+        before, self._last = self._last, (time, pose, covariance)
         if before is None or not 1e-4 < time - before[0] < 1.0:
             return []
         dt, last = time - before[0], before[1]
         turn = angle_difference(pose.yaw, last.yaw)
         half = turn / 2
-        cos, sin = math.cos(last.yaw + half), math.sin(last.yaw + half)
+        ahead = _about_z(-last.yaw - half)
         stretch = half / math.sin(half) if half else 1.0
-        x, y = pose.x - last.x, pose.y - last.y
-        values = stretch * (cos * x + sin * y) / dt, stretch * (cos * y - sin * x) / dt, turn / dt
-        return self._parts((VX, VY, VYAW), values, [[0.0] * 3 for _ in range(3)], time)
+        x, y, _ = _turned(ahead, (pose.x - last.x, pose.y - last.y, 0.0))
+        values = stretch * x / dt, stretch * y / dt, turn / dt
+        measured = [not any(one[k][k] >= NOT_MEASURED for one in (before[2], covariance)) for k in range(3)]
+        if not measured[2]:  # where ahead is nobody knows either
+            return []
+        both = [[a + b for a, b in zip(*rows, strict=True)] for rows in zip(before[2], covariance, strict=True)]
+        errors = [[one / (dt * dt) for one in row] for row in _seen(ahead, both)]
+        if not (measured[0] and measured[1]):
+            return self._parts((VYAW,), values[2:], [errors[2][2:]], time)
+        return self._parts((VX, VY, VYAW), values, errors, time)
 
     def _parts(
         self, indices: Sequence[int], values: Sequence[float], covariance: list[list[float]], time: float
@@ -200,7 +267,7 @@ class Reader:
         said = tuple(values[k] for k in kept)
         found = [Measurement(time, self._name, chosen, said, errors, self.said.threshold)] if chosen else []
         if self._guided and {X, VX} & {*chosen} and VY not in chosen:
-            found.append(Measurement(time, self._name, (VY,), (0.0,), ((SIDEWAYS**2,),)))
+            found.append(Measurement(time, self._name, (VY,), (0.0,), ((SIDEWAYS**2,),), assumed=True))
         return found
 
 
@@ -226,6 +293,11 @@ def _rotation(roll: float, pitch: float, yaw: float) -> Rotation:
         (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
         (-sp, cp * sr, cp * cr),
     )
+
+
+def _about_z(angle: float) -> Rotation:
+    cos, sin = math.cos(angle), math.sin(angle)
+    return (cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)
 
 
 def _matrix(q: Quaternion) -> Rotation:

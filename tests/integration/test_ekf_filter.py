@@ -1,6 +1,8 @@
 """The filter as a node: what it makes of what comes, late or not at all, and what it says of it."""
 
 import math
+import re
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -23,6 +25,7 @@ from robo_messages import (
     Vector3,
 )
 from robo_services.diff_drive_sim import DiffDriveSim
+from robo_services.ekf import Measurement
 from robo_services.ekf_filter import EkfFilter
 from robo_services.planar import quaternion_from_yaw, yaw_from_quaternion
 
@@ -122,10 +125,10 @@ def test_what_comes_late_is_put_where_it_belongs(run_node: RunNode, clock: Clock
     stamps = [one.header.stamp.to_nanoseconds() for one in told(node)]
     assert stamps == sorted({*stamps})
     assert node.node._ekf.replayed > 50
-    assert node.node._ekf.late == 0
+    assert not node.node._ekf.late
     drive(node, clock, 0.2, 5.0, delay=0.6)
     clock.advance(0.05)
-    assert node.node._ekf.late > 0
+    assert node.node._ekf.late["wheels"] > 0
     assert told(node)[-1].twist.twist.linear.x == pytest.approx(0.5, abs=0.1)
 
 
@@ -151,6 +154,75 @@ def test_without_wheels_it_is_silent_and_goes_on_where_it_was(
     clock.advance(1.0)
 
 
+def unmeasured(clock: Clock) -> Odometry:
+    said = odometry(clock, 0.0)
+    said.twist.covariance = (1e6, *said.twist.covariance[1:])
+    return said
+
+
+def too_alike(clock: Clock) -> Odometry:
+    said = odometry(clock, 0.0)
+    said.twist.covariance = tuple(1e-4 if i % 7 == 0 else 2e-4 for i in range(36))
+    return said
+
+
+UNUSABLE: dict[str, tuple[Callable[[Clock], Odometry], str]] = {
+    "not finite": (lambda clock: odometry(clock, math.nan), r"nothing new of .* \(wheels: vx = nan\)"),
+    "infinite": (lambda clock: odometry(clock, math.inf), r"nothing new of .* \(wheels: vx = inf\)"),
+    "long ago": (lambda clock: odometry(clock, 0.0, ago=2.0), r"wheels: its stamp is 2 s behind the clock here"),
+    "late": (
+        lambda clock: odometry(clock, 0.0, ago=1.0),
+        r"how far it drives is not believed \(wheels: 0\.98 s late\)",
+    ),
+    "a bit late": (lambda clock: odometry(clock, 0.0, ago=0.5), r"is not believed \(wheels: 0\.48 s late\)"),
+    "not measured": (unmeasured, r"nothing new of how far it drives on odom"),
+    "no covariance": (too_alike, r"nothing new of .* \(wheels: its covariance is none"),
+    "too far away": (
+        lambda clock: odometry(clock, 500.0),
+        r"is not believed \(wheels: vx, vyaw: .* standard deviations",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", UNUSABLE)
+def test_where_wheels_say_nothing_usable_it_is_silent(run_node: RunNode, clock: Clock, kind: str) -> None:
+    """A live gyro and wheels that say something is not enough: it must be taken."""
+    says, why = UNUSABLE[kind]
+    wheels = {**SOURCES["wheels"], "rejection_threshold": 5.0}
+    node = run_node(EkfFilter, sources={**SOURCES, "wheels": wheels})
+    drive(node, clock, 1.0, 0.5)
+    node.clear()
+    for _ in range(250):
+        clock.advance(PERIOD)
+        node.send("imu", imu(clock, 0.0))
+        node.send("odom", says(clock))
+    assert len(told(node)) <= 10, "for sensor_timeout it goes on"
+    assert place(told(node)[-1])[0] < 0.65
+    level, text = health(node)
+    assert level == ERROR
+    assert re.search(f"^silent: .*{why}", text), text
+    node.clear()
+    drive(node, clock, 0.5, 0.0)
+    assert told(node)[-1].twist.twist.linear.x == pytest.approx(0.0, abs=0.05)
+    clock.advance(1.1)
+    drive(node, clock, 1.5, 0.0)
+    assert health(node) == (OK, "")
+
+
+def test_wheels_that_stand_suddenly_are_believed_again(run_node: RunNode, clock: Clock) -> None:
+    """What is rejected for as long as `sensor_timeout` is not outvoted by a filter that is sure of itself."""
+    wheels = {**SOURCES["wheels"], "rejection_threshold": 5.0}
+    node = run_node(
+        EkfFilter, sources={**SOURCES, "wheels": wheels}, process_noise_covariance=[0, 0, 0, 1e-3, 1e-3, 4, 10, 10]
+    )
+    drive(node, clock, 1.0, 0.5)
+    before = place(told(node)[-1])[0]
+    drive(node, clock, 1.0, 0.0)
+    assert node.node._ekf.rejected["wheels"] > 5
+    assert told(node)[-1].twist.twist.linear.x == pytest.approx(0.0, abs=0.05)
+    assert place(told(node)[-1])[0] - before < 0.25
+
+
 def test_without_a_gyro_wheels_are_enough_and_it_is_said(run_node: RunNode, clock: Clock) -> None:
     node = run_node(EkfFilter, sources=SOURCES)
     for _ in range(60):
@@ -173,8 +245,17 @@ def test_what_is_not_finite_is_left_out_and_counted(run_node: RunNode, clock: Cl
     clock.advance(0.05)
     assert all(math.isfinite(one) for one in place(told(node)[-1]))
     assert place(told(node)[-1])[0] == pytest.approx(0.55, abs=0.03)
-    ekf, refused = node.node._ekf, node.node._refused
-    assert ekf.refused.total() + refused.total() == 10
+    assert node.node._ekf.refused == {"wheels": 5, "imu": 5}
+
+
+def test_a_stamp_of_a_clock_that_is_not_set_costs_nothing(run_node: RunNode, clock: Clock) -> None:
+    node = run_node(EkfFilter, sources=SOURCES)
+    said = odometry(clock, 0.5)
+    said.header.stamp = Time(1, 0)
+    node.send("odom", said)
+    drive(node, clock, 1.0, 0.5)
+    assert math.sqrt(told(node)[-1].pose.covariance[0]) < 0.1
+    assert node.node._ekf.complaints["wheels"] == "its stamp is 1e+09 s behind the clock here"
 
 
 def test_another_frame_and_a_clock_that_is_ahead_are_refused(
@@ -212,6 +293,123 @@ def test_it_is_put_somewhere_and_reset(run_node: RunNode, clock: Clock, caplog: 
     assert node.call("reset", Trigger.Request()).success
     drive(node, clock, 0.1, 0.0)
     assert place(told(node)[-1]) == pytest.approx((0.0, 0.0, 0.0), abs=0.05)
+
+
+@pytest.mark.parametrize("frame", ["odom", "visual_odom"])
+def test_relative_poses_count_from_where_it_was_put(run_node: RunNode, clock: Clock, frame: str) -> None:
+    """They begin at the origin wherever they begin, in a frame of their own too; and after that at what is said."""
+    sources = {"camera": {"topic": "vo", "type": "pose", "use": ["x", "y", "yaw"], "relative": True}}
+    node = run_node(EkfFilter, sources=sources)
+
+    def see(x: float, count: int = 50) -> tuple[float, float, float]:
+        for _ in range(count):
+            clock.advance(PERIOD)
+            node.send("vo", pose_at(clock, x, 3.0, 0.0, frame))
+        clock.advance(0.05)
+        return place(told(node)[-1])
+
+    assert see(7.0) == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
+    node.send("set_pose", pose_at(clock, 5.0, -2.0, math.pi / 2))
+    assert see(7.0) == pytest.approx((5.0, -2.0, math.pi / 2), abs=0.01)
+    assert see(7.5) == pytest.approx((5.0, -1.5, math.pi / 2), abs=0.01)
+    node.call("reset", Trigger.Request())
+    assert see(7.5) == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
+
+
+def test_a_pose_may_be_far_away_and_sure_of_itself(run_node: RunNode, clock: Clock) -> None:
+    place_said = {"topic": "place", "type": "pose", "use": ["x", "y", "yaw"], "rejection_threshold": 5.0}
+    node = run_node(EkfFilter, sources={"wheels": SOURCES["wheels"], "place": place_said})
+    for _ in range(20):
+        clock.advance(PERIOD)
+        node.send("odom", odometry(clock, 0.0))
+        node.send("place", pose_at(clock, 800.0, -300.0, 3.0))
+    clock.advance(0.05)
+    assert place(told(node)[-1]) == pytest.approx((800.0, -300.0, 3.0), abs=0.02)
+    assert not node.node._ekf.rejected
+
+
+def test_where_it_is_put_it_is_as_unsure_of_its_motion_as_it_was_told(run_node: RunNode, clock: Clock) -> None:
+    node = run_node(EkfFilter, sources=SOURCES, initial_estimate_covariance=[1e-6] * 3 + [7.0] * 5)
+    drive(node, clock, 0.1)
+    node.send("set_pose", pose_at(clock, 5.0, -2.0, 1.0))
+    assert [node.node._ekf.now.variance(i) for i in (3, 4, 5)] == pytest.approx([7.0] * 3)
+
+
+def test_a_camera_whose_velocities_are_zeros_teaches_no_bias(run_node: RunNode, clock: Clock) -> None:
+    """It drives a curve all the time, and only poses say so."""
+    node = run_node(EkfFilter, sources={"camera": {"topic": "vo", "use": ["x", "y"]}, "imu": SOURCES["imu"]})
+    x = y = yaw = 0.0
+    for _ in range(150):
+        clock.advance(PERIOD)
+        yaw += 0.04 * PERIOD
+        x, y = x + 0.5 * PERIOD * math.cos(yaw), y + 0.5 * PERIOD * math.sin(yaw)
+        said = odometry(clock)
+        said.pose, said.twist = PoseWithCovariance(Pose(Point(x, y)), SURE), TwistWithCovariance()
+        node.send("vo", said)
+        node.send("imu", imu(clock, 0.04))
+    clock.advance(0.05)
+    assert place(told(node)[-1])[2] == pytest.approx(yaw, abs=0.01)
+    assert node.node._readers["imu"].bias.bias == 0.0
+
+
+@pytest.mark.parametrize("bias", [0.03, 0.1])
+def test_a_bias_is_found_by_any_wheels_and_said_where_it_is_too_large(
+    run_node: RunNode, clock: Clock, bias: float
+) -> None:
+    node = run_node(
+        EkfFilter, sources={"wheels": {"topic": "w", "type": "twist", "use": ["vx"]}, "imu": SOURCES["imu"]}
+    )
+    for _ in range(150):
+        clock.advance(PERIOD)
+        still = TwistWithCovariance(Twist(), SURE)
+        node.send("w", TwistWithCovarianceStamped(Header(clock.now(), "base_link"), still))
+        node.send("imu", imu(clock, bias))
+    if bias > 0.05:
+        assert health(node) == (WARN, "imu says 0.1 rad/s while the wheels stand: more than rest_bias")
+    else:
+        assert node.node._readers["imu"].bias.bias == pytest.approx(bias)
+        assert health(node) == (OK, "")
+
+
+def test_why_something_is_left_out_is_said(run_node: RunNode, clock: Clock, caplog: pytest.LogCaptureFixture) -> None:
+    wheels = {**SOURCES["wheels"], "rejection_threshold": 5.0}
+    node = run_node(EkfFilter, sources={**SOURCES, "wheels": wheels})
+    for step in range(100):
+        drive(node, clock, PERIOD)
+        if step % 10 == 0:
+            node.send("odom", odometry(clock, 50.0))
+    text = r"vx, vyaw: [\d.e+]+ standard deviations from what was expected"
+    assert re.search(f"left out what wheels says: {text}; 1 times so far", caplog.text)
+    level, said = health(node)
+    assert level == WARN
+    assert re.fullmatch(f"left out: wheels: {text}", said)
+
+
+def test_a_tick_that_took_too_long_is_not_followed_by_a_longer_one(
+    run_node: RunNode, clock: Clock, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Taking again what came since is what costs most: the next tick does without."""
+    node = run_node(EkfFilter, sources=SOURCES, history_length=2.0)
+    drive(node, clock, 1.0)
+    take, passed = node.node._ekf.take, 0.0
+    replays: list[bool] = []
+
+    class Wall:
+        def monotonic(self) -> float:
+            return clock.monotonic() + passed
+
+    def slow(waiting: list[Measurement], *, replay: bool) -> set[int]:
+        nonlocal passed
+        replays.append(replay)
+        passed += 0.05 if replay else 0.0
+        return take(waiting, replay=replay)
+
+    monkeypatch.setattr(node.node._ekf, "take", slow)
+    monkeypatch.setattr(node.node, "_wall", Wall())
+    drive(node, clock, 1.0, delay=0.1)
+    assert replays[:4] == [True, False, True, False]
+    assert "a tick took 0.05 s, longer than its period" in caplog.text
+    assert node.node._ekf.late["wheels"] > 0
 
 
 def test_poses_and_velocities_with_covariance_are_sources_too(run_node: RunNode, clock: Clock) -> None:
@@ -331,3 +529,27 @@ def test_where_time_steps_back_it_begins_anew(
     assert "time has stepped back" in caplog.text
     assert place(told(node)[-1])[0] == pytest.approx(where, abs=0.05)
     assert told(node)[-1].header.stamp.to_seconds() == pytest.approx(clock.now().to_seconds() - 90.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("said", "reset", "where"), [("relative", False, 0.5), ("relative", True, 0.0), ("", True, 0.5)]
+)
+def test_where_time_steps_back_poses_go_on(
+    run_node: RunNode, clock: Clock, monkeypatch: pytest.MonkeyPatch, said: str, reset: bool, where: float
+) -> None:
+    """Relative ones from where it begins anew, others are believed as they are."""
+    camera = {"topic": "vo", "type": "pose", "use": ["x", "y", "yaw"], "relative": said == "relative"}
+    node = run_node(EkfFilter, sources={"camera": camera}, reset_on_time_jump=reset)
+    for step in range(51):
+        clock.advance(PERIOD)
+        node.send("vo", pose_at(clock, 0.01 * step, 0.0, 0.0))
+    clock.advance(0.05)
+    assert place(told(node)[-1])[0] == pytest.approx(0.5, abs=0.01)
+    node.clear()
+    monkeypatch.setattr(node.node, "now", lambda: stamp(clock, 90.0))
+    for _ in range(50):
+        clock.advance(PERIOD)
+        pose = pose_at(clock, 0.5, 0.0, 0.0)
+        pose.header.stamp = stamp(clock, 90.0)
+        node.send("vo", pose)
+    assert place(told(node)[-1])[0] == pytest.approx(where, abs=0.01)

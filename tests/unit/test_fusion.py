@@ -17,14 +17,16 @@ from robo_messages import (
     Quaternion,
     Twist,
     TwistWithCovariance,
+    TwistWithCovarianceStamped,
     Vector3,
 )
 from robo_services.drives import Ackermann, DiffDrive
-from robo_services.ekf import AX, VX, Unusable, begin
+from robo_services.ekf import AX, VX, YAW, Unusable, begin
 from robo_services.ekf_history import Ekf
 from robo_services.ekf_messages import odometry_of, placed
 from robo_services.ekf_parameters import INITIAL, PROCESS_NOISE, SourceParameters, diagonal
 from robo_services.ekf_sources import DEVIATIONS, GRAVITY, Reader, RestBias
+from robo_services.factors import Factors
 from robo_services.kinematics import ORIGIN, Pose2, advance
 from robo_services.limits import ramp
 from robo_services.planar import angle_difference, quaternion_from_yaw, yaw_from_quaternion
@@ -49,6 +51,10 @@ class Ends(NamedTuple):
     """Of the fused one, rad."""
     bias: float
     """As found, rad/s."""
+    said: float
+    """How far away the filter takes its heading to be, rad: one standard deviation."""
+    squared: float
+    """How far away from the truth the fused pose is in its own measure, squared."""
 
 
 def trial(errors: WheelErrors, seed: int, *, noise: ImuNoise, use: str = "vyaw", laps: int = 10) -> Ends:
@@ -78,11 +84,15 @@ def trial(errors: WheelErrors, seed: int, *, noise: ImuNoise, use: str = "vyaw",
             ekf.take(by_wheels.odometry(odometry, step * dt))
     told = wheels.message(Header(), "base_link").pose.pose
     x, y, yaw = ekf.now.mean[:VX]
+    errors_of_pose = Factors.of([row[:VX] for row in ekf.now.covariance()[:VX]])
+    apart = errors_of_pose.correlate([[truth.x - x], [truth.y - y], [angle_difference(truth.yaw, yaw)]])
     return Ends(
         math.hypot(told.position.x - truth.x, told.position.y - truth.y),
         math.hypot(x - truth.x, y - truth.y),
         abs(angle_difference(yaw, truth.yaw)),
         by_imu.bias.bias,
+        math.sqrt(ekf.now.variance(YAW)),
+        sum(gap[0] ** 2 / variance for gap, variance in zip(apart, errors_of_pose.d, strict=True)),
     )
 
 
@@ -94,6 +104,20 @@ def test_fused_it_is_nearer_to_the_truth(kind: str) -> None:
     wheels, fused = (statistics.fmean(run[i] for run in runs) for i in (0, 1))
     assert sum(run.fused < run.wheels for run in runs) >= 3, runs
     assert fused < 0.5 * wheels, (wheels, fused)
+
+
+def test_its_errors_are_as_large_as_it_says() -> None:
+    """Wheels that slip and a gyro whose bias is found in 3 s, over 20 runs of a quarter of a minute.
+
+    The mean of χ² with three degrees of freedom is 3, that of 20 runs 3 ± 0.55 (Bar-Shalom et al. 2001, §5.4). What
+    remains of the bias is the same all the time: were it taken for noise, the heading would err three times as much as
+    is said, and by more the longer it drives.
+    """
+    noise = ImuNoise(gyro=0.01, gyro_bias=0.02)
+    runs = [trial(WheelErrors(slip=0.02), seed, noise=noise, laps=4) for seed in range(20)]
+    assert 1.5 < statistics.fmean(run.squared for run in runs) < 4.5
+    errors = math.sqrt(statistics.fmean(run.heading**2 for run in runs))
+    assert 0.6 < errors / statistics.fmean(run.said for run in runs) < 1.4
 
 
 def test_a_bias_is_found_at_rest_and_costs_little() -> None:
@@ -222,6 +246,14 @@ def test_relative_poses_count_from_the_first() -> None:
     assert ahead.values == pytest.approx((1.0, 0.0, 0.5))
     one.begin_anew()
     assert one.odometry(odometry(5.0, 5.0, 1.0), 0.0)[0].values == pytest.approx((0.0, 0.0, 0.0))
+    one.begin_anew(Pose2(2.0, 1.0, math.pi / 2))
+    assert one.odometry(odometry(5.0, 5.0, 1.0), 0.0)[0].values == pytest.approx((2.0, 1.0, math.pi / 2))
+    ahead = one.odometry(odometry(5.0 + math.cos(1.0), 5.0 + math.sin(1.0), 1.5), 0.1)[0]
+    assert ahead.values == pytest.approx((2.0, 2.0, math.pi / 2 + 0.5))
+    compass = reader("imu", "yaw", relative=True)
+    compass.begin_anew(Pose2(yaw=3.0))
+    for yaw, wanted in ((1.0, 3.0), (1.5, 3.5 - math.tau)):
+        assert compass.imu(imu(orientation=quaternion_from_yaw(yaw)), 0.0)[0].values == pytest.approx((wanted,))
 
 
 def test_of_differential_poses_the_velocities_between_them_count() -> None:
@@ -232,6 +264,37 @@ def test_of_differential_poses_the_velocities_between_them_count() -> None:
     assert between.indices == (3, 4, 5)
     assert between.values == pytest.approx((0.4, 0.0, 1.2))
     assert one.pose(odometry(*there).pose, 5.0) == [], "after a gap nobody knows how it went"
+
+
+def posed(x: float, *variances: float, yaw: float = 0.0) -> PoseWithCovariance:
+    """A pose with the variances of x, y and yaw."""
+    numbers = [0.0] * 36
+    numbers[0], numbers[7], numbers[35] = variances
+    return PoseWithCovariance(Pose(Point(x), quaternion_from_yaw(yaw)), tuple(numbers))
+
+
+def test_differential_velocities_err_as_both_poses_do() -> None:
+    one = reader("pose", "x", "y", "yaw", differential=True)
+    one.pose(posed(0.0, 0.01, 0.04, 0.09, yaw=math.pi / 2), 0.0)
+    (between,) = one.pose(posed(0.0, 0.02, 0.04, 0.01, yaw=math.pi / 2), 0.5)
+    found = [between.covariance[k][k] for k in range(3)]
+    assert found == pytest.approx([0.08 / 0.25, 0.03 / 0.25, 0.1 / 0.25]), "ahead is along y"
+    one.pose(posed(0.0, 0.0, 0.0, 0.0), 1.0)
+    (between,) = one.pose(posed(0.0, 0.0, 0.0, 0.0), 1.5)
+    assert [between.covariance[k][k] for k in range(3)] == pytest.approx([one**2 for one in DEVIATIONS[3:6]])
+
+
+def test_of_differential_poses_that_are_not_measured_there_are_no_velocities() -> None:
+    one = reader("pose", "x", "y", "yaw", differential=True)
+    one.pose(posed(0.0, 0.01, 0.01, 0.01), 0.0)
+    assert one.pose(posed(0.5, 1e9, 1e9, 1e9), 0.1) == []
+    assert one.pose(posed(0.5, 0.01, 0.01, 0.01), 0.2) == [], "the one before was not"
+    (turning,) = one.pose(posed(0.5, 1e9, 0.01, 0.01, yaw=0.1), 0.3)
+    assert turning.indices == (5,)
+    assert turning.values == pytest.approx((1.0,))
+    headless = reader("pose", "x", "y", differential=True)
+    headless.pose(posed(0.0, 0.01, 0.01, 1e9), 0.0)
+    assert headless.pose(posed(0.5, 0.01, 0.01, 1e9), 0.1) == [], "nobody knows where ahead is"
 
 
 def test_an_imu_may_be_mounted_upside_down_and_turned() -> None:
@@ -279,17 +342,47 @@ def test_a_gyro_that_turns_while_the_wheels_stand_is_not_believed_to_be_biased()
     for step in range(100):
         bias.wheels(0.0, 0.0, step * 0.02)
         bias.without(0.5, step * 0.02, 0.05)
-    assert bias.bias == 0.0
+    assert (bias.bias, bias.excess) == (0.0, 0.5)
     for step in range(100, 200):
         bias.wheels(0.0, 0.0, step * 0.02)
         bias.without(0.03, step * 0.02, 0.05)
-    assert bias.bias == pytest.approx(0.03)
-    assert bias.without(0.03, 10.0, 0.05) == pytest.approx(0.0)
-    assert bias.without(0.03, 10.0, 0.0) == 0.03, "it is not asked for"
+    assert (bias.bias, bias.excess) == pytest.approx((0.03, 0.0))
+    assert bias.without(0.03, 10.0, 0.05)[0] == pytest.approx(0.0)
+    assert bias.without(0.03, 10.0, 0.0) == (0.03, 0.0), "it is not asked for"
+    assert bias.without(0.03, 10.0, 0.01)[0] == pytest.approx(0.02), "no bias is larger, though one was found"
     bias.wheels(0.5, 0.0, 10.02)
     for step in range(100):
         bias.without(0.05, 10.04 + step * 0.02, 0.05)
     assert bias.bias == pytest.approx(0.03), "the wheels turn"
+
+
+def test_a_bias_is_as_sure_as_a_mean_of_so_many_readings() -> None:
+    rng, bias = random.Random(1), RestBias()
+    assert bias.without(0.0, 0.0, 0.06)[1] == pytest.approx(0.06 / math.sqrt(3)), "anywhere between"
+    for step in range(150):
+        bias.wheels(0.0, 0.0, step * 0.02)
+        sure = bias.without(rng.gauss(0.02, 0.01), step * 0.02, 0.06)[1]
+    assert sure == 0.0, "while it stands it goes on finding it"
+    bias.wheels(0.5, 0.0, 3.0)
+    assert bias.without(0.0, 3.01, 0.06)[1] == pytest.approx(0.01 / math.sqrt(124), rel=0.2)
+
+
+def wheels(vx: float, vy: float, vyaw: float, **covariance: float) -> Odometry:
+    numbers = [0.0] * 36
+    for name, value in covariance.items():
+        numbers[{"x": 0, "y": 7, "yaw": 35}[name]] = value
+    twist = TwistWithCovariance(Twist(Vector3(vx, vy), Vector3(z=vyaw)), tuple(numbers))
+    return Odometry(Header(), "base_link", twist=twist)
+
+
+def test_only_who_knows_of_wheels_says_whether_they_stand() -> None:
+    assert reader("odometry", "vx").motion(wheels(0.3, 0.4, 0.1)) == pytest.approx((0.5, 0.1))
+    said = TwistWithCovarianceStamped(Header(), wheels(0.0, 0.0, 0.0).twist)
+    assert reader("twist", "vx").motion(said) == (0.0, 0.0)
+    assert reader("odometry", "x", "y").motion(wheels(0.0, 0.0, 0.0)) is None, "a camera's zeros are no wheels"
+    assert reader("odometry", "x", "vx", differential=True).motion(wheels(0.0, 0.0, 0.0)) is None
+    assert reader("odometry", "vx").motion(wheels(0.0, 0.0, 0.0, x=0.01, yaw=NOT_MEASURED)) is None
+    assert reader("imu", "vyaw").motion(imu()) is None
 
 
 READERS = [
@@ -369,15 +462,22 @@ def test_what_is_known_is_told_with_how_sure_it_is() -> None:
     assert (said.pose.pose.position.x, said.twist.twist.angular.z) == (1.0, 0.1)
     assert yaw_from_quaternion(said.pose.pose.orientation) == pytest.approx(0.5)
     assert [said.pose.covariance[7 * i] for i in range(6)] == [1e-6, 1e-6, *3 * [NOT_MEASURED], 1e-6]
-    assert placed(known, said.pose).mean == pytest.approx((1.0, 2.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
+    assert placed(known, said.pose, INITIAL[VX:]).mean == pytest.approx((1.0, 2.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("numbers", [(math.nan,) * 36, (-1.0,) * 36])
 def test_a_pose_whose_covariance_is_none_is_refused(numbers: tuple[float, ...]) -> None:
     with pytest.raises(Unusable):
-        placed(begin(INITIAL), PoseWithCovariance(Pose(), numbers))
-    with pytest.raises(Unusable):
-        placed(begin(INITIAL), PoseWithCovariance(Pose(Point(math.nan))))
+        placed(begin(INITIAL), PoseWithCovariance(Pose(), numbers), INITIAL[VX:])
+    with pytest.raises(Unusable, match="x = nan"):
+        placed(begin(INITIAL), PoseWithCovariance(Pose(Point(math.nan))), INITIAL[VX:])
+
+
+def test_where_it_is_put_a_variance_of_zero_is_sure() -> None:
+    known = placed(begin(INITIAL), posed(1.0, 0.25, 0.25, 0.0), (4.0, 0.01, 9.0, 1.0, 1.0))
+    assert [known.variance(i) for i in range(6)] == pytest.approx([0.25, 0.25, 1e-9, 4.0, 0.01, 9.0])
+    with pytest.raises(Unusable, match="the variance of yaw is -1"):
+        placed(begin(INITIAL), posed(1.0, 0.25, 0.25, -1.0), INITIAL[VX:])
 
 
 def test_noise_is_said_as_eight_numbers_or_as_robot_localization_has_it() -> None:
