@@ -292,6 +292,8 @@ def _errors_of(covariance: list[list[float]]) -> Factors:
         if row[i] < 0.0:
             raise Unusable("a variance is negative")
         row[i] = max(row[i], LEAST_VARIANCE)
+    if len(covariance) == 1:
+        return Factors([[1.0]], covariance[0])
     try:
         return Factors.of(covariance)
     except NotPositive:

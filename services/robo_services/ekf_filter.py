@@ -124,12 +124,10 @@ class EkfFilter(Node):
         self._waiting: list[Measurement] = []
         self._before: Counter[str] = Counter()
         self._hindrance, self._begin = "", self._wall.monotonic()
-        self._is_lost = True
-        """Whether nobody is heard who says how the base moves."""
-        self._is_doubted = False
-        """Whether nobody is believed how it moves."""
+        self._is_lost, self._is_doubted = True, False
+        """Whether nobody is heard who says how the base moves, and whether nobody is believed."""
         self._is_slow = False
-        """Whether the last tick took longer than it may."""
+        """Whether the last tick took longer than its period."""
         self._ekf = filter_of(p)
         for name, said in p.sources.items():
             if self.resolve(said.topic) == self.resolve("odometry/filtered"):
@@ -152,7 +150,8 @@ class EkfFilter(Node):
         try:
             found = self._read(name, message, info)
             for one in found:
-                check_measured(one)
+                if not one.assumed:
+                    check_measured(one)
         except Unusable as error:
             self._ekf.refuse(name, error)
             self._complain(name)
@@ -188,9 +187,8 @@ class EkfFilter(Node):
     def _time_of(self, stamp: Time, info: MessageInfo) -> float:
         """When that was, s since this node began; without a stamp when it was sent."""
         now = self._since_begin(self.now())
-        if stamp == Time():
-            return now - info.age if info.age < math.inf else now
-        time = self._since_begin(stamp)
+        sent = now - info.age if info.age < math.inf else now
+        time = sent if stamp == Time() else self._since_begin(stamp)
         if time > now + AHEAD:
             raise Unusable(f"its stamp is {time - now:.3g} s ahead of the clock here")
         if time < now - self.parameters.history_length - BEHIND:
@@ -215,8 +213,7 @@ class EkfFilter(Node):
             self._say(hindrance)
         elif waiting:
             self._take(waiting, now, here)
-        took = self._wall.monotonic() - begun
-        self._is_slow = took > 1.0 / p.frequency
+        self._is_slow = (took := self._wall.monotonic() - begun) > 1.0 / p.frequency
         if self._is_slow:
             text = "a tick took %.3g s, longer than its period: what comes late is left out of the next one"
             self.logger.warning(text, took, throttle=5.0)
@@ -295,13 +292,7 @@ class EkfFilter(Node):
         """Whether all that is to be fused comes, and is believed."""
         p, now, ekf = self.parameters, self.clock.monotonic(), self._ekf
         gyros = {name: one.bias for name, one in self._readers.items() if one.said.type == "imu"}
-        figures = {
-            "late": ekf.late.total(),
-            "refused": ekf.refused.total(),
-            "rejected": ekf.rejected.total(),
-            "replayed": ekf.replayed,
-            **{f"bias.{name}": bias.bias for name, bias in gyros.items()},
-        }
+        figures = {**_counted(ekf), **{f"bias.{name}": bias.bias for name, bias in gyros.items()}}
         left_out, self._before = ekf.left_out - self._before, ekf.left_out
         reasons = "; ".join(f"{name}: {ekf.complaints[name]}" for name in left_out)
         doubted = self._watch.doubted(now, p.sensor_timeout) if self._is_doubted else ""
@@ -311,10 +302,8 @@ class EkfFilter(Node):
             return Health.warn(f"nothing new of {', '.join(silent)}", **figures)
         if reasons:
             return Health.warn(f"left out: {reasons}", **figures)
-        for name, bias in gyros.items():
-            if bias.excess:
-                text = f"{name} says {bias.excess:.3g} rad/s while the wheels stand: more than rest_bias"
-                return Health.warn(text, **figures)
+        if biased := [f"{name} says {bias.excess:.3g} rad/s" for name, bias in gyros.items() if bias.excess]:
+            return Health.warn(f"{', '.join(biased)} while the wheels stand: more than rest_bias", **figures)
         return Health.ok(**figures)
 
 
@@ -329,6 +318,15 @@ def filter_of(p: EkfFilter.Parameters) -> Ekf:
                 variances[i] = variance
     noise = diagonal(p.process_noise_covariance, PROCESS_NOISE)
     return Ekf(begin(variances[:size]), noise, history=p.history_length, longest_step=p.sensor_timeout)
+
+
+def _counted(ekf: Ekf) -> dict[str, int]:
+    return {
+        "late": ekf.late.total(),
+        "refused": ekf.refused.total(),
+        "rejected": ekf.rejected.total(),
+        "replayed": ekf.replayed,
+    }
 
 
 def _refuse_other(frame: str, wanted: str) -> None:

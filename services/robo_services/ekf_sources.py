@@ -148,7 +148,7 @@ class Reader:
 
     def motion(self, message: Measured) -> tuple[float, float] | None:
         """How fast its wheels say that the base moves, m/s and rad/s; None of one that does not know of wheels."""
-        if not isinstance(message, Odometry | TwistWithCovarianceStamped):
+        if not isinstance(message, (Odometry, TwistWithCovarianceStamped)):
             return None
         said = message.twist
         if self.said.differential or not self._used & {VX, VYAW} or said.covariance[0] >= NOT_MEASURED:
