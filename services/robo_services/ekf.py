@@ -148,7 +148,8 @@ def predict(now: Estimate, dt: float, noise: Sequence[float]) -> Estimate:
     errors = {VX: (cos / 2, sin / 2, 0.0, 1.0), VY: (-sin / 2, cos / 2, 0.0, 0.0, 1.0)}
     errors[VYAW] = (turned_x / 2, turned_y / 2, dt / 2, 0.0, 0.0, 1.0)
     if len(mean) > AX:
-        share = reaches / dt
+        share, late = reaches / dt, gains / (1.0 + fades)
+        errors[AX], errors[AY] = (*(0.0,) * VX, late, 0.0, 0.0, 1.0), (*(0.0,) * VY, late, 0.0, 0.0, 1.0)
         row_x += [(AX, cos * share), (AY, -sin * share)]
         row_y += [(AX, sin * share), (AY, cos * share)]
         changes += [(VX, [(AX, gains)]), (VY, [(AY, gains)]), (AX, [(AX, fades - 1.0)]), (AY, [(AY, fades - 1.0)])]

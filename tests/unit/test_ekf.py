@@ -107,8 +107,10 @@ def test_accelerations_fade_as_much_in_one_step_as_in_many(ax: float, ay: float,
     for _ in range(50):
         often = predict(often, dt / 50, PROCESS_NOISE)
     assert once.mean == pytest.approx(often.mean, abs=1e-9)
-    for index in (AX, AY):
-        assert once.variance(index) == pytest.approx(often.variance(index), rel=1e-6)
+    covariances = once.covariance(), often.covariance()
+    for a, b in ((AX, AX), (AY, AY), (VX, AX), (VY, AY)):
+        expected, found = (one[a][b] for one in covariances)
+        assert expected == pytest.approx(found, rel=1e-6)
 
 
 def test_without_anybody_who_measures_them_there_are_no_accelerations() -> None:
