@@ -86,6 +86,9 @@ class EmulatedBoard(Node):
         starting: Annotated[
             float, Meta(ge=0, le=10, description="it says nothing for this long after a reset"), Unit("s"), READ_ONLY
         ] = 0.0
+        power_by_usb: Annotated[
+            bool, Meta(description="unplugged it has no power: its motors too stop, and it counts from 0 afterwards")
+        ] = True
         garbled: Annotated[
             float, Meta(ge=0, le=0.5, description="share of its lines in which a letter is another one")
         ] = 0.0
@@ -176,16 +179,22 @@ class EmulatedBoard(Node):
 
     @service("unplug")
     def unplug(self, _request: Trigger.Request) -> Trigger.Response:
-        """Pull its cable; it goes on by its battery."""
+        """Pull its cable; without power by USB it goes on by its battery."""
         with self._lock:
+            self._pass_time()
             self._pull_out()
+            if self.parameters.power_by_usb:
+                self._board.reset()  # nobody turns its motors any more
         return Trigger.Response(message=f"{self._link} is gone")
 
     @service("replug")
     def replug(self, _request: Trigger.Request) -> Trigger.Response:
-        """Plug it in again."""
+        """Plug it in again; it begins anew where it has its power by USB."""
         with self._lock:
             if self._pty is None:
+                self._pass_time()
+                if self.parameters.power_by_usb:
+                    self._board.reset()
                 self._plug_in()
         return Trigger.Response(message=f"{self._link} is there")
 

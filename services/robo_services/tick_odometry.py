@@ -3,8 +3,9 @@
 Counts are absolute: a reading that is lost loses no tick, the next one holds it. What comes has no checksum. So a
 reading that goes on as the wheels went is taken; of any other the board is asked again, and two that agree are
 believed: either the wheels were jolted, or, where no wheel can have got there or both count from 0 again, the board has
-begun anew. Then the pose stays, what was driven meanwhile is not known, and the covariance says so. Pure: no port, no
-clock.
+begun anew. After a silence the nearer of the two is believed: a board that was without power counts from 0, and a hand
+may have turned the wheels since. Then the pose stays, what was driven meanwhile is not known, and the covariance says
+so. Pure: no port, no clock.
 """
 
 import math
@@ -121,7 +122,7 @@ class TickOdometry:
             self.refused += 1
             return "asks"
         self._suspect = None
-        if self.is_near(self._last, reading, elapsed) and not self._counts_anew(reading):
+        if self.is_near(self._last, reading, elapsed) and not self._counts_anew(reading, elapsed):
             self._move(reading, time)
             return "moves"
         self.resets += 1
@@ -160,7 +161,7 @@ class TickOdometry:
         assert self._last is not None
         if not self.is_near(self._last, reading, elapsed):
             return False
-        anew = self._counts_anew(reading)
+        anew = self._counts_anew(reading, elapsed)
         if not 0.0 <= elapsed <= CLOSE:
             return not anew
         change = (SWIFT if anew else SWIFTEST) * self.per_radian * elapsed
@@ -175,15 +176,15 @@ class TickOdometry:
         furthest = min(furthest, self._wrap / 4)
         return all(abs(way) <= furthest for way in self._ways(before, reading))
 
-    def _counts_anew(self, reading: Encoders) -> bool:
+    def _counts_anew(self, reading: Encoders, elapsed: float) -> bool:
         """Whether a board that counts from 0 would say that, rather than one that goes on."""
         assert self._last is not None
-        left, right, _ = self._ticks_per_second()
-        from_nothing = [abs(count) for count in reading]
-        is_near_nothing = all(
-            count <= FEW + COASTING * abs(rate) for count, rate in zip(from_nothing, (left, right), strict=True)
-        )
-        return is_near_nothing and sum(from_nothing) < sum(map(abs, self._ways(self._last, reading)))
+        if sum(map(abs, reading)) >= sum(map(abs, self._ways(self._last, reading))):
+            return False
+        if elapsed > STALE:
+            return True  # how fast they were says nothing of how far they were turned since
+        rates = self._ticks_per_second()[:2]
+        return all(abs(count) <= FEW + COASTING * abs(rate) for count, rate in zip(reading, rates, strict=True))
 
     def _ways(self, before: Encoders, reading: Encoders) -> tuple[float, float]:
         half = self._wrap // 2

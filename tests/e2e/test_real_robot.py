@@ -73,7 +73,8 @@ def test_speeds_arrive_and_odometry_is_true(launch: Launch, tmp_path: Path) -> N
 
 @pytest.mark.timeout(120)
 def test_whatever_happens_to_the_board(launch: Launch, tmp_path: Path) -> None:
-    robot = driving(launch, tmp_path, may_die=["serial_base"])
+    board = ["-p", "emulated_board.power_by_usb:=false"]  # else it is no watchdog that stops it
+    robot = driving(launch, tmp_path, may_die=["serial_base"], options=board)
     call(robot, "unplug")
     unplugged = time.time()
     stood = stands(robot)

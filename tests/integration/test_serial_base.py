@@ -124,7 +124,7 @@ def test_when_the_node_ends_it_stands(robo_session: zenoh.Session, tmp_path: Pat
 def test_unplugged_it_stands_and_plugged_in_it_goes_on(
     robo_session: zenoh.Session, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with robot(robo_session, tmp_path, {}, {}) as r:
+    with robot(robo_session, tmp_path, {}, {"power_by_usb": False}) as r:
         r.drive(0.5)
         r.drives()
         r.call(r.board.unplug)
@@ -153,6 +153,25 @@ def test_a_board_that_begins_anew_is_told_of_and_makes_no_jump(
         after = r.wait_for_odometry(lambda _: True, anew=True)
         assert after.pose.pose.position.x >= before.pose.pose.position.x
         assert r.error < 0.2
+
+
+def test_without_power_by_usb_nothing_is_counted_and_the_pose_stays(
+    robo_session: zenoh.Session, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with robot(robo_session, tmp_path, {}, {}) as r:
+        r.drive(0.5)
+        r.wait_for_odometry(lambda odom: odom.pose.pose.position.x > 0.3)
+        r.drive(0.0)
+        eventually(lambda: r.error < 0.01 and r.board._board.rates.left == 0.0, "it stands, and knows where")
+        stood = r.base._track.track.pose
+        r.call(r.board.unplug)
+        eventually(lambda: r.state[0] == ERROR, "it is gone")
+        r.call(r.board.replug)
+        eventually(lambda: "the board has begun anew" in caplog.text, "it counts from 0, which is told")
+        assert r.base._track.track.pose == stood
+        r.drive(0.5)
+        r.drives()
+        assert r.base._track.track.pose.x > stood.x
 
 
 def test_what_is_no_board_is_refused_with_what_it_says(

@@ -46,6 +46,10 @@ class Played:
                 self._to(self.now + LATENCY)
                 self.base.feed(heard, self.now)
 
+    def run_unheard(self, seconds: float) -> None:
+        """Nobody talks to the board."""
+        self._to(self.now + seconds)
+
     def board_time(self, end: float) -> float:
         return min(end, max(self.base.due, self.now + 0.001))
 
@@ -121,6 +125,36 @@ def test_a_board_that_begins_anew_makes_no_jump(driven: float, starting: float, 
     played.run(0.5)
     assert played.error < lost + 0.01, "it goes on from there"
     assert played.odometry.resets <= 1
+
+
+@pytest.mark.parametrize("turned", [0, 4, 50, 500])
+@pytest.mark.parametrize("away", [0.6, 3.0, 600.0])
+def test_a_board_that_was_without_power_makes_no_jump(turned: int, away: float) -> None:
+    played = Played()
+    played.run(0.5)
+    played.run(3.0, Twist2(0.4))
+    played.run(1.0)
+    stood = played.odometry.track.pose
+    played.run_unheard(away)
+    played.board.reset()
+    for motor in (played.board._left, played.board._right):  # a hand
+        motor.turned += (turned + 0.5) / played.odometry.per_radian
+    played.base.begin(played.now)
+    played.run(1.0)
+    assert played.odometry.track.pose == stood
+    assert (played.odometry.resets, len(played.base.resets)) == (1, 1), "and it is told"
+    played.run(1.0, Twist2(0.4))
+    assert played.odometry.track.pose.x > stood.x + 0.3
+
+
+def test_a_board_that_kept_its_power_has_counted_on() -> None:
+    played = Played()
+    played.run(0.5)
+    played.run(3.0, Twist2(0.4))
+    played.run_unheard(5.0)  # it coasts, and its watchdog stops it
+    played.base.begin(played.now)
+    played.run(1.0)
+    assert (ticks(played.odometry), played.odometry.resets) == (played.board.encoders, 0)
 
 
 def test_a_wheel_that_is_jolted_is_followed() -> None:
