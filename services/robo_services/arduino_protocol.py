@@ -21,6 +21,9 @@ from typing import Final, NamedTuple
 LONGEST: Final = 64
 """A line of more bytes is none of a board's."""
 
+BYTES_PER_PERIOD: Final = 32
+"""A period's speeds, encoders and pin take no more, each way."""
+
 ASK_ENCODERS: Final = b"e\r"
 ASK_BAUD: Final = b"b\r"
 RESET_ENCODERS: Final = b"r\r"
@@ -30,8 +33,8 @@ END_OF_GARBAGE: Final = b"\r"
 measure.
 """
 
-_MOST = 32_767
-"""An int of a small board."""
+MOST_TICKS: Final = 32_767
+"""Per loop: an int of a small board."""
 _COUNT_BITS = 32
 _NUMBER = rb"0|-?[1-9][0-9]{0,9}"  # as a board prints it: no sign before 0, no 0 before others
 _ENCODERS = re.compile(rb"(%b) (%b)" % (_NUMBER, _NUMBER))
@@ -129,7 +132,7 @@ def ask_pin(pin: int) -> bytes:
 
 
 def _held(value: int) -> int:
-    return max(-_MOST, min(value, _MOST))
+    return max(-MOST_TICKS, min(value, MOST_TICKS))
 
 
 def _is_count(value: int) -> bool:

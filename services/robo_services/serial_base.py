@@ -1,5 +1,6 @@
 """Drives a base whose board is on a serial port and speaks as ros_arduino_bridge does."""
 
+import re
 import threading
 from typing import ClassVar
 
@@ -8,7 +9,7 @@ from robo import Health, MessageInfo, Node, Publisher, QoS, check, subscribe
 from robo.tf import Transform3, TransformBroadcaster
 from robo_messages import BatteryState, Header, JointState, Odometry, Twist
 from robo_services.arduino_base import ArduinoBase, BoardError, NotABoard, Settings
-from robo_services.arduino_protocol import STOP
+from robo_services.arduino_protocol import BYTES_PER_PERIOD, END_OF_GARBAGE, STOP
 from robo_services.arrivals import Arrivals, Newest
 from robo_services.board_port import place_of_board
 from robo_services.drives import STANDING, DiffDrive, Wheels
@@ -27,6 +28,8 @@ GOODBYE = 0.2
 """How long the board may take to confirm that it stands, when the node ends, s."""
 SETTLING = 1.0
 """For so long after the start it is no news that nobody commands, s."""
+STANDS = re.compile(rb"Invalid Command\r?\n(?s:.*)OK\r?\n")
+"""What a board says to an end without a command, and to `STOP`: other words were answers to others."""
 MANY = 0.05
 """A share of lines that cannot be read from which on the wire is bad."""
 
@@ -163,7 +166,7 @@ class SerialBase(Node):
                 now = self._wall.monotonic()
                 said = base.say(now, self._wanted(now))
                 if said:
-                    port.write(said)
+                    port.write(said, backlog=BYTES_PER_PERIOD)
                 if port.fd in self._wait([port.fd], base.due - now):
                     moved = base.feed(port.read(), self._wall.monotonic())
                     self._tell_log(port)
@@ -176,10 +179,11 @@ class SerialBase(Node):
     def _stand(self, port: SerialPort) -> None:
         """Have the wheels stand, if the board still listens."""
         try:
-            port.write(STOP)
+            port.discard()  # what has not left yet says how to drive
+            port.write(END_OF_GARBAGE + STOP)
             end = self._wall.monotonic() + GOODBYE
             heard = b""
-            while b"OK" not in heard and self._wall.monotonic() < end:
+            while not STANDS.search(heard) and self._wall.monotonic() < end:
                 if is_readable(port.fd, end - self._wall.monotonic()):
                     heard += port.read()
         except PortGone:

@@ -1,16 +1,25 @@
 """How the board of `serial_base` and its wheels are described."""
 
+import math
 from typing import Annotated, Literal
 
 from msgspec import Meta
 
 import robo
 from robo import READ_ONLY, Unit
+from robo_services.arduino_protocol import BYTES_PER_PERIOD, MOST_TICKS
 from robo_services.arrivals import Unstamped
 from robo_services.uncertainty import NOISE, Noise
 
 USB_ID = r"^([0-9A-Fa-f]{4}:[0-9A-Fa-f]{4}(:.+)?)?$"
 """Maker and product in hexadecimal digits, or with the serial number behind them."""
+
+GAINS = r"^([0-9]{1,4}:[0-9]{1,4}:[0-9]{1,4}:[1-9][0-9]{0,3})?$"
+"""The firmware divides by the last one, has 16-bit numbers, and 15 letters of memory for all four."""
+BITS_PER_BYTE = 10
+"""On the wire: one to begin, eight, and one to end."""
+PATIENCE = 3
+"""Periods: a board that was not heard in a shorter time has not fallen silent."""
 
 Length = Annotated[float, Meta(ge=0.001, le=100), Unit("m"), READ_ONLY]
 Multiplier = Annotated[float, Meta(ge=0.1, le=10), READ_ONLY]
@@ -45,12 +54,12 @@ class SerialBaseParameters(robo.Parameters):
     ] = 0.033
     gains: Annotated[
         str,
-        Meta(pattern=r"^([0-9]{1,5}(:[0-9]{1,5}){3})?$", description="of its loop, kp:kd:ki:ko; empty: its own"),
+        Meta(pattern=GAINS, max_length=15, description="of its loop, kp:kd:ki:ko; empty: its own"),
         READ_ONLY,
     ] = ""
     trim: Annotated[
         float,
-        Meta(ge=0, le=100, description="at most so many ticks per loop are added where a wheel is slow, or fast"),
+        Meta(ge=0, le=10, description="at most so many ticks per loop are added where a wheel is slow, or fast"),
         READ_ONLY,
     ] = 3.0
     wheel_separation: Annotated[Length, Meta(description="between the wheels of the two sides")] = 0.3
@@ -70,7 +79,7 @@ class SerialBaseParameters(robo.Parameters):
     ] = 20.0
     rate: Annotated[
         float,
-        Meta(ge=5, le=200, description="speeds said, encoders asked for and odometry told per second"),
+        Meta(ge=10, le=200, description="speeds said, encoders asked for and odometry told per second"),
         Unit("Hz"),
         READ_ONLY,
     ] = 30.0
@@ -111,3 +120,16 @@ class SerialBaseParameters(robo.Parameters):
     battery_full_scale: Annotated[
         float, Meta(ge=0.1, le=1000, description="the battery's voltage at which the pin says 1023"), Unit("V")
     ] = 5.0
+
+    def __post_init__(self) -> None:
+        """Refuse what does not go together."""
+        if self.rate * BYTES_PER_PERIOD * BITS_PER_BYTE > self.baud:  # the line would obey what was said long ago
+            most = self.baud / (BYTES_PER_PERIOD * BITS_PER_BYTE)
+            raise ValueError(f"rate = {self.rate:g} is too much for baud = {self.baud}: at most {most:g}")
+        if self.answer_timeout < PATIENCE / self.rate:
+            least = f"at least {PATIENCE} periods, {PATIENCE / self.rate:.2g} s"
+            raise ValueError(f"answer_timeout = {self.answer_timeout:g} is too short for rate = {self.rate:g}: {least}")
+        most = MOST_TICKS * math.tau / self.ticks_per_revolution / self.loop_period
+        if self.max_wheel_velocity > most:  # the board's numbers would run over
+            text = f"max_wheel_velocity = {self.max_wheel_velocity:g} is more than {MOST_TICKS} ticks in a loop_period"
+            raise ValueError(f"{text} with ticks_per_revolution = {self.ticks_per_revolution:g}: at most {most:.3g}")

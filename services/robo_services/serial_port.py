@@ -1,9 +1,15 @@
 """Serial ports: found by path or USB id, opened raw, read and written. Whoever reads waits for `fd` to be readable."""
 
+import errno
+import fcntl
+import grp
 import importlib
 import os
 import re
 import select
+import struct
+import sys
+import termios
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
@@ -14,6 +20,7 @@ _USB_ID = re.compile(r"([0-9a-fA-F]{4}):([0-9a-fA-F]{4})(?::(.+))?")
 
 _MOST_AT_ONCE = 65_536
 """Bytes of one read: a device that says more cannot take all memory."""
+_PSEUDO = "/dev/pts/"
 
 
 class PortGone(OSError):
@@ -38,9 +45,15 @@ class SerialPort:
         self.path = find_port(place)
         try:
             self._port = serial.Serial(self.path, baud, timeout=0, write_timeout=0, exclusive=True)
-        except (OSError, ValueError) as error:  # a SerialException is an OSError
-            raise PortGone(f"{self.path}: {_reason(error)}") from None
+        except (OSError, ValueError, termios.error) as error:  # a SerialException is an OSError
+            raise PortGone(f"{self.path}: {_reason(error, self.path)}") from None
         self.fd: int = self._port.fileno()
+        try:
+            with self._gone():
+                self._keep()
+        except PortGone:
+            self.close()
+            raise
 
     def read(self) -> bytes:
         """What has come since; nothing where nothing has.
@@ -56,12 +69,21 @@ class SerialPort:
             raise PortGone(f"{self.path}: it says nothing any more")
         return data
 
-    def write(self, data: bytes) -> None:
+    def write(self, data: bytes, *, backlog: int = sys.maxsize) -> None:
         """Send all of it, without waiting.
 
+        Args:
+            data: what to send.
+            backlog: where more bytes than this are still to leave, all of them are thrown away: what is said too late
+                is not to be said any more.
+
         Raises:
-            PortGone: it was unplugged, or its buffer is full since nothing leaves it.
+            PortGone: it was unplugged, or too little leaves it, or nothing.
         """
+        unsent = self.unsent()
+        if unsent > backlog:
+            self.discard()
+            raise PortGone(f"{self.path}: it takes too little, {unsent} bytes have not left")
         while data:
             with self._gone():
                 try:
@@ -72,9 +94,37 @@ class SerialPort:
                 raise PortGone(f"{self.path}: it takes nothing any more")
             data = data[sent:]
 
+    def unsent(self) -> int:
+        """How many bytes have not left yet; 0 of a pseudo-terminal, which does not know.
+
+        Raises:
+            PortGone: it was unplugged.
+        """
+        with self._gone():
+            return int(struct.unpack("i", fcntl.ioctl(self.fd, termios.TIOCOUTQ, bytes(4)))[0])
+
+    def discard(self) -> None:
+        """Throw away what has not left yet; the other side may have heard a part of it.
+
+        Raises:
+            PortGone: it was unplugged.
+        """
+        with self._gone():
+            termios.tcflush(self.fd, termios.TCOFLUSH)
+
+    def _keep(self) -> None:
+        """Let nobody else open it, and have it leave the line as it is when it is closed: many boards begin anew where
+        their port is opened and the line was down.
+        """
+        if not os.path.realpath(self.path).startswith(_PSEUDO):  # of which it would outlive a process that is killed
+            fcntl.ioctl(self.fd, termios.TIOCEXCL)
+        modes = termios.tcgetattr(self.fd)
+        modes[2] &= ~termios.HUPCL
+        termios.tcsetattr(self.fd, termios.TCSANOW, modes)
+
     def close(self) -> None:
         """Give it back; safe to call twice, and where it is gone."""
-        with suppress(OSError):
+        with suppress(OSError, termios.error):
             self._port.close()
 
     @contextmanager
@@ -82,8 +132,8 @@ class SerialPort:
         """What the system says of a port that has left."""
         try:
             yield
-        except (OSError, ValueError) as error:  # the latter of one that is closed
-            raise PortGone(f"{self.path}: {_reason(error)}") from None
+        except (OSError, ValueError, termios.error) as error:  # a ValueError of one that is closed
+            raise PortGone(f"{self.path}: {_reason(error, self.path)}") from None
 
 
 def find_port(place: str) -> str:
@@ -128,14 +178,22 @@ def _list_ports() -> Any:
     return importlib.import_module("serial.tools.list_ports")
 
 
-def _reason(error: Exception) -> str:
+def _reason(error: Exception, path: str) -> str:
     """Why, and what to do where there is something."""
-    number = getattr(error, "errno", None)
-    if number is None:
+    number = error.args[0] if isinstance(error, termios.error) else getattr(error, "errno", None)
+    if not isinstance(number, int):
         return str(error)
-    reason = os.strerror(number)
-    if isinstance(error, PermissionError) or "Permission denied" in reason:
-        return f"{reason}; sudo usermod -aG dialout $USER, and log in again"
-    if isinstance(error, BlockingIOError) or "temporarily unavailable" in reason:
+    if number in (errno.EACCES, errno.EPERM):
+        return f"{os.strerror(number)}; {_right(path)}"
+    if number in (errno.EAGAIN, errno.EBUSY):
         return "another program has it open"
-    return reason
+    return os.strerror(number)
+
+
+def _right(path: str) -> str:
+    """How this user may get the right to open it."""
+    try:
+        group = grp.getgrgid(os.stat(path).st_gid).gr_name
+    except (OSError, KeyError):
+        return "give this user the right to read and write it"
+    return f"sudo usermod -aG {group} $USER, and log in again"

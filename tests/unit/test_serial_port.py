@@ -1,6 +1,8 @@
 """Serial ports: what is said of those that cannot be opened, and how one is found on USB."""
 
+import errno
 import sys
+import termios
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -54,8 +56,64 @@ def test_what_cannot_be_opened_says_why(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(PortGone):
         SerialPort(str(tmp_path / "file"), 9600)
-    error = PermissionError(13, "Permission denied")
-    assert serial_port._reason(error) == "Permission denied; sudo usermod -aG dialout $USER, and log in again"
+
+
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (
+            PermissionError(13, "Permission denied"),
+            "Permission denied; sudo usermod -aG {group} $USER, and log in again",
+        ),
+        (OSError(errno.EBUSY, "Device or resource busy"), "another program has it open"),
+        (BlockingIOError(errno.EAGAIN, "x"), "another program has it open"),
+        (termios.error(errno.EIO, "x"), "Input/output error"),
+        (ValueError("Not a valid baudrate: 7"), "Not a valid baudrate: 7"),
+    ],
+)
+def test_why_it_is_not_there_and_what_to_do(error: Exception, text: str, tmp_path: Path) -> None:
+    assert serial_port._reason(error, str(tmp_path)) == text.format(group=tmp_path.group())
+    if isinstance(error, PermissionError):
+        assert "give this user the right" in serial_port._reason(error, str(tmp_path / "none"))
+
+
+@pytest.mark.parametrize("function", ["tcgetattr", "tcsetattr", "tcflush"])
+def test_a_port_that_leaves_while_it_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, function: str) -> None:
+    board = PseudoTerminal(tmp_path / "port")
+    with monkeypatch.context() as patch:
+        patch.setattr(termios, function, fails)
+        with pytest.raises(PortGone, match="Input/output error"):
+            SerialPort(str(tmp_path / "port"), 9600)
+    SerialPort(str(tmp_path / "port"), 9600).close()  # it was given back
+    board.unplug()
+
+
+def fails(*_: object) -> None:
+    raise termios.error(errno.EIO, "Input/output error")
+
+
+def test_closing_it_leaves_the_line_as_it_is(tmp_path: Path) -> None:
+    board = PseudoTerminal(tmp_path / "port")
+    port = SerialPort(str(tmp_path / "port"), 9600)
+    assert not termios.tcgetattr(port.fd)[2] & termios.HUPCL, "a board would begin anew when it is opened again"
+    port.close()
+    board.unplug()
+
+
+def test_nothing_is_said_behind_what_has_not_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    board = PseudoTerminal(tmp_path / "port")
+    port = SerialPort(str(tmp_path / "port"), 9600)
+    thrown_away: list[int] = []
+    monkeypatch.setattr(port, "unsent", lambda: 32)
+    monkeypatch.setattr(termios, "tcflush", lambda _, what: thrown_away.append(what))
+    port.write(b"m 1 1\r", backlog=32)
+    assert (board.read(), thrown_away) == (b"m 1 1\r", [])
+    monkeypatch.setattr(port, "unsent", lambda: 33)
+    with pytest.raises(PortGone, match="it takes too little, 33 bytes have not left"):
+        port.write(b"m 2 2\r", backlog=32)
+    assert (board.read(), thrown_away) == (b"", [termios.TCOFLUSH])
+    port.close()
+    board.unplug()
 
 
 def test_bytes_go_both_ways_and_an_unplug_is_told(tmp_path: Path) -> None:
