@@ -95,15 +95,15 @@ class SerialBase(Node):
 
     @subscribe("cmd_vel", qos=QoS.COMMAND, sole_source="command_source")
     def on_command(self, twist: Twist, info: MessageInfo) -> None:
-        """Remember the newest command and when it was sent; one that is not finite counts as silence."""
-        if is_finite(twist):
-            now = self.clock.monotonic()
-            with self._lock:
-                self._command.take(twist, self._arrivals.sent(info, now, self._wall.monotonic()), now)
-        else:
+        """Remember the newest command and when it was sent; with one that is not finite the wheels stand."""
+        if not is_finite(twist):
             self._refused += 1
-            text = "ignored a command that holds NaN or an infinity, %d so far"
+            text = "the wheels stand: a command holds NaN or an infinity, %d so far"
             self.logger.warning(text, self._refused, throttle=5.0)
+            twist = Twist()
+        now = self._wall.monotonic()  # the wheels are real, and roll on where simulated time stands still
+        with self._lock:
+            self._command.take(twist, self._arrivals.sent(info, now, now), now)
 
     def shutdown(self, exit_code: int = 0) -> None:
         """End the node: wakes what waits for the port."""
@@ -193,9 +193,8 @@ class SerialBase(Node):
         """What the wheels have to do now, rad/s."""
         p = self.parameters
         with self._lock:
-            if not p.use_sim_time:
-                self._arrivals.tick(now, 1.0 / p.rate)
-            command, age = self._command.message, self._command.age(self.clock.monotonic())
+            self._arrivals.tick(now, 1.0 / p.rate)
+            command, age = self._command.message, self._command.age(now)
         fresh = command is not None and age <= p.cmd_vel_timeout
         if self._base.is_known:
             self._say("" if fresh else f"no command on {self.resolve('cmd_vel')}", now)

@@ -108,9 +108,33 @@ def test_when_commands_end_it_stands(robo_session: zenoh.Session, tmp_path: Path
         r.drives()
         r.driver.twist = None
         eventually(lambda: r.board._board.rates.left == 0.0, "the base itself says so, not the board's watchdog")
-        r.drive(math.nan)
         r.drive(0.5)
         r.drives()
+
+
+def test_with_a_command_that_is_not_finite_it_stands_at_once(
+    robo_session: zenoh.Session, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with robot(robo_session, tmp_path, {"cmd_vel_timeout": 10.0}, {"watchdog": 60.0}) as r:
+        r.drive(0.5)
+        r.drives()
+        r.drive(math.nan)
+        eventually(lambda: r.board._board.rates.left == 0.0, "long before the command is too old")
+        assert "the wheels stand: a command holds NaN" in caplog.text
+        assert "the wheels stand: no command" not in caplog.text
+        r.drive(0.5)
+        r.drives()
+
+
+def test_where_simulated_time_stands_still_it_stands_when_commands_end(
+    robo_session: zenoh.Session, tmp_path: Path
+) -> None:
+    """Nobody says /clock."""
+    with robot(robo_session, tmp_path, {"cmd_vel_timeout": 0.3, "use_sim_time": True}, {"watchdog": 60.0}) as r:
+        r.drive(0.5)
+        r.drives()
+        r.driver.twist = None
+        eventually(lambda: r.board._board.rates.left == 0.0, "the wheels are real")
 
 
 def test_when_the_node_ends_it_stands(robo_session: zenoh.Session, tmp_path: Path) -> None:
