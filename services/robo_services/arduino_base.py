@@ -19,6 +19,7 @@ from robo_services import arduino_protocol as protocol
 from robo_services.arduino_protocol import Done, Encoders, Invalid, Number, Reader, Unread
 from robo_services.drives import Wheels
 from robo_services.tick_odometry import TickOdometry
+from robo_services.wheel_speed import WheelLimits, WheelSpeed, is_stop
 
 KNOCK = 0.1
 """A board that is asked for the first time is asked again after this time, s; it may be just starting."""
@@ -30,8 +31,6 @@ FORGETTING = 0.05
 """How much one line counts in the share of those that cannot be read."""
 MOST_GARBAGE = 0.5
 """A wire that spoils more is none."""
-CORRECTION = 1.5
-"""How quickly a wheel's speed is corrected, 1/s."""
 PIN_PERIOD = 1.0
 """The battery is asked for once in this time, s."""
 
@@ -56,7 +55,7 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
     loop_period: float = 0.033
     """Of the board's own loop, s: what `m` sets is ticks in this time."""
     trim: float = 3.0
-    """By at most so many ticks per loop a wheel is told to turn faster or slower than wanted, where it does not."""
+    """See `WheelLimits`."""
     gains: str = ""
     """Those of the loop, `kp:kd:ki:ko`; empty for those that it has."""
     battery_pin: int = -1
@@ -96,8 +95,21 @@ class ArduinoBase:
         self.measured = -math.inf
         """When the wheels were last heard of."""
         self._settings, self._odometry = settings, odometry
-        self._wheels = _WheelSpeed(settings), _WheelSpeed(settings)
+        kp, _, _, ko = map(int, (settings.gains or protocol.STOCK_GAINS).split(":"))
+        limits = WheelLimits(
+            period=settings.period,
+            loop_period=settings.loop_period,
+            trim=settings.trim,
+            fastest=odometry.max_rate * settings.loop_period,
+            gain=kp / ko,
+        )
+        self._wheels = {"left": WheelSpeed(limits), "right": WheelSpeed(limits)}
         self.begin(-math.inf)
+
+    @property
+    def fault(self) -> str:
+        """What is wrong with how a wheel turns: then both stand, until they are told to; empty if nothing is."""
+        return "; ".join(f"the {side} wheel {wheel.fault}" for side, wheel in self._wheels.items() if wheel.fault)
 
     def begin(self, now: float) -> None:
         """A port was opened: nobody knows yet who is there."""
@@ -113,7 +125,7 @@ class ArduinoBase:
         """The share of lines that cannot be read, of the last ones."""
         self._pin_due = -math.inf
         self._asks_again = self._has_asked_again = self._is_tuned = False
-        for wheel in self._wheels:
+        for wheel in self._wheels.values():
             wheel.stand()
 
     def say(self, now: float, wanted: Wheels) -> bytes:
@@ -193,6 +205,12 @@ class ArduinoBase:
         if verdict == "reset":
             self._is_tuned = False
             self.resets.append(f"counts from {reading.left} {reading.right}")
+        is_sound = verdict == "moves" and not self.fault
+        for wheel, turned in zip(self._wheels.values(), self._odometry.turned[:2], strict=True):
+            if is_sound:
+                wheel.hear(turned * self._odometry.per_radian, now)
+            else:
+                wheel.watch_anew()
         self._heard = self.measured = now
         return True
 
@@ -209,13 +227,13 @@ class ArduinoBase:
 
     def _speeds(self, wanted: Wheels) -> bytes:
         """The command for both wheels."""
-        per_radian, turn = self._odometry.per_radian, self._settings.loop_period
-        rates = self._odometry.rates
-        said = [
-            wheel.ticks(want * per_radian * turn, rate * per_radian * turn)
-            for wheel, want, rate in zip(self._wheels, wanted[:2], rates[:2], strict=True)
-        ]
-        return protocol.speeds(*said)
+        per_rate = self._odometry.per_radian * self._settings.loop_period
+        ticks = [rate * per_rate for rate in wanted[:2]]
+        if self.fault and not all(map(is_stop, ticks)):
+            return protocol.STOP
+        rates = self._odometry.rates[:2]
+        wheels = zip(self._wheels.values(), ticks, rates, strict=True)
+        return protocol.speeds(*(wheel.ticks(want, rate * per_rate) for wheel, want, rate in wheels))
 
     def _doubt(self, now: float) -> None:
         """Give up what does not answer.
@@ -244,43 +262,3 @@ class ArduinoBase:
 
     def _last_words(self) -> str:
         return repr(bytes(self._said))[1:]
-
-
-class _WheelSpeed:
-    """Makes whole ticks per loop of a wheel's speed, right in the mean.
-
-    What is rounded off is said next time. A board that computes with whole numbers does not mend errors that are
-    smaller than ko / kp ticks per loop, 2.5 with the gains that the firmware comes with: what is missing by what the
-    encoders say is added.
-    """
-
-    def __init__(self, settings: Settings) -> None:
-        self._most = settings.trim
-        self._step = CORRECTION * settings.period
-        self.stand()
-
-    def stand(self) -> None:
-        """Begin anew."""
-        self._trim = self._rest = self._wanted = 0.0
-
-    def ticks(self, wanted: float, measured: float) -> int:
-        """What to say.
-
-        Args:
-            wanted: ticks per loop.
-            measured: likewise.
-        """
-        if wanted * self._wanted <= 0.0:
-            self.stand()
-        steady, self._wanted = abs(wanted - self._wanted) < 0.5, wanted
-        if abs(wanted) < 0.5 or not math.isfinite(wanted):
-            self.stand()  # slower than the board can count: it would start and stop
-            return 0
-        missing = wanted - measured
-        if steady and abs(missing) <= self._most + 1.0:  # what is more is a wheel that gains speed, or is held
-            self._trim = max(-self._most, min(self._trim + missing * self._step, self._most))
-        exact = wanted + self._trim
-        exact = max(exact, 0.0) if wanted > 0.0 else min(exact, 0.0)
-        said = round(exact + self._rest)
-        self._rest = max(-1.0, min(exact + self._rest - said, 1.0))
-        return said

@@ -24,6 +24,9 @@ LONGEST: Final = 64
 BYTES_PER_PERIOD: Final = 32
 """A period's speeds, encoders and pin take no more, each way."""
 
+STOCK_GAINS: Final = "20:12:0:50"
+"""kp, kd, ki, ko, as the firmware comes."""
+
 ASK_ENCODERS: Final = b"e\r"
 ASK_BAUD: Final = b"b\r"
 RESET_ENCODERS: Final = b"r\r"

@@ -9,14 +9,12 @@ from typing import Final
 
 import msgspec
 
-from robo_services.arduino_protocol import Encoders
+from robo_services.arduino_protocol import STOCK_GAINS, Encoders
 from robo_services.drives import DiffDrive, Wheels
 from robo_services.kinematics import ORIGIN, Pose2, Twist2, advance
 
 MAX_PWM: Final = 255
 BAUD: Final = 57_600
-STOCK_GAINS: Final = (20, 12, 0, 50)
-"""kp, kd, ki, ko, as the firmware comes."""
 BRAKING: Final = 0.02
 """A motor whose ends are joined, which is how drivers stop it, loses its speed within about this time, s."""
 STICKING: Final = 0.3
@@ -85,9 +83,18 @@ class Board:
         """What its counters say."""
         return Encoders(self._left.count(), self._right.count())
 
+    def turn_by_hand(self, left: float, right: float) -> None:
+        """Turn its wheels while it is lifted, rad."""
+        for motor, way in ((self._left, left), (self._right, right)):
+            motor.roll(way)
+
+    def fail_encoder(self, side: str) -> None:
+        """Let the encoder of a side, `left` or `right`, count no more; any other word mends both."""
+        self._left.is_counted, self._right.is_counted = side != "left", side != "right"
+
     def reset(self) -> None:
         """Begin anew, as when its button is pressed; wheels coast on."""
-        self._gains = STOCK_GAINS
+        self._gains = _gains(STOCK_GAINS)
         self._out.clear()
         self._line = _Line()
         self._next_loop = self._now + self.spec.loop_period
@@ -169,8 +176,8 @@ class Board:
                 for motor in (self._left, self._right):
                     motor.zero()
             case "u":
-                gains = [_atoi(part) for part in line.words[0].split(":") if part]
-                self._gains = (*gains[:4], *self._gains[len(gains) :])  # type: ignore[assignment]
+                gains = _gains(line.words[0])
+                self._gains = gains + self._gains[len(gains) :]
             case "a":
                 answer = "791"
             case "b":
@@ -186,6 +193,10 @@ class _Motor:
     def __init__(self, spec: BoardSpec) -> None:
         self.turned = 0.0
         self.rate = 0.0
+        self.is_counted = True
+        """Whether its encoder works."""
+        self._seen_turning = 0.0
+        """How far it has turned by its encoder, rad."""
         self._spec = spec
         self._zero = 0
         self.begin_anew()
@@ -203,7 +214,7 @@ class _Motor:
 
     def zero(self) -> None:
         """Count from 0."""
-        self._zero = math.floor(self.turned * self._spec.per_revolution / math.tau)
+        self._zero += self._ticks()
         self.begin_loop()
 
     def count(self) -> int:
@@ -218,10 +229,15 @@ class _Motor:
         share = max(abs(self.pwm) - self._spec.friction, 0.0) / (MAX_PWM - self._spec.friction)
         aim = math.copysign(self._spec.drive.max_wheel_velocity * share * load, self.pwm)
         fading = math.exp(-seconds / inertia)
-        self.turned += aim * seconds + (self.rate - aim) * inertia * (1.0 - fading)
+        self.roll(aim * seconds + (self.rate - aim) * inertia * (1.0 - fading))
         self.rate = aim + (self.rate - aim) * fading
         if not driven and abs(self.rate) < STICKING:
             self.rate = 0.0
+
+    def roll(self, way: float) -> None:
+        """Turn by so much, rad."""
+        self.turned += way
+        self._seen_turning += way if self.is_counted else 0.0
 
     def loop(self, kp: int, kd: int, ki: int, ko: int) -> None:
         """One turn of the firmware's loop: the duty changes by what is missing."""
@@ -236,7 +252,7 @@ class _Motor:
         self.counted, self.seen = counted, came
 
     def _ticks(self) -> int:
-        return math.floor(self.turned * self._spec.per_revolution / math.tau) - self._zero
+        return math.floor(self._seen_turning * self._spec.per_revolution / math.tau) - self._zero
 
 
 class _Line:
@@ -308,6 +324,11 @@ def _atoi(text: str) -> int:
             break
         value = value * 10 + int(letter)
     return (sign * value + 32_768) % 65_536 - 32_768  # an int of a small board
+
+
+def _gains(text: str) -> tuple[int, ...]:
+    """As many as there are, up to four."""
+    return tuple(_atoi(part) for part in text.split(":") if part)[:4]
 
 
 def _cut(value: int, by: int) -> int:

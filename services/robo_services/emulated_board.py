@@ -89,6 +89,9 @@ class EmulatedBoard(Node):
         power_by_usb: Annotated[
             bool, Meta(description="unplugged it has no power: its motors too stop, and it counts from 0 afterwards")
         ] = True
+        dead_encoder: Annotated[
+            Literal["none", "left", "right"], Meta(description="the encoder of this side counts no more")
+        ] = "none"
         garbled: Annotated[
             float, Meta(ge=0, le=0.5, description="share of its lines in which a letter is another one")
         ] = 0.0
@@ -208,6 +211,7 @@ class EmulatedBoard(Node):
 
     def _pass_time(self) -> None:
         now = self._wall.monotonic()
+        self._board.fail_encoder(self.parameters.dead_encoder)
         self._board.advance(min(now - self._played, LONGEST_STEP))
         self._played = now
 

@@ -142,6 +142,8 @@ class SerialBase(Node):
         self._unread_before, self._readings_before = counts.unread, counts.readings
         if self._trouble:
             return Health.error(self._trouble)
+        if base.fault:
+            return Health.error(f"the wheels stand: {base.fault}")
         values = {
             "readings": counts.readings,
             "unread": counts.unread,
@@ -197,7 +199,7 @@ class SerialBase(Node):
             command, age = self._command.message, self._command.age(now)
         fresh = command is not None and age <= p.cmd_vel_timeout
         if self._base.is_known:
-            self._say("" if fresh else f"no command on {self.resolve('cmd_vel')}", now)
+            self._say(self._base.fault if fresh else f"no command on {self.resolve('cmd_vel')}", now)
         twist = Twist2(command.linear.x, command.angular.z) if command is not None and fresh else STANDING
         return self._drive.wheels(twist)
 

@@ -67,7 +67,7 @@ class TickOdometry:
         self.refused = 0
         """Readings that were not true."""
         self._drive, self._per_revolution, self._wrap = drive, per_revolution, 2**bits
-        self._most = drive.max_wheel_velocity * self.per_radian * 0.999  # no further than WheelOdometry believes
+        self._most = self.max_rate * 0.999  # no further than WheelOdometry believes
         self._track = WheelOdometry(drive, noise)
         self._last: Encoders | None = None
         self._suspect: tuple[Encoders, float] | None = None
@@ -77,6 +77,11 @@ class TickOdometry:
     def per_radian(self) -> float:
         """Ticks per rad of a wheel."""
         return self._per_revolution / math.tau
+
+    @property
+    def max_rate(self) -> float:
+        """Ticks per s of a wheel: none turns faster."""
+        return self._drive.max_wheel_velocity * self.per_radian
 
     @property
     def track(self) -> WheelOdometry:

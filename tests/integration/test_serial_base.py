@@ -145,6 +145,24 @@ def test_when_the_node_ends_it_stands(robo_session: zenoh.Session, tmp_path: Pat
         eventually(lambda: r.board._board.rates.left == 0.0, "it was told so")
 
 
+def test_a_wheel_that_does_not_count_is_told_of_and_stands(
+    robo_session: zenoh.Session, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with robot(robo_session, tmp_path, {}, {}) as r:
+        r.drive(0.5)
+        r.drives()
+        r.board.set_parameters({"dead_encoder": "left"})
+        text = "the wheels stand: the left wheel does not count: encoder, wires, motor or its power"
+        eventually(lambda: r.state == (ERROR, text), "the state says so")
+        eventually(lambda: r.board._board.rates.left == r.board._board.rates.right == 0.0, "both stand")
+        assert text in caplog.text
+        r.board.set_parameters({"dead_encoder": "none"})
+        r.drive(0.0)
+        eventually(lambda: r.state == (0, ""), "told to stand it begins anew")
+        r.drive(0.5)
+        r.drives()
+
+
 def test_unplugged_it_stands_and_plugged_in_it_goes_on(
     robo_session: zenoh.Session, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

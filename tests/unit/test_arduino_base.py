@@ -14,6 +14,7 @@ from robo_services.board import Board, BoardSpec, Wire
 from robo_services.drives import DiffDrive, Wheels
 from robo_services.kinematics import Twist2
 from robo_services.tick_odometry import TickOdometry
+from robo_services.wheel_speed import WheelLimits, WheelSpeed
 
 DRIVE = DiffDrive(wheel_separation=0.3, wheel_radius=0.05, max_wheel_velocity=20.0)
 PER_REVOLUTION = 1440.0
@@ -27,7 +28,7 @@ class Played:
         self, spec: BoardSpec | None = None, settings: Settings | None = None, wire: Wire | None = None
     ) -> None:
         self.board = Board(spec or BoardSpec(), seed=3)
-        self.odometry = TickOdometry(DRIVE, PER_REVOLUTION, bits=self.board.spec.bits)
+        self.odometry = TickOdometry(DRIVE, self.board.spec.per_revolution, bits=self.board.spec.bits)
         self.base = ArduinoBase(settings or Settings(), self.odometry)
         self.wire = wire or Wire()
         self.now = 100.0
@@ -137,8 +138,7 @@ def test_a_board_that_was_without_power_makes_no_jump(turned: int, away: float) 
     stood = played.odometry.track.pose
     played.run_unheard(away)
     played.board.reset()
-    for motor in (played.board._left, played.board._right):  # a hand
-        motor.turned += (turned + 0.5) / played.odometry.per_radian
+    played.board.turn_by_hand(*[(turned + 0.5) / played.odometry.per_radian] * 2)
     played.base.begin(played.now)
     played.run(1.0)
     assert played.odometry.track.pose == stood
@@ -184,6 +184,79 @@ def test_a_base_that_drives_back_through_where_it_was_started_has_not_begun_anew
         played.run(2.0, Twist2(speed))
     played.run(1.0)
     assert (played.odometry.resets, ticks(played.odometry)) == (0, played.board.encoders)
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.1, -0.3, 0.9])
+@pytest.mark.parametrize("gains", ["", "20:0:0:20"])
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_wheel_that_does_not_count_does_not_race_for_long(speed: float, gains: str, side: str) -> None:
+    played = Played(BoardSpec(noise=0.05), Settings(gains=gains))
+    played.run(3.0, Twist2(speed))
+    assert played.base.fault == ""
+    played.board.fail_encoder(side)
+    played.run(2.5, Twist2(speed))
+    assert played.base.fault == f"the {side} wheel does not count: encoder, wires, motor or its power"
+    assert played.board.rates == Wheels(0.0, 0.0)
+    played.run(1.0, Twist2(-speed))
+    assert played.board.rates == Wheels(0.0, 0.0), "until it is told to stand"
+    played.run(0.1)
+    assert played.base.fault == ""
+    played.board.fail_encoder("none")
+    played.run(3.0, Twist2(speed))
+    assert played.board.twist.linear == pytest.approx(speed, rel=0.05)
+
+
+def test_a_wheel_that_counts_backwards_does_not_race_for_long() -> None:
+    played = Played()
+    roll = played.board._left.roll
+    played.board._left.roll = lambda way: roll(-way)  # type: ignore[method-assign]
+    played.run(2.5, Twist2(0.1))
+    assert played.base.fault.startswith("the left wheel counts backwards: exchange the wires of its motor")
+    played.run(0.2, Twist2(0.1))
+    assert played.board.rates == Wheels(0.0, 0.0)
+
+
+@pytest.mark.parametrize("per_revolution", [20.0, 60.0, 1440.0])
+@pytest.mark.parametrize("friction", [12.0, 80.0])
+@pytest.mark.parametrize("gains", ["", "50:0:0:50"])
+def test_a_wheel_that_was_held_does_not_race_when_it_is_let_go(
+    per_revolution: float, friction: float, gains: str
+) -> None:
+    spec = BoardSpec(per_revolution=per_revolution, friction=friction)
+    played = Played(spec, Settings(gains=gains))
+    played.run(0.5)
+    motors = played.board._left, played.board._right
+    for motor in motors:
+        motor.turn = lambda *_: None  # type: ignore[method-assign]
+    played.run(8.0, Twist2(0.3))
+    assert "does not count" in played.base.fault
+    for motor in motors:
+        del motor.turn
+    for _ in range(50):
+        played.run(0.02, Twist2(0.3))
+        assert played.board.rates == Wheels(0.0, 0.0)
+
+
+@pytest.mark.parametrize(("per_revolution", "gains"), [(200.0, ""), (60.0, "50:0:0:50"), (20.0, "50:0:0:50")])
+@pytest.mark.parametrize("friction", [12.0, 80.0])
+def test_a_wheel_that_counts_few_ticks_drives_all_the_same(per_revolution: float, gains: str, friction: float) -> None:
+    played = Played(BoardSpec(per_revolution=per_revolution, friction=friction), Settings(gains=gains))
+    for speed in (0.3, -0.3, 0.6):
+        played.run(8.0, Twist2(speed))
+        before = played.board.pose.x
+        played.run(10.0, Twist2(speed))
+        assert (played.board.pose.x - before) / 10.0 == pytest.approx(speed, rel=0.2)
+        assert played.base.fault == ""
+
+
+@pytest.mark.parametrize("per_revolution", [20.0, 1440.0])
+def test_no_wheel_is_told_to_turn_faster_than_it_may(per_revolution: float) -> None:
+    fastest = 20.0 * per_revolution / math.tau * 0.033
+    wheel = WheelSpeed(WheelLimits(period=0.033, loop_period=0.033, trim=10.0, fastest=fastest, gain=0.4))
+    for wanted in (fastest, -fastest):
+        told = [wheel.ticks(wanted, 0.9 * wanted) for _ in range(300)]
+        assert abs(sum(told)) <= fastest * len(told) + 1.0
+        assert sum(told) == pytest.approx(wanted * len(told), rel=0.01)
 
 
 def test_the_wheels_stand_by_the_boards_own_watchdog() -> None:
