@@ -227,7 +227,10 @@ class SerialBase(Node):
             text = "cannot read %r of the board, %d such lines so far; it is asked again"
             self.logger.warning(text, base.unread.popleft(), base.counts.unread, throttle=5.0)
         while base.resets:
-            self.logger.warning("the board has begun anew, it %s; the pose goes on", base.resets.popleft())
+            text = (
+                "the board has begun anew, it %s, or the wheels turn faster than max_wheel_velocity; the pose goes on"
+            )
+            self.logger.warning(text, base.resets.popleft(), throttle=5.0)
 
     def _tell(self) -> None:
         """Publish where the wheels have led."""

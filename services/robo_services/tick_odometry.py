@@ -68,7 +68,7 @@ class TickOdometry:
         """Readings that were not true."""
         self._drive, self._per_revolution, self._wrap = drive, per_revolution, 2**bits
         self._most = self.max_rate * 0.999  # no further than WheelOdometry believes
-        self._track = WheelOdometry(drive, noise)
+        self._track = WheelOdometry(drive, noise, slack=1.001 * FEW / self.per_radian)
         self._last: Encoders | None = None
         self._suspect: tuple[Encoders, float] | None = None
         self._moments: deque[_Moment] = deque()
@@ -178,7 +178,7 @@ class TickOdometry:
     def is_near(self, before: Encoders, reading: Encoders, elapsed: float, *, least: float = LEAST) -> bool:
         """Whether wheels can turn so far in this time; stamps are good to `least` s."""
         furthest = self._most * MARGIN * min(max(elapsed, least), MOST_UNSEEN)
-        furthest = min(furthest, self._wrap / 4)
+        furthest = max(min(furthest, self._wrap / 4), FEW)
         return all(abs(way) <= furthest for way in self._ways(before, reading))
 
     def _counts_anew(self, reading: Encoders, elapsed: float) -> bool:

@@ -37,18 +37,19 @@ LEAST_VARIANCE = 1e-6
 class Encoders:
     """How far each of some wheels has turned, from their positions."""
 
-    def __init__(self, *, wrap: float = 0.0, max_velocity: float = math.inf) -> None:
+    def __init__(self, *, wrap: float = 0.0, max_velocity: float = math.inf, slack: float = 0.0) -> None:
         """
         Args:
             wrap: after how many rad a position begins anew, such as 2π, or 65,536 ticks; 0 for never. Between two
                 readings a wheel has to turn by less than half of it.
             max_velocity: a wheel that turns faster, rad/s, was not turned: its encoder has begun anew.
+            slack: by so much, rad, it may always have turned: some ticks of a coarse encoder.
         """
         self.resets = 0
         """How often they began anew, or jumped."""
         self.refused = 0
         """Readings that were not finite."""
-        self._wrap, self._max_velocity = wrap, max_velocity
+        self._wrap, self._max_velocity, self._slack = wrap, max_velocity, slack
         self._before: tuple[float, ...] = ()
 
     def turned(self, positions: Sequence[float], elapsed: float) -> list[float] | None:
@@ -65,7 +66,8 @@ class Encoders:
         if len(before) != len(positions):
             return None
         ways = [self._way(old, new) for old, new in zip(before, positions, strict=True)]
-        if all(abs(way) <= self._max_velocity * max(elapsed, LEAST) * MARGIN and math.isfinite(way) for way in ways):
+        furthest = max(self._max_velocity * max(elapsed, LEAST) * MARGIN, self._slack)
+        if all(abs(way) <= furthest and math.isfinite(way) for way in ways):
             return ways
         self.resets += 1
         return None
@@ -82,13 +84,16 @@ class Encoders:
 class WheelOdometry:
     """Follows a base by its wheels: one or more on each side, whose mean counts."""
 
-    def __init__(self, drive: Drive, noise: Noise = NOISE, *, pose: Pose2 = ORIGIN, wrap: float = 0.0) -> None:
+    def __init__(
+        self, drive: Drive, noise: Noise = NOISE, *, pose: Pose2 = ORIGIN, wrap: float = 0.0, slack: float = 0.0
+    ) -> None:
         """
         Args:
             drive: the base's wheels; faster than its `max_wheel_velocity` none of them turns.
             noise: how the base errs.
             pose: where it is.
             wrap: as for `Encoders`.
+            slack: likewise.
         """
         self.pose = pose
         self.twist = Twist2()
@@ -100,7 +105,7 @@ class WheelOdometry:
         self.noise = noise
         """How the base errs, as it may turn out while it drives."""
         self._variances = LEAST_VARIANCE, LEAST_VARIANCE
-        self._encoders = Encoders(wrap=wrap, max_velocity=drive.max_wheel_velocity)
+        self._encoders = Encoders(wrap=wrap, max_velocity=drive.max_wheel_velocity, slack=slack)
         self._time: float | None = None
         self._steering = 0.0
         self._begins = True

@@ -157,6 +157,21 @@ def test_a_board_that_kept_its_power_has_counted_on() -> None:
     assert (ticks(played.odometry), played.odometry.resets) == (played.board.encoders, 0)
 
 
+@pytest.mark.parametrize(
+    ("per_revolution", "most"), [(20.0, 2.0), (20.0, 4.0), (48.0, 0.8), (12.0, 3.0), (1440.0, 0.02)]
+)
+def test_an_encoder_that_counts_seldom_is_followed(per_revolution: float, most: float) -> None:
+    drive = DiffDrive(wheel_separation=0.3, wheel_radius=0.05, max_wheel_velocity=most)
+    odometry, turned = TickOdometry(drive, per_revolution), 0.0
+    for step in range(1000):
+        odometry.take(Encoders(int(turned), int(turned)), step * 0.033)
+        turned += 0.8 * most * 0.033 * odometry.per_radian
+    count = int(turned - 0.8 * most * 0.033 * odometry.per_radian)
+    assert ticks(odometry) == Encoders(count, count)
+    assert (odometry.resets, odometry.refused, odometry.track.left_out) == (0, 0, 0)
+    assert odometry.track.pose.x == pytest.approx(count / odometry.per_radian * 0.05)
+
+
 def test_a_wheel_that_is_jolted_is_followed() -> None:
     odometry = TickOdometry(DRIVE, PER_REVOLUTION)
     for step in range(20):
