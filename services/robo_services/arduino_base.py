@@ -27,16 +27,27 @@ REMEMBERED = 80
 """So many bytes of what it last said are told where it is no such board."""
 UNASKED = 20
 """A board that has said so many readings more than it was asked for does not answer, it talks."""
+UNASKED_AT_FIRST = 3
+"""Likewise, one that is not known yet, where it has to be quiet."""
 FORGETTING = 0.05
 """How much one line counts in the share of those that cannot be read."""
 MOST_GARBAGE = 0.5
 """A wire that spoils more is none."""
 PIN_PERIOD = 1.0
 """The battery is asked for once in this time, s."""
+PIN_STEP = 50
+"""A battery's pin that says a number that is further from the last one is believed when it has said so twice."""
+GAINS_PERIOD = 1.0
+"""While the wheels stand gains are said once in this time, s: nobody tells of a board that has forgotten them."""
 
 
 class BoardError(Exception):
     """What is there is no use; says why."""
+
+    def __init__(self, why: str, words: bytes = b"") -> None:
+        """`words` are the last that it has said."""
+        super().__init__(f"{why}; last it said {repr(words)[1:]}" if words else why)
+        self.why = why
 
 
 class NotABoard(BoardError):
@@ -44,7 +55,7 @@ class NotABoard(BoardError):
 
 
 class BoardSilent(BoardError):
-    """It has answered, and does so no more."""
+    """It has answered, and does so no more, or nobody can read it: it may be asked anew who it is."""
 
 
 class Settings(msgspec.Struct, frozen=True, kw_only=True):
@@ -111,20 +122,24 @@ class ArduinoBase:
         """What is wrong with how a wheel turns: then both stand, until they are told to; empty if nothing is."""
         return "; ".join(f"the {side} wheel {wheel.fault}" for side, wheel in self._wheels.items() if wheel.fault)
 
-    def begin(self, now: float) -> None:
-        """A port was opened: nobody knows yet who is there."""
-        self.is_known = False
+    def begin(self, now: float, *, again: bool = False) -> None:
+        """Nobody knows yet who is there: a port was opened, or `again` what was known on it has fallen silent."""
+        self.is_known, self._was_known = False, again
         self.battery = None
         self.due = now
         self._reader = Reader()
         self._began, self._heard = now, now
-        self._asked = self._answered = 0
+        self._unasked = 0
+        """Readings that nobody has asked for, less those that were asked for and have not come."""
+        self._acquaintance = _Acquaintance()
         self._said = bytearray()
-        self._first: Encoders | None = None
         self._garbage = 0.0
         """The share of lines that cannot be read, of the last ones."""
-        self._pin_due = -math.inf
-        self._asks_again = self._has_asked_again = self._is_tuned = False
+        self._pin_due = self._gains_due = -math.inf
+        self._pin_awaited = 0
+        """Within so many readings the pin's number comes; any other is what is left of a line."""
+        self._pin_said: int | None = None
+        self._asks_again = self._has_asked_again = False
         for wheel in self._wheels.values():
             wheel.stand()
 
@@ -146,17 +161,18 @@ class ArduinoBase:
         s, self._asks_again, self._has_asked_again = self._settings, False, False
         if not self.is_known:
             self.due = now + KNOCK
-            return protocol.END_OF_GARBAGE + self._ask()
+            self._acquaintance.asks()
+            return protocol.END_OF_GARBAGE + protocol.ASK_ENCODERS
         # Keeps its pace, so that it stays with the board's; after a pause it begins anew.
         self.due = self.due + s.period if now - self.due < s.period else now + s.period
-        said = self._speeds(wanted) + self._ask()
-        if s.gains and not self._is_tuned:
-            self._is_tuned = True
+        said = self._speeds(wanted)
+        if s.gains and now >= self._gains_due and (said == protocol.STOP or self._gains_due == -math.inf):
+            self._gains_due = now + GAINS_PERIOD
             said = protocol.gains(s.gains) + said
         if s.battery_pin >= 0 and now >= self._pin_due:
-            self._pin_due = now + PIN_PERIOD
+            self._pin_due, self._pin_awaited = now + PIN_PERIOD, 2  # a reading may be on its way
             said += protocol.ask_pin(s.battery_pin)
-        return said
+        return said + self._ask()
 
     def feed(self, data: bytes, now: float) -> bool:
         """Take what the board has said.
@@ -174,12 +190,12 @@ class ArduinoBase:
             match one:
                 case Encoders():
                     moved = self._take(one, now) or moved
-                case Number() if self.is_known and self._settings.battery_pin >= 0 and 0 <= one.value <= 1023:
-                    self.battery = one.value
+                case Number() if self._pin_awaited and 0 <= one.value <= 1023:
+                    self._take_pin(one.value)
                 case Done():
                     pass
                 case Invalid():
-                    self.counts.invalid += 1
+                    self.counts.invalid += self.is_known  # before, it is asked with what is no command
                 case Number():
                     self._cannot_read(str(one.value).encode())
                 case Unread():
@@ -187,23 +203,22 @@ class ArduinoBase:
         return moved
 
     def _take(self, reading: Encoders, now: float) -> bool:
-        self._answered += 1
         self.counts.readings += 1
+        self._pin_awaited = max(self._pin_awaited - 1, 0)
         self._garbage *= 1.0 - FORGETTING
         if not self.is_known:
-            # One reading may be anybody's; a board says two that go together, and none that nobody asked for.
-            first, self._first = self._first, reading
-            if first is None or self._answered > self._asked or not self._odometry.is_near(first, reading, KNOCK):
-                self._asks_again = True
+            self.is_known = self._acquaintance.hears(reading, now, self._odometry)
+            self.due = max(self._acquaintance.quiet_until, now)
+            if not self.is_known:
                 return False
-            self.is_known, self.due = True, now
             self._heard = now
+        self._unasked = min(self._unasked + 1, UNASKED + 1)
         verdict = self._odometry.take(reading, now)
         if verdict == "asks":
             self._asks_again = True
             return False
         if verdict == "reset":
-            self._is_tuned = False
+            self._gains_due = -math.inf
             self.resets.append(f"counts from {reading.left} {reading.right}")
         is_sound = verdict == "moves" and not self.fault
         for wheel, turned in zip(self._wheels.values(), self._odometry.turned[:2], strict=True):
@@ -214,15 +229,21 @@ class ArduinoBase:
         self._heard = self.measured = now
         return True
 
+    def _take_pin(self, value: int) -> None:
+        before, self._pin_said, self._pin_awaited = self._pin_said, value, 0
+        if before is not None and abs(value - before) <= PIN_STEP:
+            self.battery = value
+
     def _cannot_read(self, data: bytes) -> None:
-        self._asks_again, self._first = True, None
         self._garbage += (1.0 - self._garbage) * FORGETTING
+        self._acquaintance.cannot_read()
         if self.is_known:  # before, it may be in the middle of a line
+            self._asks_again = True
             self.counts.unread += 1
             self.unread.append(data)
 
     def _ask(self) -> bytes:
-        self._asked += 1
+        self._unasked = max(self._unasked - 1, -UNASKED)  # of what was lost long ago nobody waits for an answer
         return protocol.ASK_ENCODERS
 
     def _speeds(self, wanted: Wheels) -> bytes:
@@ -241,24 +262,66 @@ class ArduinoBase:
         Raises:
             BoardError: it is no use.
         """
-        if self._answered > self._asked + UNASKED:
-            raise NotABoard(f"it says numbers that nobody asked for: {self._last_words()}")
+        s, said = self._settings, bytes(self._said)
+        if self._unasked > UNASKED or self._acquaintance.unasked >= UNASKED_AT_FIRST:
+            raise NotABoard("it says numbers that nobody asked for", said)
         if self.is_known:
             if self._garbage > MOST_GARBAGE:
-                raise NotABoard(f"most of what it says cannot be read: {self._last_words()}")
-            if now - self._heard > self._settings.silence_limit:
-                raise BoardSilent(f"no answer for {now - self._heard:.1f} s{self._told()}")
+                raise BoardSilent("most of what it says cannot be read", said)
+            if now - self._heard > s.silence_limit:
+                raise BoardSilent(f"no answer for {s.silence_limit:g} s", said)
             return
-        if now - self._began > self._settings.start_limit:
-            if b"Invalid Command" in self._said:
-                hint = "it has the firmware, but knows no encoders: build it with USE_BASE"
-                raise NotABoard(f"{hint}; it says {self._last_words()}")
-            if not self._said:
-                raise NotABoard("it says nothing; is the firmware on it, and the number of bits per second right?")
-            raise NotABoard(f"it does not answer as a board does, or at other bits per second: {self._last_words()}")
+        if now - self._began <= s.start_limit:
+            return
+        if self._was_known:
+            raise BoardError(f"it has not answered for {s.start_limit:g} s", said)
+        if b"Invalid Command" in said:
+            raise NotABoard("it has the firmware, but knows no encoders: build it with USE_BASE", said)
+        if not said:
+            raise NotABoard("it says nothing; is the firmware on it, and is baud right?")
+        raise NotABoard("it does not answer as a board does, or has another baud", said)
 
-    def _told(self) -> str:
-        return f"; last it said {self._last_words()}" if self._said else ""
 
-    def _last_words(self) -> str:
-        return repr(bytes(self._said))[1:]
+class _Acquaintance:
+    """Finds out whether who is there answers, or only talks: a board says one line to one question, and none unasked.
+
+    Whoever has said a reading has to be quiet for a while in which nobody asks. Then two questions in a row have to be
+    answered before the next one, by one reading each that go together: who says numbers as seldom as not to be heard in
+    the quiet says them too seldom for that.
+    """
+
+    def __init__(self) -> None:
+        self.quiet_until = -math.inf
+        """When it is to be asked again, s."""
+        self.unasked = 0
+        """Readings that it has said where it had to be quiet."""
+        self._heard_first = math.inf
+        self._answers = 0
+        self._first: Encoders | None = None
+
+    def asks(self) -> None:
+        """It is asked."""
+        if self._answers != 1:
+            self._first = None
+        self._answers = 0
+
+    def cannot_read(self) -> None:
+        """It has said what is no answer."""
+        self._first = None
+
+    def hears(self, reading: Encoders, now: float, odometry: TickOdometry) -> bool:
+        """Whether it is known now to be a board, s."""
+        if now < self.quiet_until:
+            if now - self._heard_first > KNOCK / 2:  # before, it may still answer what it was asked while it started
+                self.unasked += 1
+                self._be_quiet(now)
+            return False
+        if self._heard_first == math.inf:
+            self._be_quiet(now)
+            return False
+        self._answers += 1
+        first, self._first = self._first, reading
+        return self._answers == 1 and first is not None and odometry.is_near(first, reading, KNOCK)
+
+    def _be_quiet(self, now: float) -> None:
+        self._heard_first, self.quiet_until = now, now + 2 * KNOCK

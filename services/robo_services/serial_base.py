@@ -8,7 +8,7 @@ import robo
 from robo import Health, MessageInfo, Node, Publisher, QoS, check, subscribe
 from robo.tf import Transform3, TransformBroadcaster
 from robo_messages import BatteryState, Header, JointState, Odometry, Twist
-from robo_services.arduino_base import ArduinoBase, BoardError, NotABoard, Settings
+from robo_services.arduino_base import ArduinoBase, BoardError, BoardSilent, NotABoard, Settings
 from robo_services.arduino_protocol import BYTES_PER_PERIOD, END_OF_GARBAGE, STOP
 from robo_services.arrivals import Arrivals, Newest
 from robo_services.board_port import place_of_board
@@ -89,7 +89,8 @@ class SerialBase(Node):
         self._hindrance = ""
         self._trouble = "nobody has looked for it yet"
         """Why there is no board; empty if there is one."""
-        self._unread_before = self._readings_before = 0
+        self._kind = ""
+        self._spoiled_before = self._readings_before = 0
         self._begin = self._wall.monotonic()
         self._waiting = Waiting()
 
@@ -126,9 +127,9 @@ class SerialBase(Node):
                 self._drive_at(port)
             except NotABoard as error:
                 pause = REFUSED
-                self._misses(f"{port.path} has no such board: {error}")
+                self._misses(f"{port.path} has no such board: {error}", f"{port.path} {error.why}")
             except (BoardError, PortGone) as error:
-                self._misses(f"the board is gone: {error}; it is waited for, and stands by its own watchdog")
+                self._loses(error)
             finally:
                 port.close()
             self._wait([], pause)
@@ -138,8 +139,9 @@ class SerialBase(Node):
         """Whether there is a board that answers, and how well."""
         base, track = self._base, self._track
         counts = base.counts
-        unread, readings = counts.unread - self._unread_before, counts.readings - self._readings_before
-        self._unread_before, self._readings_before = counts.unread, counts.readings
+        spoiled = counts.unread + counts.invalid
+        unread, readings = spoiled - self._spoiled_before, counts.readings - self._readings_before
+        self._spoiled_before, self._readings_before = spoiled, counts.readings
         if self._trouble:
             return Health.error(self._trouble)
         if base.fault:
@@ -147,18 +149,22 @@ class SerialBase(Node):
         values = {
             "readings": counts.readings,
             "unread": counts.unread,
+            "invalid": counts.invalid,
             "refused": track.refused,
             "resets": track.resets,
         }
         if unread > MANY * (unread + readings):
-            return Health.warn(f"{unread} of {unread + readings} lines cannot be read: look at the cable", **values)
+            text = f"{unread} of {unread + readings} lines cannot be read, or the board could not: look at the cable"
+            return Health.warn(text, **values)
         return Health.ok(**values)
 
     def _drive_at(self, port: SerialPort) -> None:
         """Talk to whoever is at a port, until the node ends.
 
+        A board that falls silent is asked anew on the same port: opening it anew would have many begin anew.
+
         Raises:
-            BoardError: it is no such board, or has fallen silent.
+            BoardError: it is no such board, or stays silent.
             PortGone: it was unplugged.
         """
         base = self._base
@@ -166,7 +172,13 @@ class SerialBase(Node):
         try:
             while not self.stopping:
                 now = self._wall.monotonic()
-                said = base.say(now, self._wanted(now))
+                try:
+                    said = base.say(now, self._wanted(now))
+                except BoardSilent as error:
+                    self._loses(error)
+                    self._stand(port)
+                    base.begin(self._wall.monotonic(), again=True)
+                    continue
                 if said:
                     port.write(said, backlog=BYTES_PER_PERIOD)
                 if port.fd in self._wait([port.fd], base.due - now):
@@ -212,16 +224,22 @@ class SerialBase(Node):
         else:
             self.logger.info("the wheels follow %s", self.resolve("cmd_vel"))
 
-    def _misses(self, trouble: str) -> None:
-        if trouble != self._trouble:  # once, however long it stays away
-            self._trouble = trouble
+    def _loses(self, error: OSError | BoardError) -> None:
+        text = f"the board is gone: {error}; it is waited for, and stands by its own watchdog"
+        self._misses(text, error.why if isinstance(error, BoardError) else text)
+
+    def _misses(self, trouble: str, kind: str = "") -> None:
+        """Tell of it once, however long it lasts; what it said last, in the same kind of trouble, is no news."""
+        kind = kind or trouble
+        if kind != self._kind:
             self.logger.warning("%s", trouble)
+        self._trouble, self._kind = trouble, kind
 
     def _tell_log(self, port: SerialPort) -> None:
         """What is to be said of what the board has said."""
         base = self._base
         if base.is_known and self._trouble:
-            self._trouble = ""
+            self._trouble = self._kind = ""
             self.logger.info("drives the board at %s", port.path)
         while base.unread:
             text = "cannot read %r of the board, %d such lines so far; it is asked again"

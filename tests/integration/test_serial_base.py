@@ -17,6 +17,7 @@ from robo.testing.heard import Heard
 from robo_messages import BatteryState, JointState, Odometry, Trigger, Twist, Vector3
 from robo_services.emulated_board import EmulatedBoard
 from robo_services.serial_base import SerialBase
+from robo_services.serial_port import SerialPort
 from robo_services.waiting import is_readable
 from tests.support import PATIENCE, eventually
 
@@ -216,9 +217,32 @@ def test_without_power_by_usb_nothing_is_counted_and_the_pose_stays(
         assert r.base._track.track.pose.x > stood.x
 
 
-def test_what_is_no_board_is_refused_with_what_it_says(
-    robo_session: zenoh.Session, caplog: pytest.LogCaptureFixture
+def test_a_board_that_falls_silent_is_asked_anew_and_not_opened_anew(
+    robo_session: zenoh.Session, tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """To open it would have many a board begin anew, which takes it longer than the silence was."""
+    opened: list[str] = []
+
+    class Counted(SerialPort):
+        def __init__(self, place: str, baud: int) -> None:
+            opened.append(place)
+            super().__init__(place, baud)
+
+    monkeypatch.setattr("robo_services.serial_base.SerialPort", Counted)
+    with robot(robo_session, tmp_path, {}, {"starting": 1.0}) as r:
+        r.drive(0.5)
+        r.drives()
+        r.call(r.board.reset_board)
+        eventually(lambda: "the board is gone: no answer for 0.5 s" in caplog.text, "it is told")
+        r.drives()
+        assert r.state == (0, "")
+    assert len(opened) == 1
+
+
+def test_what_is_no_board_is_refused_with_what_it_says(
+    robo_session: zenoh.Session, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robo_services.serial_base.REFUSED", 0.05)
     ours, theirs = os.openpty()
     tty.setraw(theirs)
     try:
@@ -229,6 +253,13 @@ def test_what_is_no_board_is_refused_with_what_it_says(
             assert "GPRMC" in caplog.text
             os.set_blocking(ours, False)
             assert b"m" not in os.read(ours, 4096), "it was told no speed"
+
+            def says_what_it_said_last() -> bool:
+                os.write(ours, b"$GPGGA\r\n")
+                return base.board_answers().message.endswith("GPGGA\\r\\n'")
+
+            eventually(says_what_it_said_last, "it says so too")
+            assert caplog.text.count("has no such board: it does not answer") == 1, "the log says it once"
     finally:
         os.close(ours)
         os.close(theirs)

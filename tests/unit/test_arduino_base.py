@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robo_messages import Header
 from robo_services import arduino_protocol as protocol
-from robo_services.arduino_base import ArduinoBase, BoardSilent, NotABoard, Settings
+from robo_services.arduino_base import ArduinoBase, BoardError, BoardSilent, NotABoard, Settings
 from robo_services.arduino_protocol import Done, Encoders, Invalid, Number, Reader, Unread
 from robo_services.board import Board, BoardSpec, Wire
 from robo_services.drives import DiffDrive, Wheels
@@ -19,6 +20,8 @@ from robo_services.wheel_speed import WheelLimits, WheelSpeed
 DRIVE = DiffDrive(wheel_separation=0.3, wheel_radius=0.05, max_wheel_velocity=20.0)
 PER_REVOLUTION = 1440.0
 LATENCY = 0.002
+FASTEST_SEEN = 20.0 * 1.5 * 10
+"""rad/s: as far as a wheel turns in 0.1 s, in a window of 0.01 s."""
 
 
 class Played:
@@ -295,7 +298,7 @@ def test_the_wheels_stand_by_the_boards_own_watchdog() -> None:
         (b"", "it says nothing; is the firmware on it"),
         (b"$GPGGA,092750.000,5321.6802,N,00630.3372,W\r\n", "it does not answer as a board does.*GPGGA"),
         (b"\x54\x2c\x68\x08\xab\x7e", r"it does not answer as a board does.*T,h\\x08"),
-        (b"Invalid Command\r\n", "it knows no encoders|knows no encoders: build it with USE_BASE"),
+        (b"Invalid Command\r\n", "it has the firmware, but knows no encoders: build it with USE_BASE"),
     ],
 )
 def test_what_does_not_answer_as_a_board_is_refused_with_its_bytes(said: bytes, why: str) -> None:
@@ -339,21 +342,73 @@ def test_what_is_garbled_is_asked_for_again_at_once_and_once() -> None:
     base.feed(b"12x34 5\r\n" * 5, now)
     assert base.say(now, Wheels(4.0, 4.0)) == b"", "who floods the line is not flooded"
     base.feed(b"12x34 5\r\n" * 100, now)
-    with pytest.raises(NotABoard, match=r"most of what it says cannot be read: .*12x34 5"):
+    with pytest.raises(BoardSilent, match=r"most of what it says cannot be read; last it said .*12x34 5"):
         base.say(now, Wheels(4.0, 4.0))
+
+
+def introduced(base: ArduinoBase, now: float) -> float:
+    """Ask a board until it is known, at 1000 1000. Returns when that is, s."""
+    base.begin(now)
+    while not base.is_known:
+        now = max(now, base.due)
+        assert base.say(now, Wheels(4.0, 4.0)) == b"\re\r"
+        now += LATENCY
+        base.feed(b"Invalid Command\r\n1000 1000\r\n", now)
+    return now
+
+
+def test_a_board_is_known_by_two_answers_after_a_silence() -> None:
+    base = ArduinoBase(Settings(), TickOdometry(DRIVE, PER_REVOLUTION))
+    assert introduced(base, 100.0) - 100.0 < 0.25
+    assert base.counts.invalid == 0, "what it was asked with is no command"
 
 
 def test_two_readings_that_do_not_go_together_are_no_boards() -> None:
     base = ArduinoBase(Settings(), TickOdometry(DRIVE, PER_REVOLUTION))
     base.begin(now := 100.0)
-    for line in (b"5 3", b"90000 7", b"1 -44444", b"12x 4", b"12 4"):
+    for line in (b"1 1", b"5 3", b"90000 7", b"1 -44444", b"12x 4", b"12 4"):
+        assert not base.is_known
         base.say(now, Wheels(4.0, 4.0))
         base.feed(line + b"\r\n", now)
-        now += 0.1
-        assert not base.is_known
+        now = max(base.due, now + LATENCY)
     base.say(now, Wheels(4.0, 4.0))
     base.feed(b"12 6\r\n", now)
     assert base.is_known
+
+
+@pytest.mark.parametrize("wait", [0.3, 1.0, 2.5])
+def test_a_board_that_answers_late_what_it_was_asked_while_it_started_is_one(wait: float) -> None:
+    base = ArduinoBase(Settings(), TickOdometry(DRIVE, PER_REVOLUTION))
+    base.begin(now := 100.0)
+    asked = 0
+    while now < 100.0 + wait:
+        asked += base.say(now, Wheels(4.0, 4.0)).count(b"e")
+        now += 0.01
+    for _ in range(asked):
+        base.feed(b"Invalid Command\r\n0 0\r\n", now)
+    while not base.is_known and now < 104.0:
+        if base.say(now, Wheels(4.0, 4.0)):
+            base.feed(b"Invalid Command\r\n0 0\r\n", now + LATENCY)
+        now += 0.01
+    assert base.is_known
+
+
+@pytest.mark.parametrize("rate", [0.5, 1.0, 2.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 12.0, 15.0, 20.0, 30.0, 100.0])
+@pytest.mark.parametrize("begin", [0.0, 0.013, 0.05, 0.099, 0.17])
+def test_who_streams_numbers_unasked_is_told_no_speed(rate: float, begin: float) -> None:
+    base = ArduinoBase(Settings(), TickOdometry(DRIVE, PER_REVOLUTION))
+    base.begin(100.0)
+
+    def talk() -> None:
+        due = begin
+        for step in range(2000):
+            assert base.say(100.0 + step * 0.005, Wheels(5.0, 5.0)) in (b"", b"\re\r")
+            while due <= step * 0.005:
+                due += 1.0 / rate
+                base.feed(b"12 %d\r\n" % (34 + step % 7), 100.0 + step * 0.005)
+
+    with pytest.raises(NotABoard, match=r"nobody asked|does not answer as a board"):
+        talk()
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 7, 100])
@@ -416,11 +471,63 @@ def test_gains_are_said_once_and_again_to_a_board_that_begins_anew() -> None:
     assert sum(b"u 20:0:0:20" in line for line in said) == 2
 
 
+def test_gains_are_said_again_while_it_stands_for_a_board_may_have_forgotten_them() -> None:
+    played = Played(settings=Settings(gains="20:0:0:20"))
+    played.run(2.0)
+    played.board.reset()  # at 0 0: nobody sees it
+    played.run(1.5)
+    assert played.odometry.resets == 0
+    assert played.board._gains == (20, 0, 0, 20)
+
+
 def test_the_battery_is_asked_for_once_a_second() -> None:
     played = Played(settings=Settings(battery_pin=0))
-    played.run(2.0)
-    assert played.base.battery == 791
+    found = []
+    for seconds in (1.0, 1.5):
+        played.run(seconds)
+        found.append(played.base.battery)
+    assert found == [None, 791], "once may be anything"
     assert Played().base.battery is None
+
+
+def test_what_is_left_of_a_garbled_line_is_no_voltage() -> None:
+    base = ArduinoBase(Settings(battery_pin=0, silence_limit=10.0), TickOdometry(DRIVE, PER_REVOLUTION))
+    now = introduced(base, 100.0)
+    for voltage in (b"800", b"810", b"805"):
+        now = max(base.due, now + 1.0)
+        assert b"a 0\r" in base.say(now, Wheels(0.0, 0.0))
+        base.feed(b"OK\r\n1000 1000\r\n" + voltage + b"\r\n1000 1000\r\n", now)
+        base.feed(b"812\r345\r\n", now)
+    assert base.battery == 805
+    assert base.counts.unread == 6
+    assert b"a 0\r" in base.say(now + 1.0, Wheels(0.0, 0.0))
+    base.feed(b"812\r345\r\n", now + 1.0)
+    assert base.battery == 812, "one that can be true"
+    assert b"a 0\r" in base.say(now + 2.0, Wheels(0.0, 0.0))
+    base.feed(b"12\r\n", now + 2.0)
+    assert base.battery == 812
+
+
+def test_a_board_that_was_known_is_asked_anew_and_not_told_that_it_has_no_firmware() -> None:
+    base = ArduinoBase(Settings(), TickOdometry(DRIVE, PER_REVOLUTION))
+    now = introduced(base, 100.0)
+    with pytest.raises(BoardSilent, match=r"no answer for 0\.5 s"):
+        base.say(now := now + 0.6, Wheels(1.0, 1.0))
+    base.begin(now, again=True)
+    assert base.say(now, Wheels(1.0, 1.0)) == b"\re\r"
+    with pytest.raises(BoardError, match=r"^it has not answered for 4 s$") as error:
+        base.say(now + 4.1, Wheels(1.0, 1.0))
+    assert not isinstance(error.value, NotABoard | BoardSilent)
+
+
+def test_whose_lines_are_lost_may_not_talk_unasked_for_ever() -> None:
+    base = ArduinoBase(Settings(silence_limit=10.0), TickOdometry(DRIVE, PER_REVOLUTION))
+    now = introduced(base, 100.0)
+    for _ in range(200):  # none of them is answered
+        base.say(now := max(base.due, now), Wheels(0.0, 0.0))
+    base.feed(b"1000 1000\r\n" * 50, now)
+    with pytest.raises(NotABoard, match="nobody asked"):
+        base.say(now, Wheels(0.0, 0.0))
 
 
 STREAMS = st.lists(
@@ -434,19 +541,22 @@ STREAMS = st.lists(
 
 
 def check_a_stream(stream: list[bytes], *, known: bool) -> None:
-    base = ArduinoBase(Settings(), odometry := TickOdometry(DRIVE, PER_REVOLUTION))
-    base.begin(now := 100.0)
+    base = ArduinoBase(Settings(battery_pin=0), odometry := TickOdometry(DRIVE, PER_REVOLUTION))
+    now = 100.0
     if known:
-        for _ in range(2):
-            base.say(now, Wheels(0.0, 0.0))
-            base.feed(b"1000 1000\r\n", now)
-            now += 0.05
+        now = introduced(base, now)
+        base.say(now := base.due, Wheels(0.0, 0.0))
+        base.feed(b"OK\r\n1000 1000\r\n", now)
+    else:
+        base.begin(now)
     for data in stream:
         before, heard = odometry.track.pose, base.measured
         try:
-            base.say(now, Wheels(1.0, 1.0))
-        except NotABoard:
+            said = base.say(now, Wheels(1.0, 1.0))
+        except BoardError:
             base.begin(now)
+        else:
+            assert known or b"m" not in said, "no speed is said to what is not known"
         moved = base.feed(data, now)
         pose = odometry.track.pose
         assert all(map(math.isfinite, (*pose, *odometry.track.covariance)))
@@ -454,10 +564,20 @@ def check_a_stream(stream: list[bytes], *, known: bool) -> None:
         elapsed = min(max(now - heard, 0.1), 1.0) + 0.1 * data.count(b" ")
         assert math.hypot(pose.x - before.x, pose.y - before.y) <= 20.0 * 1.5 * elapsed * 0.05
         assert moved or pose == before
+        check_what_is_told(base, odometry, now)
         assert len(base._said) <= 80
         assert len(base._reader._line) <= 64
         assert len(base.unread) <= 8
         now += 0.01
+
+
+def check_what_is_told(base: ArduinoBase, odometry: TickOdometry, now: float) -> None:
+    """Nothing that cannot be true; the battery is believed when it has said the same twice, 1 s apart."""
+    assert base.battery is None or now > 101.0
+    twist = odometry.message(Header(), "base_link").twist.twist
+    for rate in (*odometry.rates[:2], twist.linear.x / 0.05, twist.angular.z * 0.15 / 0.05):
+        assert math.isfinite(rate)
+        assert abs(rate) <= FASTEST_SEEN
 
 
 @settings(max_examples=500, deadline=None)
