@@ -26,8 +26,10 @@ SHORTEST = 1e-4
 """Over less time, s, positions give no velocity."""
 LONGEST = 1.0
 """Velocities say nothing of what was so long ago, s."""
-LONGEST_UNSEEN = 3600.0
-"""For so long at most it may have driven on as it did, s."""
+LONGEST_UNSEEN = 1.0
+"""For so long at most it may have driven on as it did, s: of whom nobody hears any more, nobody lets drive on."""
+PUSHED = 0.1
+"""While nobody counts it may be pushed by so much, m, and turned, rad."""
 FURTHEST = 1e4
 """In one step no base drives further, m, or turns more, rad, also where nobody says how fast its wheels are."""
 LEAST_VARIANCE = 1e-6
@@ -127,13 +129,15 @@ class WheelOdometry:
         if not _usable(left, right, time, steering):
             self.left_out += 1
             return False  # what was driven meanwhile is in the next reading
+        is_first = self._time is None
         elapsed, begins = self._elapsed(time), self._begins
         middle = steering if begins else (self._steering + steering) / 2
         self._steering, self._begins = steering, False
         ways = self._encoders.turned((*left, *right), elapsed)
         if ways is not None:
             return self.roll(Wheels(_mean(ways[: len(left)]), _mean(ways[len(left) :]), middle), elapsed)
-        self._lose(elapsed)
+        if not is_first:
+            self._lose(elapsed)
         if not begins:
             self.left_out += 1
         return begins
@@ -209,9 +213,11 @@ class WheelOdometry:
         return 0.0 if before is None else time - before
 
     def _lose(self, elapsed: float) -> None:
-        """Nobody knows what was driven: about as much, it may be, as at the last velocity."""
+        """Nobody knows what was driven: it may have driven on as it did, and a hand may have moved it."""
         unseen = min(max(elapsed, 0.0), LONGEST_UNSEEN)
-        self.covariance = self.covariance.after_unknown(self.twist.linear * unseen, self.twist.angular * unseen)
+        self.covariance = self.covariance.after_unknown(
+            abs(self.twist.linear) * unseen + PUSHED, abs(self.twist.angular) * unseen + PUSHED
+        )
 
 
 def odometry_message(

@@ -157,7 +157,7 @@ def test_encoders_that_begin_anew_move_nothing() -> None:
     assert not odometry.take_positions([0.0], [0.0], 51 * STEP)
     assert odometry.pose == before
     assert odometry.left_out == 1
-    assert odometry.covariance.xx >= sure.xx + (0.5 * STEP) ** 2 * 0.99, "it may have driven on"
+    assert odometry.covariance.xx >= sure.xx + 0.1**2, "it may have driven on, and somebody may have moved it"
     assert odometry.take_positions([0.2], [0.2], 52 * STEP)
     assert odometry.pose.x == pytest.approx(before.x + 0.01)
 
@@ -170,10 +170,27 @@ def test_told_that_they_begin_anew_it_takes_the_next_positions_as_the_first() ->
     odometry.begin_anew()
     assert odometry.take_positions([5.9], [5.9], 0.6)
     assert odometry.pose.x == pytest.approx(0.05)
-    assert odometry.covariance.xx == pytest.approx(before.xx + 0.25**2), "0.5 s at 0.5 m/s, anywhere to"
+    assert odometry.covariance.xx == pytest.approx(before.xx + 0.35**2), "0.5 s at 0.5 m/s, and a push, anywhere to"
     assert odometry.take_positions([6.9], [6.9], 0.7)
     assert odometry.pose.x == pytest.approx(0.1)
     assert odometry.left_out == 0
+
+
+@pytest.mark.parametrize("speed", [0.0, 8.0])
+@pytest.mark.parametrize("away", [1.0, 600.0, 1e9])
+def test_however_long_nobody_counted_it_is_as_unsure_as_of_one_that_stopped_and_was_pushed(
+    speed: float, away: float
+) -> None:
+    odometry = WheelOdometry(DIFF)
+    for i in range(51):
+        odometry.take_positions([speed * i * STEP], [speed * i * STEP], i * STEP)
+        assert odometry.covariance.xx < 0.01
+    odometry.begin_anew()
+    odometry.take_positions([0.0], [0.0], away + 1.0)
+    (xx, _, _), (_, yy, _), (_, _, tt) = odometry.covariance.matrix()
+    for variance in (xx, yy):
+        assert math.sqrt(variance) == pytest.approx(speed * 0.05 + 0.1, abs=0.02)
+    assert math.sqrt(tt) == pytest.approx(0.1, abs=0.01)
 
 
 def test_a_gap_hides_no_way_and_a_longer_one_lets_wheels_turn_further() -> None:
@@ -224,7 +241,7 @@ def test_of_a_long_silence_velocities_say_nothing() -> None:
     before = odometry.covariance
     assert not odometry.take_velocities([10.0], [10.0], 3.1)
     assert odometry.pose.x == pytest.approx(0.05)
-    assert odometry.covariance.xx == pytest.approx(before.xx + 1.5**2), "3 s at 0.5 m/s, anywhere to"
+    assert odometry.covariance.xx == pytest.approx(before.xx + 0.6**2), "1 s at 0.5 m/s, and a push, anywhere to"
     assert not odometry.take_velocities([99.0], [10.0], 3.2), "no wheel is so fast"
 
 
