@@ -1,8 +1,6 @@
 """Plays the board of a base on a pseudo-terminal, for a desk without one; and what may go wrong with it."""
 
-import os
 import threading
-import tty
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -14,12 +12,15 @@ from robo.errors import RunError
 from robo_messages import Header, JointState, Odometry, Trigger
 from robo_services.board import Board, BoardSpec, Wire
 from robo_services.drives import DiffDrive
+from robo_services.pseudo_terminal import PseudoTerminal
 from robo_services.uncertainty import PoseCovariance
 from robo_services.waiting import Waiting
 from robo_services.wheel_odometry import LEAST_VARIANCE, odometry_message
 
 IDLE = 0.005
 """The board's time goes on at least so often, s."""
+PULLING = 1.0
+"""Its cable is out within this time, s, or there is nobody who plays it."""
 LONGEST_STEP = 0.5
 """A process that was held up makes up for no more than this, s."""
 
@@ -132,12 +133,15 @@ class EmulatedBoard(Node):
             p.seed,
         )
         self._wire = Wire(seed=p.seed + 1)
-        self._lock = threading.Lock()
-        """The board belongs to the thread that plays it; callbacks look and touch in between."""
+        self._lock = threading.Condition()
+        """The board belongs to the thread that plays it; callbacks look and touch in between. Who waits for it waits
+        until the cable is out.
+        """
         self._wall = self.clock.wall
         self._played = self._wall.monotonic()
         self._link = Path(p.link)
-        self._pty: tuple[int, int] | None = None
+        self._terminal: PseudoTerminal | None = None
+        self._is_pulled = False
         self._plug_in()
         self._waiting = Waiting()
 
@@ -152,12 +156,15 @@ class EmulatedBoard(Node):
         while not self.stopping:
             assert self._waiting is not None
             with self._lock:
-                ends = [] if self._pty is None else [self._pty[0]]
-            ready = self._waiting.wait(ends, IDLE)
+                terminal = self._terminal
+            ready = self._waiting.wait([] if terminal is None else [terminal.fd], IDLE)
             with self._lock:
                 self._pass_time()
-                if ready and self._pty is not None and self._pty[0] in ready:
-                    self._converse(self._pty[0])
+                if terminal is not None and ready:
+                    self._converse(terminal)
+                if self._is_pulled:  # here, where nobody waits for what is closed
+                    self._pull_out()
+                    self._lock.notify_all()
 
     @timer(rate="rate")
     def tell(self) -> None:
@@ -185,16 +192,18 @@ class EmulatedBoard(Node):
         """Pull its cable; without power by USB it goes on by its battery."""
         with self._lock:
             self._pass_time()
-            self._pull_out()
             if self.parameters.power_by_usb:
                 self._board.reset()  # nobody turns its motors any more
-        return Trigger.Response(message=f"{self._link} is gone")
+            self._is_pulled = True
+            is_out = self._lock.wait_for(lambda: self._terminal is None, PULLING)
+        return Trigger.Response(success=is_out, message=f"{self._link} is {'gone' if is_out else 'still there'}")
 
     @service("replug")
     def replug(self, _request: Trigger.Request) -> Trigger.Response:
         """Plug it in again; it begins anew where it has its power by USB."""
         with self._lock:
-            if self._pty is None:
+            self._is_pulled = False
+            if self._terminal is None:
                 self._pass_time()
                 if self.parameters.power_by_usb:
                     self._board.reset()
@@ -207,7 +216,7 @@ class EmulatedBoard(Node):
         with self._lock:
             encoders, spoiled = self._board.encoders, self._wire.spoiled
             values = {"left": encoders.left, "right": encoders.right, "spoiled": spoiled}
-            return Health.warn("unplugged", **values) if self._pty is None else Health.ok(**values)
+            return Health.warn("unplugged", **values) if self._terminal is None else Health.ok(**values)
 
     def _pass_time(self) -> None:
         now = self._wall.monotonic()
@@ -215,44 +224,29 @@ class EmulatedBoard(Node):
         self._board.advance(min(now - self._played, LONGEST_STEP))
         self._played = now
 
-    def _converse(self, end: int) -> None:
-        try:
-            self._board.receive(os.read(end, 4096))
-            self._wire.garbled, self._wire.cut = self.parameters.garbled, self.parameters.cut
-            os.write(end, self._wire.passes(self._board.said()))
-        except OSError as error:  # nobody reads what it says
-            self.logger.warning("cannot talk: %s", error.strerror, throttle=5.0)
+    def _converse(self, terminal: PseudoTerminal) -> None:
+        self._board.receive(terminal.read())
+        self._wire.garbled, self._wire.cut = self.parameters.garbled, self.parameters.cut
+        said = self._wire.passes(self._board.said())
+        if terminal.write(said) < len(said):
+            self.logger.warning("nobody reads what it says", throttle=5.0)
 
     def _plug_in(self) -> None:
         """Make its port.
 
         Raises:
-            RunError: there is something at the link's place that is no link.
+            RunError: there is something else at the link's place, or no link can be made.
         """
-        if self._link.exists() and not self._link.is_symlink():
-            raise RunError(f"{self._link} is there, and is no link: choose another link")
-        ours, theirs = os.openpty()
-        tty.setraw(theirs)
-        os.set_blocking(ours, False)
-        self._pty = ours, theirs
-        new = self._link.with_name(f"{self._link.name}.{os.getpid()}")
         try:
-            new.unlink(missing_ok=True)
-            new.symlink_to(os.ttyname(theirs))
-            new.replace(self._link)  # at once: whoever looks finds one or the other
+            self._terminal = PseudoTerminal(self._link)
         except OSError as error:
-            self._hang_up()
             raise RunError(f"no link {self._link} can be made: {error.strerror}") from None
         self.logger.info("%s is its port", self._link)
 
     def _pull_out(self) -> None:
-        self._link.unlink(missing_ok=True)
-        self._hang_up()
-
-    def _hang_up(self) -> None:
-        ends, self._pty = self._pty, None
-        for end in ends or ():
-            os.close(end)
+        terminal, self._terminal = self._terminal, None
+        if terminal is not None:
+            terminal.unplug()
 
     def on_stop(self) -> None:
         """Take it away."""

@@ -20,7 +20,8 @@ _USB_ID = re.compile(r"([0-9a-fA-F]{4}):([0-9a-fA-F]{4})(?::(.+))?")
 
 _MOST_AT_ONCE = 65_536
 """Bytes of one read: a device that says more cannot take all memory."""
-_PSEUDO = "/dev/pts/"
+PSEUDO_TERMINALS = "/dev/pts/"
+"""Where they are."""
 
 
 class PortGone(OSError):
@@ -116,7 +117,9 @@ class SerialPort:
         """Let nobody else open it, and have it leave the line as it is when it is closed: many boards begin anew where
         their port is opened and the line was down.
         """
-        if not os.path.realpath(self.path).startswith(_PSEUDO):  # of which it would outlive a process that is killed
+        if not os.path.realpath(self.path).startswith(
+            PSEUDO_TERMINALS
+        ):  # of which it would outlive a process that is killed
             fcntl.ioctl(self.fd, termios.TIOCEXCL)
         modes = termios.tcgetattr(self.fd)
         modes[2] &= ~termios.HUPCL

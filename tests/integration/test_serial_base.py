@@ -273,7 +273,19 @@ def test_a_port_that_somebody_has_is_not_taken(robo_session: zenoh.Session, tmp_
 
 
 def test_a_link_takes_no_place_of_something_else(robo_session: zenoh.Session, tmp_path: Path) -> None:
-    (tmp_path / "board").write_text("a file of somebody")
-    with pytest.raises(RunError, match="is no link: choose another"):
-        EmulatedBoard(session=robo_session, parameters={"link": str(tmp_path / "board")}).start()
-    assert (tmp_path / "board").read_text() == "a file of somebody"
+    (tmp_path / "file").write_text("a file of somebody")
+    (tmp_path / "link").symlink_to(tmp_path / "file")
+    for name in ("file", "link"):
+        with pytest.raises(RunError, match="can be made: something else is there"):
+            EmulatedBoard(session=robo_session, parameters={"link": str(tmp_path / name)}).start()
+        assert (tmp_path / name).read_text() == "a file of somebody"
+
+
+def test_a_cable_is_pulled_while_somebody_waits_for_it(robo_session: zenoh.Session, tmp_path: Path) -> None:
+    with EmulatedBoard(session=robo_session, parameters={"link": str(tmp_path / "board")}) as board:
+        for _ in range(20):
+            assert board.unplug(Trigger.Request()).success
+            assert not (tmp_path / "board").is_symlink()
+            assert board.replug(Trigger.Request()).success
+        assert board.exit_code == 0
+        assert not board.stopping

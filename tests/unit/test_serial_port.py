@@ -1,6 +1,7 @@
 """Serial ports: what is said of those that cannot be opened, and how one is found on USB."""
 
 import errno
+import os
 import sys
 import termios
 from pathlib import Path
@@ -173,3 +174,24 @@ def test_pyserial_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None
 def test_bytes_are_shown_as_they_are() -> None:
     assert shown(b"\x54\x2c") == "54 2c"
     assert shown(bytes(20)) == "00 " * 16 + "… (20 bytes)"
+
+
+def test_a_link_that_was_left_is_replaced_and_that_of_another_not_taken_away(tmp_path: Path) -> None:
+    (tmp_path / "port").symlink_to("/dev/pts/99999")
+    first = PseudoTerminal(tmp_path / "port")
+    assert os.readlink(tmp_path / "port") == first.path
+    second = PseudoTerminal(tmp_path / "port")
+    first.unplug()
+    assert os.readlink(tmp_path / "port") == second.path
+    second.unplug()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_no_link_to_a_pseudo_terminal_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "precious").write_text("x")
+    (tmp_path / "link").symlink_to(tmp_path / "precious")
+    (tmp_path / "broken").symlink_to(tmp_path / "none")
+    for name in ("precious", "link", "broken"):
+        with pytest.raises(FileExistsError, match="something else is there"):
+            PseudoTerminal(tmp_path / name)
+    assert len(list(tmp_path.iterdir())) == 3
