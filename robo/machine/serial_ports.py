@@ -1,6 +1,7 @@
 """Serial ports of this machine: which there are, who may open them, who has, and, where it is wanted, who answers."""
 
 import contextlib
+import errno
 import fcntl
 import glob
 import grp
@@ -15,18 +16,26 @@ from pathlib import Path
 
 import msgspec
 
-PATTERNS = ("/dev/ttyUSB*", "/dev/ttyACM*", "/dev/ttyAMA*", "/dev/cu.usb*")
-"""Where adapters, boards and the pins of small computers are; the last one on macOS."""
+PATTERNS = (
+    *("/dev/ttyUSB*", "/dev/ttyACM*", "/dev/ttyAMA*", "/dev/ttyTHS*", "/dev/rfcomm*"),
+    "/dev/serial[0-9]*",
+    "/dev/cu.usb*",
+)
+"""Where adapters, boards, the pins of small computers and Bluetooth are; at `serial0` a Raspberry Pi has its pins, however
+they are called; the last one is on macOS.
+"""
 STARTING = 3.0
 """A board that is started by being opened, as many are, may take this time, s."""
 _AGAIN = 0.25
 _MOST = 200
-_BAUDS = {57_600: termios.B57600, 115_200: termios.B115200}
+STOCK_BAUD = 57_600
+"""Bits per second of the firmware as it comes, and of `serial_base`."""
+_BAUDS = {STOCK_BAUD: termios.B57600, 115_200: termios.B115200}
 _READING = re.compile(rb"(?:^|[\r\n])(-?\d{1,10} -?\d{1,10})\r?\n")
 
 
-class SerialPort(msgspec.Struct, frozen=True):
-    """One of them."""
+class FoundPort(msgspec.Struct, frozen=True):
+    """A serial port that is there."""
 
     path: str
     usb_id: str = ""
@@ -50,17 +59,20 @@ class Answer(msgspec.Struct, frozen=True):
     """All of it, or its beginning."""
 
 
-def found() -> list[SerialPort]:
-    """The ports that are there, by their names."""
-    return [_described(path) for pattern in PATTERNS for path in sorted(glob.glob(pattern))]
+def found() -> list[FoundPort]:
+    """The ports that are there, by their names; of several names of one the first."""
+    there: dict[str, str] = {}
+    for path in (path for pattern in PATTERNS for path in sorted(glob.glob(pattern))):
+        there.setdefault(os.path.realpath(path), path)
+    return [_described(path) for path in there.values()]
 
 
-def may_open(port: SerialPort) -> bool:
+def may_open(port: FoundPort) -> bool:
     """Whether this user may read and write it."""
     return os.access(port.path, os.R_OK | os.W_OK)
 
 
-def group_of(port: SerialPort) -> str:
+def group_of(port: FoundPort) -> str:
     """The group whose members may, such as dialout; empty where it has no name."""
     try:
         return grp.getgrgid(os.stat(port.path).st_gid).gr_name
@@ -68,7 +80,7 @@ def group_of(port: SerialPort) -> str:
         return ""
 
 
-def holders(port: SerialPort) -> list[int]:
+def holders(port: FoundPort) -> list[int]:
     """The processes that have it open, as far as this user may see them."""
     device = os.path.realpath(port.path)
     held = set()
@@ -79,7 +91,7 @@ def holders(port: SerialPort) -> list[int]:
     return sorted(held - {os.getpid()})
 
 
-def ask(port: SerialPort, starting: float = STARTING) -> Answer | None:
+def ask(port: FoundPort, starting: float = STARTING) -> Answer | None:
     """Ask for the encoders of a base; whatever else is there gets these bytes too. None where somebody has the port.
 
     Args:
@@ -89,7 +101,7 @@ def ask(port: SerialPort, starting: float = STARTING) -> Answer | None:
     Raises:
         OSError: it cannot be opened, or was unplugged.
     """
-    heard = Answer(next(iter(_BAUDS)))
+    heard = Answer(STOCK_BAUD)
     with _opened(port.path) as fd:
         if fd is None:
             return None
@@ -119,14 +131,25 @@ def _listen(fd: int, limit: float) -> bytes:
 
 @contextlib.contextmanager
 def _opened(path: str) -> Iterator[int | None]:
-    fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError as error:
+        if error.errno != errno.EBUSY:
+            raise
+        yield None
+        return
     try:
         try:
             fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)  # whoever opens it politely has this lock
         except BlockingIOError:
             yield None
         else:
-            yield fd
+            fcntl.ioctl(fd, termios.TIOCEXCL)
+            try:
+                yield fd
+            finally:
+                with contextlib.suppress(OSError):
+                    fcntl.ioctl(fd, termios.TIOCNXCL)
     finally:
         os.close(fd)
 
@@ -137,6 +160,7 @@ def _set_up(fd: int, speed: int) -> None:
         tty.setraw(fd)
         modes = termios.tcgetattr(fd)
         modes[2] |= termios.CLOCAL | termios.CREAD
+        modes[2] &= ~termios.HUPCL  # else who opens it next starts many boards anew once more
         modes[4] = modes[5] = speed
         termios.tcsetattr(fd, termios.TCSANOW, modes)
         termios.tcflush(fd, termios.TCIOFLUSH)
@@ -144,14 +168,14 @@ def _set_up(fd: int, speed: int) -> None:
         raise OSError(*error.args) from None
 
 
-def _described(path: str) -> SerialPort:
+def _described(path: str) -> FoundPort:
     """What Linux knows of the USB device behind it: the nearest folder above that has a maker."""
     place = Path(os.path.realpath(f"/sys/class/tty/{os.path.basename(os.path.realpath(path))}/device"))
     for folder in (place, *place.parents):
         if (folder / "idVendor").is_file():
             maker, product, name = (_text(folder / file) for file in ("idVendor", "idProduct", "product"))
-            return SerialPort(path, f"{maker}:{product}", name)
-    return SerialPort(path)
+            return FoundPort(path, f"{maker}:{product}", name)
+    return FoundPort(path)
 
 
 def _text(file: Path) -> str:

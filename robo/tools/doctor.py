@@ -277,7 +277,7 @@ def ports(*, ask: bool) -> Iterator[Finding]:
         yield _port(one, ask=ask)
 
 
-def _port(one: serial_ports.SerialPort, *, ask: bool) -> Finding:
+def _port(one: serial_ports.FoundPort, *, ask: bool) -> Finding:
     if not serial_ports.may_open(one):
         group = serial_ports.group_of(one)
         fix = (
@@ -301,7 +301,8 @@ def _port(one: serial_ports.SerialPort, *, ask: bool) -> Finding:
         text = (
             f"{one} answers as the board of a base, its encoders are at {answer.reading}, {answer.baud} bits per second"
         )
-        return Finding("serial", "ok", text, f"robo up real_robot.yaml port:={one.path}")
+        options = "" if answer.baud == serial_ports.STOCK_BAUD else f" -p serial_base.baud:={answer.baud}"
+        return Finding("serial", "ok", text, f"robo up real_robot.yaml port:={one.path}{options}")
     if answer.said:
         return Finding("serial", "note", f"{one} does not answer as the board of a base: {answer.said[:60]!r}")
     return Finding("serial", "note", f"{one} says nothing", "is the firmware on it? docs: the first real robot")

@@ -1,5 +1,6 @@
 """What the doctor finds on a machine that is made up."""
 
+import errno
 import fcntl
 import os
 import select
@@ -105,7 +106,7 @@ def test_who_is_at_a_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, says:
             over.set()
             board.join()
         assert found.message.startswith(f"{path} {told}")
-        assert one == serial_ports.SerialPort(str(path))
+        assert one == serial_ports.FoundPort(str(path))
 
 
 def test_a_port_that_somebody_has_locked_is_not_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -118,3 +119,31 @@ def test_a_port_that_somebody_has_locked_is_not_asked(tmp_path: Path, monkeypatc
 
 def is_readable(fd: int) -> bool:
     return bool(select.select([fd], [], [], 0.05)[0])
+
+
+@pytest.mark.parametrize(("baud", "options"), [(57_600, ""), (115_200, " -p serial_base.baud:=115200")])
+def test_what_is_to_be_said_of_a_board_that_answers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, baud: int, options: str
+) -> None:
+    with port(tmp_path, monkeypatch) as (_, path):
+        monkeypatch.setattr(serial_ports, "ask", lambda _: serial_ports.Answer(baud, "1 2"))
+        (found,) = doctor.ports(ask=True)
+        assert found.fix == f"robo up real_robot.yaml port:={path}{options}"
+
+
+def test_a_port_that_has_two_names_is_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with port(tmp_path, monkeypatch) as (_, path):
+        (tmp_path / "serial0").symlink_to(path)
+        monkeypatch.setattr(serial_ports, "PATTERNS", (f"{tmp_path}/tty*", f"{tmp_path}/serial[0-9]*"))
+        assert [one.path for one in serial_ports.found()] == [str(path)]
+
+
+def test_a_port_that_another_has_for_itself_is_not_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def busy(*_: object) -> int:
+        raise OSError(errno.EBUSY, "Device or resource busy")
+
+    with port(tmp_path, monkeypatch) as (_, path):
+        monkeypatch.setattr(os, "open", busy)
+        (found,) = doctor.ports(ask=True)
+        monkeypatch.undo()
+        assert found.message == f"{path} is open elsewhere"
