@@ -21,8 +21,8 @@ PATTERNS = (
     "/dev/serial[0-9]*",
     "/dev/cu.usb*",
 )
-"""Where adapters, boards, the pins of small computers and Bluetooth are; at `serial0` a Raspberry Pi has its pins, however
-they are called; the last one is on macOS.
+"""Where adapters, boards, the pins of small computers and Bluetooth are; at `serial0` a Raspberry Pi has its pins,
+however they are called; the last one is on macOS.
 """
 STARTING = 3.0
 """A board that is started by being opened, as many are, may take this time, s."""

@@ -57,9 +57,14 @@ class Board:
         """Where it truly is."""
         self.way = 0.0
         """How far it has truly driven, m."""
+        self.time = 0.0
+        """Its own, s since it was made; it does not pass while whoever plays it is held up."""
+        self.commanded = -math.inf
+        """When it was told a speed last, in its own time, s."""
+        self.stood = 0.0
+        """Since when it stands, likewise; inf while a wheel turns."""
         self._left, self._right = _Motor(spec), _Motor(spec)
         self._dice = _Dice(seed)
-        self._now = 0.0
         self._out = bytearray()
         self.reset()
 
@@ -97,16 +102,16 @@ class Board:
         self._gains = _gains(STOCK_GAINS)
         self._out.clear()
         self._line = _Line()
-        self._next_loop = self._now + self.spec.loop_period
-        self._deaf_until = self._now + self.spec.starting
+        self._next_loop = self.time + self.spec.loop_period
+        self._deaf_until = self.time + self.spec.starting
         self._is_moving = False
-        self._commanded = -math.inf
+        self.commanded = -math.inf
         for motor in (self._left, self._right):
             motor.begin_anew()
 
     def receive(self, data: bytes) -> None:
         """Take what comes over the wire."""
-        if self._now < self._deaf_until:
+        if self.time < self._deaf_until:
             return
         for byte in data:
             if byte == 13:
@@ -123,17 +128,17 @@ class Board:
 
     def advance(self, seconds: float) -> None:
         """Let time pass."""
-        end = self._now + max(seconds, 0.0)
-        while self._now < end:
-            step = min(end, self._next_loop, self._now + _FINEST) - self._now
+        end = self.time + max(seconds, 0.0)
+        while self.time < end:
+            step = min(end, self._next_loop, self.time + _FINEST) - self.time
             self._roll(step)
-            self._now += step
-            if self._now - self._commanded > self.spec.watchdog:
+            self.time += step
+            if self.time - self.commanded > self.spec.watchdog:
                 self._is_moving = False
                 self._left.pwm = self._right.pwm = 0
-            if self._now >= self._next_loop - 1e-9:
-                self._next_loop = self._now + self.spec.loop_period
-                if self._now >= self._deaf_until:
+            if self.time >= self._next_loop - 1e-9:
+                self._next_loop = self.time + self.spec.loop_period
+                if self.time >= self._deaf_until:
                     self._loop()
 
     def _roll(self, step: float) -> None:
@@ -144,6 +149,10 @@ class Board:
         way, turn = self.spec.drive.twist(Wheels(after.left - before.left, after.right - before.right))
         self.pose = advance(self.pose, way, turn, 1.0)
         self.way += abs(way)
+        if self._left.rate or self._right.rate:
+            self.stood = math.inf
+        elif self.stood == math.inf:
+            self.stood = self.time + step
 
     def _loop(self) -> None:
         if not self._is_moving:
@@ -161,14 +170,14 @@ class Board:
             case "e":
                 answer = f"{self._left.count()} {self._right.count()}"
             case "m":
-                self._commanded, self._is_moving = self._now, bool(one or two)
+                self.commanded, self._is_moving = self.time, bool(one or two)
                 if not self._is_moving:
                     for motor in (self._left, self._right):
                         motor.pwm = 0
                         motor.begin_loop()
                 self._left.target, self._right.target = one, two
             case "o":
-                self._commanded, self._is_moving = self._now, False
+                self.commanded, self._is_moving = self.time, False
                 for motor, duty in ((self._left, one), (self._right, two)):
                     motor.begin_loop()
                     motor.pwm = max(-MAX_PWM, min(duty, MAX_PWM))

@@ -94,9 +94,9 @@ class EmulatedBoard(Node):
             Literal["none", "left", "right"], Meta(description="the encoder of this side counts no more")
         ] = "none"
         garbled: Annotated[
-            float, Meta(ge=0, le=0.5, description="share of its lines in which a letter is another one")
+            float, Meta(ge=0, le=0.5, description="share of lines, both ways, in which a letter is another one")
         ] = 0.0
-        cut: Annotated[float, Meta(ge=0, le=0.5, description="share of its lines whose end is missing")] = 0.0
+        cut: Annotated[float, Meta(ge=0, le=0.5, description="share of lines, both ways, whose end is missing")] = 0.0
         rate: Annotated[float, Meta(ge=1, le=200, description="messages per second"), Unit("Hz")] = 30.0
         world_frame: Annotated[str, Meta(min_length=1, description="the frame of its true pose"), READ_ONLY] = "odom"
         base_frame: Annotated[str, Meta(min_length=1, description="the frame of its true velocities"), READ_ONLY] = (
@@ -225,8 +225,8 @@ class EmulatedBoard(Node):
         self._played = now
 
     def _converse(self, terminal: PseudoTerminal) -> None:
-        self._board.receive(terminal.read())
         self._wire.garbled, self._wire.cut = self.parameters.garbled, self.parameters.cut
+        self._board.receive(self._wire.passes(terminal.read()))
         said = self._wire.passes(self._board.said())
         if terminal.write(said) < len(said):
             self.logger.warning("nobody reads what it says", throttle=5.0)

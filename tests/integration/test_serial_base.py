@@ -171,12 +171,16 @@ def test_unplugged_it_stands_and_plugged_in_it_goes_on(
         r.drive(0.5)
         r.drives()
         r.call(r.board.unplug)
-        eventually(lambda: r.board._board.rates.left == 0.0, "by its own watchdog")
+        eventually(lambda: r.board._board.stood < math.inf, "by its own watchdog")
+        assert r.board._board.stood - r.board._board.commanded < 0.3, "s of its own time"
         eventually(lambda: "No such file or directory; it is waited for" in r.state[1], "the state says why")
         assert r.state[0] == ERROR
         assert "stands by its own watchdog" in caplog.text
         stood = r.base._track.track.pose
         r.call(r.board.replug)
+        played = r.board._board.time
+        eventually(lambda: r.board._board.stood == math.inf, "it drives")
+        assert r.board._board.time - played < 1.0, "s of its own time, in which it does not count when it is held up"
         r.drives()
         assert r.state == (0, "")
         r.drive(0.0)

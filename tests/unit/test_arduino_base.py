@@ -28,12 +28,16 @@ class Played:
     """A base and its board with a wire between them, and time that passes as it is told to."""
 
     def __init__(
-        self, spec: BoardSpec | None = None, settings: Settings | None = None, wire: Wire | None = None
+        self,
+        spec: BoardSpec | None = None,
+        settings: Settings | None = None,
+        wire: Wire | None = None,
+        down: Wire | None = None,
     ) -> None:
         self.board = Board(spec or BoardSpec(), seed=3)
         self.odometry = TickOdometry(DRIVE, self.board.spec.per_revolution, bits=self.board.spec.bits)
         self.base = ArduinoBase(settings or Settings(), self.odometry)
-        self.wire = wire or Wire()
+        self.wire, self.down = wire or Wire(), down or Wire()
         self.now = 100.0
         self.plugged = True
         self.base.begin(self.now)
@@ -45,7 +49,7 @@ class Played:
             said = self.base.say(self.now, DRIVE.wheels(twist))
             if said and self.plugged:
                 self._to(self.now + LATENCY)
-                self.board.receive(said)
+                self.board.receive(self.down.passes(said))
                 heard = self.wire.passes(self.board.said())
                 self._to(self.now + LATENCY)
                 self.base.feed(heard, self.now)
@@ -93,6 +97,25 @@ def test_odometry_is_true_over_100_m() -> None:
     assert ticks(played.odometry) == played.board.encoders, "no tick is lost"
     assert played.odometry.resets == 0
     assert played.base.counts.unread > 50
+
+
+@pytest.mark.parametrize("seed", [2, 3, 5])
+def test_commands_that_are_garbled_lose_no_tick_and_do_not_make_it_race(seed: int) -> None:
+    wires = Wire(garbled=0.01, cut=0.01, seed=seed), Wire(garbled=0.01, cut=0.01, seed=seed + 10)
+    played = Played(BoardSpec(noise=0.05), Settings(battery_pin=0), *wires)
+    played.run(1.0)
+    fastest = 0.0
+    for _ in range(1200):
+        played.run(0.1, Twist2(0.3))
+        fastest = max(fastest, abs(played.board.twist.linear))
+    played.run(1.0)
+    assert min(wires[0].spoiled, wires[1].spoiled) > 50
+    assert fastest < 0.6, "for one period, as it understood"
+    assert played.board.way == pytest.approx(0.3 * 120.0, rel=0.03), "some of what it understood is to stand"
+    assert (ticks(played.odometry), played.odometry.resets) == (played.board.encoders, 0)
+    assert played.error < 0.01 * played.board.way
+    assert played.base.battery == 791
+    assert played.base.counts.invalid > 5
 
 
 def ticks(odometry: TickOdometry) -> Encoders:
@@ -283,6 +306,7 @@ def test_the_wheels_stand_by_the_boards_own_watchdog() -> None:
     played.plugged = False
     played.run(0.3, Twist2(0.9))
     assert played.board.rates == Wheels(0.0, 0.0)
+    assert played.board.stood - played.board.commanded < 0.3
     with pytest.raises(BoardSilent, match=r"no answer for 0\.5 s; last it said b?'"):
         played.run(1.0)
     played.plugged = True
