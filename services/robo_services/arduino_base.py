@@ -112,7 +112,7 @@ class ArduinoBase:
             loop_period=settings.loop_period,
             trim=settings.trim,
             fastest=odometry.max_rate * settings.loop_period,
-            gain=kp / ko,
+            gain=kp / max(ko, 1),
         )
         self._wheels = {"left": WheelSpeed(limits), "right": WheelSpeed(limits)}
         self.begin(-math.inf)

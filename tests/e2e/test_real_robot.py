@@ -92,6 +92,10 @@ def test_whatever_happens_to_the_board(launch: Launch, tmp_path: Path) -> None:
     track = places(robot, "odom")
     for before, after in pairwise(track):
         assert math.hypot(after[1] - before[1], after[2] - before[2]) < 0.02 + 2 * SPEED * (after[0] - before[0])
+    robot.pause("serial_base")  # it hangs
+    stands(robot)
+    robot.resume("serial_base")
+    drives(robot)
     robot.kill("serial_base")
     stands(robot)
     moved = robot.wait_for("true_wheels", lambda state: state.velocity[1] > 1.0, new=True)

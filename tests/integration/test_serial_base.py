@@ -243,6 +243,19 @@ def test_a_board_that_falls_silent_is_asked_anew_and_not_opened_anew(
     assert len(opened) == 1
 
 
+def test_what_a_line_does_not_carry_is_thrown_away(
+    robo_session: zenoh.Session, tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with robot(robo_session, tmp_path, {}, {"watchdog": 60.0}) as r:
+        r.drive(0.5)
+        r.drives()
+        with monkeypatch.context() as slow:
+            slow.setattr(SerialPort, "unsent", lambda _: 33)  # a pseudo-terminal always says 0
+            eventually(lambda: r.board._board.rates.left == 0.0, "the last that is said is to stand")
+            eventually(lambda: "it takes too little, 33 bytes have not left" in caplog.text, "it is told")
+        r.drives()
+
+
 def test_what_is_no_board_is_refused_with_what_it_says(
     robo_session: zenoh.Session, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
