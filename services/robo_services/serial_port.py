@@ -127,7 +127,9 @@ class SerialPort:
 
     def close(self) -> None:
         """Give it back; safe to call twice, and where it is gone."""
-        with suppress(OSError, termios.error):
+        with suppress(OSError):
+            fcntl.ioctl(self._port.fileno(), termios.TIOCNXCL)  # else it stays so as long as anybody has it open
+        with suppress(OSError):
             self._port.close()
 
     @contextmanager
