@@ -98,7 +98,7 @@ class EmulatedBoard(Node):
         ] = 0.0
         cut: Annotated[float, Meta(ge=0, le=0.5, description="share of lines, both ways, whose end is missing")] = 0.0
         rate: Annotated[float, Meta(ge=1, le=200, description="messages per second"), Unit("Hz")] = 30.0
-        world_frame: Annotated[str, Meta(min_length=1, description="the frame of its true pose"), READ_ONLY] = "odom"
+        world_frame: Annotated[str, Meta(min_length=1, description="the frame of its true pose"), READ_ONLY] = "world"
         base_frame: Annotated[str, Meta(min_length=1, description="the frame of its true velocities"), READ_ONLY] = (
             "base_link"
         )

@@ -24,7 +24,9 @@ BUSY = 0.3
 
 
 def driving(launch: Launch, folder: Path, **options: Any) -> Robot:
-    robot = launch("real_robot.yaml", emulate=True, port=str(folder / "board"), speed=SPEED, **options)
+    robot = launch(
+        "real_robot.yaml", emulate=True, laser=False, demo="arc", port=str(folder / "board"), speed=SPEED, **options
+    )
     drives(robot)
     return robot
 
