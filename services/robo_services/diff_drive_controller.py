@@ -9,15 +9,13 @@ import robo
 from robo import READ_ONLY, Health, MessageInfo, Node, Publisher, QoS, Unit, check, subscribe, timer
 from robo.tf import Transform3, TransformBroadcaster
 from robo_messages import Header, JointState, Odometry, Time, Twist
-from robo_services.arrivals import Arrivals, Newest, Unstamped
-from robo_services.drives import STANDING, DiffDrive
+from robo_services.arrivals import Arrivals, Newest
+from robo_services.base_parameters import WheeledParameters
+from robo_services.drives import STANDING
 from robo_services.kinematics import Twist2
 from robo_services.safety import is_finite
-from robo_services.uncertainty import NOISE, Noise
 from robo_services.wheel_odometry import WheelOdometry
 
-Length = Annotated[float, Meta(ge=0.001, le=100), Unit("m"), READ_ONLY]
-Multiplier = Annotated[float, Meta(ge=0.1, le=10), READ_ONLY]
 Names = Annotated[list[str], Meta(min_length=1, max_length=100), READ_ONLY]
 
 
@@ -33,7 +31,7 @@ class DiffDriveController(Node):
     a command was sent, and what is passed on has the age of the command that it comes from.
     """
 
-    class Parameters(robo.Parameters):
+    class Parameters(WheeledParameters):
         """The base."""
 
         left_wheel_names: Annotated[Names, Meta(description="the joints of the left side")] = msgspec.field(
@@ -42,21 +40,6 @@ class DiffDriveController(Node):
         right_wheel_names: Annotated[Names, Meta(description="the joints of the right side")] = msgspec.field(
             default_factory=lambda: ["right_wheel_joint"]
         )
-        wheel_separation: Annotated[Length, Meta(description="between the wheels of the two sides")] = 0.3
-        wheel_radius: Annotated[Length, Meta(description="radius of a wheel")] = 0.05
-        wheel_separation_multiplier: Annotated[
-            Multiplier, Meta(description="corrects it, as found by turning on the spot; 1.5 to 2 for a skid steer")
-        ] = 1.0
-        left_wheel_radius_multiplier: Annotated[
-            Multiplier, Meta(description="corrects it, as found by driving straight")
-        ] = 1.0
-        right_wheel_radius_multiplier: Annotated[Multiplier, Meta(description="likewise")] = 1.0
-        max_wheel_velocity: Annotated[
-            float,
-            Meta(ge=0.01, le=10_000, description="a faster command is scaled down on its curve; no wheel turns faster"),
-            Unit("rad/s"),
-            READ_ONLY,
-        ] = 100.0
         encoder_wrap: Annotated[
             float,
             Meta(ge=0, le=1e9, description="after so much positions begin anew; 0: never"),
@@ -72,22 +55,9 @@ class DiffDriveController(Node):
         publish_rate: Annotated[
             float, Meta(ge=1, le=1000, description="commands and odometry messages per second"), Unit("Hz")
         ] = 50.0
-        cmd_vel_timeout: Annotated[
-            float, Meta(ge=0.01, le=10, description="stand still without a command for this long"), Unit("s")
-        ] = 0.5
         joint_states_timeout: Annotated[
             float, Meta(ge=0.01, le=10, description="stand still without feedback for this long"), Unit("s")
         ] = 0.5
-        command_source: Annotated[
-            str,
-            Meta(description="whose commands alone move it: a node, plain (Zenoh clients), or empty: the first node"),
-            READ_ONLY,  # else whoever may set a parameter may drive
-        ] = ""
-        unstamped: Unstamped = True
-        noise: Noise = NOISE
-        odom_frame_id: Annotated[str, Meta(description="the frame of odometry's poses"), READ_ONLY] = "odom"
-        base_frame_id: Annotated[str, Meta(description="the frame of odometry's velocities"), READ_ONLY] = "base_link"
-        enable_odom_tf: Annotated[bool, Meta(description="whether tf says where the base stands in odom")] = True
 
         def __post_init__(self) -> None:
             """Refuse a wheel on both sides."""
@@ -105,14 +75,7 @@ class DiffDriveController(Node):
     def on_start(self) -> None:
         """Nothing is commanded yet, and nothing known of the wheels."""
         p = self.parameters
-        self._drive = DiffDrive(
-            wheel_separation=p.wheel_separation,
-            wheel_radius=p.wheel_radius,
-            wheel_separation_multiplier=p.wheel_separation_multiplier,
-            left_wheel_radius_multiplier=p.left_wheel_radius_multiplier,
-            right_wheel_radius_multiplier=p.right_wheel_radius_multiplier,
-            max_wheel_velocity=p.max_wheel_velocity,
-        )
+        self._drive = p.drive()
         self._track = WheelOdometry(self._drive, wrap=p.encoder_wrap)
         self._arrivals = Arrivals(unstamped=p.unstamped)
         self._wall = self.clock.wall

@@ -12,7 +12,7 @@ from robo_services.arduino_base import ArduinoBase, BoardError, BoardSilent, Not
 from robo_services.arduino_protocol import BYTES_PER_PERIOD, END_OF_GARBAGE, STOP
 from robo_services.arrivals import Arrivals, Newest
 from robo_services.board_port import place_of_board
-from robo_services.drives import STANDING, DiffDrive, Wheels
+from robo_services.drives import STANDING, Wheels
 from robo_services.kinematics import Twist2
 from robo_services.safety import is_finite
 from robo_services.serial_parameters import SerialBaseParameters
@@ -57,14 +57,7 @@ class SerialBase(Node):
         """No port is open yet."""
         import_serial()  # what cannot work is said at once
         p = self.parameters
-        self._drive = DiffDrive(
-            wheel_separation=p.wheel_separation,
-            wheel_radius=p.wheel_radius,
-            wheel_separation_multiplier=p.wheel_separation_multiplier,
-            left_wheel_radius_multiplier=p.left_wheel_radius_multiplier,
-            right_wheel_radius_multiplier=p.right_wheel_radius_multiplier,
-            max_wheel_velocity=p.max_wheel_velocity,
-        )
+        self._drive = p.drive()
         self._track = TickOdometry(self._drive, p.ticks_per_revolution, bits=p.counter_bits, noise=p.noise)
         self._base = ArduinoBase(
             Settings(

@@ -5,11 +5,9 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-import robo
 from robo import READ_ONLY, Unit
 from robo_services.arduino_protocol import BYTES_PER_PERIOD, MOST_TICKS
-from robo_services.arrivals import Unstamped
-from robo_services.uncertainty import NOISE, Noise
+from robo_services.base_parameters import WheeledParameters, WheelVelocity
 
 USB_ID = r"^([0-9A-Fa-f]{4}:[0-9A-Fa-f]{4}(:.+)?)?$"
 """Maker and product in hexadecimal digits, or with the serial number behind them."""
@@ -21,11 +19,8 @@ BITS_PER_BYTE = 10
 PATIENCE = 3
 """Periods: a board that was not heard in a shorter time has not fallen silent."""
 
-Length = Annotated[float, Meta(ge=0.001, le=100), Unit("m"), READ_ONLY]
-Multiplier = Annotated[float, Meta(ge=0.1, le=10), READ_ONLY]
 
-
-class SerialBaseParameters(robo.Parameters):
+class SerialBaseParameters(WheeledParameters):
     """The board and its wheels."""
 
     port: Annotated[str, Meta(description="its device, such as /dev/ttyUSB0; empty: usb_id"), READ_ONLY] = ""
@@ -62,30 +57,13 @@ class SerialBaseParameters(robo.Parameters):
         Meta(ge=0, le=10, description="at most so many ticks per loop are added where a wheel is slow, or fast"),
         READ_ONLY,
     ] = 3.0
-    wheel_separation: Annotated[Length, Meta(description="between the wheels of the two sides")] = 0.3
-    wheel_radius: Annotated[Length, Meta(description="radius of a wheel")] = 0.05
-    wheel_separation_multiplier: Annotated[
-        Multiplier, Meta(description="corrects it, as found by turning on the spot")
-    ] = 1.0
-    left_wheel_radius_multiplier: Annotated[
-        Multiplier, Meta(description="corrects it, as found by driving straight")
-    ] = 1.0
-    right_wheel_radius_multiplier: Annotated[Multiplier, Meta(description="likewise")] = 1.0
-    max_wheel_velocity: Annotated[
-        float,
-        Meta(ge=0.01, le=10_000, description="a faster command is scaled down on its curve; no wheel turns faster"),
-        Unit("rad/s"),
-        READ_ONLY,
-    ] = 20.0
+    max_wheel_velocity: WheelVelocity = 20.0
     rate: Annotated[
         float,
         Meta(ge=10, le=200, description="speeds said, encoders asked for and odometry told per second"),
         Unit("Hz"),
         READ_ONLY,
     ] = 30.0
-    cmd_vel_timeout: Annotated[
-        float, Meta(ge=0.01, le=10, description="stand still without a command for this long"), Unit("s")
-    ] = 0.5
     start_timeout: Annotated[
         float, Meta(ge=0.5, le=60, description="a board may start for this long"), Unit("s"), READ_ONLY
     ] = 4.0
@@ -95,16 +73,6 @@ class SerialBaseParameters(robo.Parameters):
         Unit("s"),
         READ_ONLY,
     ] = 0.5
-    command_source: Annotated[
-        str,
-        Meta(description="whose commands alone move it: a node, plain (Zenoh clients), or empty: the first node"),
-        READ_ONLY,  # else whoever may set a parameter may drive
-    ] = ""
-    unstamped: Unstamped = True
-    noise: Noise = NOISE
-    odom_frame_id: Annotated[str, Meta(description="the frame of odometry's poses"), READ_ONLY] = "odom"
-    base_frame_id: Annotated[str, Meta(description="the frame of odometry's velocities"), READ_ONLY] = "base_link"
-    enable_odom_tf: Annotated[bool, Meta(description="whether tf says where the base stands in odom")] = True
     joint_states: Annotated[bool, Meta(description="publish joint_states: how far wheels have turned"), READ_ONLY] = (
         False
     )

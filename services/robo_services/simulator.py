@@ -5,9 +5,9 @@ from typing import Annotated, NamedTuple
 
 from msgspec import Meta
 
-import robo
 from robo import READ_ONLY, Unit
 from robo_messages import Twist
+from robo_services.base_parameters import CommandedParameters
 from robo_services.simulated_base import BaseLimits
 from robo_services.simulated_errors import ImuNoise
 
@@ -36,7 +36,7 @@ def in_force(commands: Iterable[Command], moment: float, timeout: float) -> Twis
     return twist
 
 
-class SimulatorParameters(robo.Parameters):
+class SimulatorParameters(CommandedParameters):
     """The base, its sensors and its world."""
 
     world: Annotated[str, Meta(description="YAML file of walls, boxes and circles; empty: a 10 m room"), READ_ONLY] = ""
@@ -67,14 +67,6 @@ class SimulatorParameters(robo.Parameters):
     angular_acceleration: Annotated[
         float, Meta(gt=0, description="how its turning changes"), Unit("rad/s²"), READ_ONLY
     ] = 6.0
-    cmd_vel_timeout: Annotated[
-        float, Meta(ge=0.01, le=10, description="stand still without a command for this long"), Unit("s")
-    ] = 0.5
-    command_source: Annotated[
-        str,
-        Meta(description="whose commands alone move it: a node, plain (Zenoh clients), or empty: the first node"),
-        READ_ONLY,  # else whoever may set a parameter may drive
-    ] = ""
     odom_rate: Annotated[
         float, Meta(ge=1, le=1000, description="steps and odometry messages per second"), Unit("Hz"), READ_ONLY
     ] = 50.0
