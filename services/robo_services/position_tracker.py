@@ -31,9 +31,7 @@ class PositionTracker(Node):
         max_angular_velocity: Annotated[
             float, Meta(gt=0, description="of the base; odometry that turns faster is left out"), Unit("rad/s")
         ] = 20.0
-        log_rate: Annotated[
-            float, Meta(ge=0.001, le=1000, description="reports per second, while there is news"), Unit("Hz")
-        ] = 1.0
+        log_rate: Annotated[float, Meta(ge=0.001, le=1000, description="reports per second"), Unit("Hz")] = 1.0
 
     parameters: Parameters
 
