@@ -126,6 +126,7 @@ if TYPE_CHECKING:
         UInt32,
         UInt64,
     )
+    from robo_messages.system_more import ParameterValue
     from robo_messages.tf2 import TFMessage
     from robo_messages.visualization import (
         Marker,
@@ -151,6 +152,7 @@ _LATER = {
     "robo_messages.std_numbers": (
         "Byte Char ColorRGBA Float32 Float64 Int8 Int16 Int32 Int64 UInt8 UInt16 UInt32 UInt64"
     ),
+    "robo_messages.system_more": "ParameterValue",
     "robo_messages.tf2": "TFMessage",
     "robo_messages.visualization": "Marker MarkerArray MeshFile UVCoordinate",
 }
@@ -228,6 +230,7 @@ __all__ = [
     "Odometry",
     "Parameter",
     "ParameterEvent",
+    "ParameterValue",
     "Path",
     "Point",
     "Point32",
