@@ -11,7 +11,9 @@ from msgspec import inspect as shapes
 
 import robo_messages
 from docs_tools.reference.markdown import Gap, block, code, described, link, paragraphs, prose, table
-from robo.interfaces import catalogue, ros_text
+from robo.interfaces import catalogue
+from robo.interfaces.ros_names import ros_name
+from robo.interfaces.ros_text import ros_type
 from robo.wire.codec import jsonable
 from robo_messages import Message
 
@@ -78,14 +80,14 @@ def _lines(group: str) -> list[str]:
 
 
 def _service(name: str) -> list[str]:
-    found = [f"## {name}", "", f"A service; in ROS {code(ros_text.ros_name(name))}.", ""]
+    found = [f"## {name}", "", f"A service; in ROS {code(ros_name(name))}.", ""]
     for half, title in zip(robo_messages.halves_of(name), ("Request", "Response"), strict=True):
         found += [f"**{title}**", "", *_shape(half)]
     return found
 
 
 def _message(name: str) -> list[str]:
-    return [f"## {name}", "", f"In ROS {code(ros_text.ros_name(name))}.", "", *_shape(name)]
+    return [f"## {name}", "", f"In ROS {code(ros_name(name))}.", "", *_shape(name)]
 
 
 def _shape(name: str) -> list[str]:
@@ -140,7 +142,7 @@ def _type(info: shapes.Type) -> str:
         return link_to(robo_messages.type_name(info.cls))
     if isinstance(info, (shapes.ListType, shapes.VarTupleType)) and isinstance(info.item_type, shapes.StructType):
         return f"list of {_type(info.item_type)}"
-    return "any value" if isinstance(info, shapes.AnyType) else ros_text.ros_type(info)
+    return "any value" if isinstance(info, shapes.AnyType) else ros_type(info)
 
 
 def _default(value: object, info: shapes.Type) -> str:

@@ -12,9 +12,12 @@ from typing import NamedTuple
 import msgspec
 
 import robo_messages
+from robo.errors import ContractError
 from robo.interfaces import catalogue
 from robo.interfaces.catalogue import Interface, Listed
-from robo.interfaces.ros_text import ros_text
+from robo.interfaces.ros_names import full_name
+from robo.interfaces.ros_text import whole_text
+from robo.interfaces.type_hash import type_hash
 from robo.packages.imports import PATIENCE, import_apart, report
 from robo_messages import Message
 
@@ -43,8 +46,20 @@ class Described(msgspec.Struct, frozen=True):
 
     sheets: list[Sheet]
     """One, or those of a service's request and response."""
-    ros: str
-    """As ROS writes it."""
+    ros: "InRos | None"
+    """As ROS has it."""
+    not_in_ros: str
+    """Why it cannot, where there is nothing."""
+
+
+class InRos(msgspec.Struct, frozen=True):
+    """What ROS makes of a type."""
+
+    text: str
+    """Its definition, and those of all messages in it."""
+    type_hash: str
+    parts: list[tuple[str, str]]
+    """The name in ROS and the hash of each sheet's type."""
 
 
 class _Seen(msgspec.Struct):
@@ -111,7 +126,13 @@ def _described(name: str) -> Described | None:
     """A type that is known in this process."""
     if not any(map(catalogue.is_there, catalogue.first_parts(name))):
         return None
-    return Described([_sheet(robo_messages.find_type(part)) for part in catalogue.parts(name)], ros_text(name))
+    parts = catalogue.parts(name)
+    sheets = [_sheet(robo_messages.find_type(part)) for part in parts]
+    try:
+        hashes = [(full_name(part), type_hash(part)) for part in parts]
+        return Described(sheets, InRos(whole_text(name), type_hash(name), hashes), "")
+    except ContractError as error:
+        return Described(sheets, None, str(error))
 
 
 def _sheet(type_: type[Message]) -> Sheet:

@@ -1,71 +1,89 @@
 """Message types as ROS writes them: the text of a `.msg`, `.srv` or `.action` file."""
 
+import math
+from collections.abc import Iterator
 from typing import Any, get_args, get_type_hints
 
 from msgspec import inspect
 
-import robo_messages
 from robo.interfaces import catalogue
+from robo.interfaces.ros_names import ros_name
+from robo.interfaces.ros_shape import Array, Field, Kind, Part, Shape, Single, ros_kind, shape_of
 from robo_messages import Message
 
-_PACKAGES = {
-    "action": "action_msgs",
-    "example": "example_interfaces",
-    "std": "std_msgs",
-    "geometry": "geometry_msgs",
-    "nav": "nav_msgs",
-    "nav2": "nav2_msgs",
-    "sensor": "sensor_msgs",
-    "diagnostic": "diagnostic_msgs",
-    "lifecycle": "lifecycle_msgs",
-    "tf2": "tf2_msgs",
-    "visualization": "visualization_msgs",
-    "system": "rcl_interfaces",
-}
-_ELSEWHERE = {
-    "action/UUID": "unique_identifier_msgs/UUID",
-    "std/Time": "builtin_interfaces/Time",
-    "std/Duration": "builtin_interfaces/Duration",
-    "std/Trigger": "std_srvs/Trigger",
-    "std/SetBool": "std_srvs/SetBool",
-    "system/Clock": "rosgraph_msgs/Clock",
-}
-
-
-def ros_name(name: str) -> str:
-    """A type's name in ROS: `geometry/Twist` is `geometry_msgs/Twist`."""
-    group, _, type_name = name.partition("/")
-    return _ELSEWHERE.get(name) or f"{_PACKAGES.get(group, group)}/{type_name}"
+SEPARATOR = "=" * 80
+"""Between a type and those of its fields."""
+_WIDTHS = (("uint8", 0, 2**8), ("int8", -(2**7), 2**7), ("int32", -(2**31), 2**31), ("int64", -(2**63), 2**63))
 
 
 def ros_text(name: str) -> str:
-    """The definition of a message, a service or an action.
+    """The definition of a message, a service or an action, without those of the messages in it.
 
     Raises:
         robo_messages.UnknownType: there is no such type.
+        ContractError: ROS cannot have this type; names the field.
     """
     parts = [_message(catalogue.find(part)) for part in catalogue.parts(name)]
     return "\n---\n".join(["\n".join([f"# {ros_name(name)}", *parts[0]]), *("\n".join(part) for part in parts[1:])])
+
+
+def whole_text(name: str) -> str:
+    """The definition of a type and below it those of all messages in it, each behind a line of 80 `=` and its name.
+
+    Of a message it is what recordings hold as its schema, in the encoding `ros2msg`.
+
+    Raises:
+        UnknownType, ContractError: as `ros_text`.
+    """
+    within: dict[str, Shape] = {}
+    for part in catalogue.parts(name):
+        for shape in within_of(shape_of(catalogue.find(part))):
+            within.setdefault(shape.name, shape)
+    texts = [ros_text(name)]
+    for shape in within.values():
+        texts.append("\n".join([SEPARATOR, f"MSG: {ros_name(shape.name)}", *_message(shape.type)]))
+    return "\n".join(texts)
+
+
+def within_of(shape: Shape) -> Iterator[Shape]:
+    """The messages in a message, those within them as well; one that is there twice comes twice."""
+    for field in shape.fields:
+        kind = field.kind.item if isinstance(field.kind, Array) else field.kind
+        if isinstance(kind, Part):
+            yield kind.shape
+            yield from within_of(kind.shape)
 
 
 def _message(type_: type[Message]) -> list[str]:
     interface = catalogue.describe(type_)
     lines = [f"# {line}".rstrip() for line in interface.description.splitlines()]
     lines += [f"{kind} {key}={interface.constants[key]}" for key, kind in _constant_types(type_, interface).items()]
-    info = inspect.type_info(type_)
-    assert isinstance(info, inspect.StructType)
-    for field, said in zip(info.fields, interface.fields, strict=True):
-        if said.description:
-            lines.append(f"# {said.description}")
-        lines.append(f"{ros_type(field.type)} {field.encode_name}{_default(said.default, field.type)}")
+    for field, said in zip(shape_of(type_).fields, interface.fields, strict=True):
+        comment = " ".join(part for part in (said.description, _note(field, said.default)) if part)
+        if comment:
+            lines.append(f"# {comment}")
+        lines.append(f"{_word(field.kind)} {field.name}{_default(said.default, field)}")
     return lines
 
 
+def _note(field: Field, default: object) -> str:
+    """What ROS has no word for."""
+    if field.bridge is not None and field.bridge.is_json:
+        return "As JSON."
+    return f"By default {catalogue.default_text(default)}." if _is_unsaid(default) else ""
+
+
+def _is_unsaid(default: object) -> bool:
+    """Whether a default is NaN or infinite, which readers of these texts do not know."""
+    return isinstance(default, float) and not math.isfinite(default)
+
+
 def _constant_types(type_: type[Message], interface: catalogue.Interface) -> dict[str, str]:
-    """The constants with their types: the one that is said, else one byte with or without sign."""
-    byte = "int8" if any(value < 0 for value in interface.constants.values()) else "uint8"
+    """The constants with their types: the one that is said, else the first that takes them all."""
+    values = interface.constants.values()
+    plain = next(name for name, least, end in _WIDTHS if all(least <= value < end for value in values))
     hints = get_type_hints(type_, include_extras=True)
-    return {key: _said(get_args(hints[key])) or byte for key in interface.constants}
+    return {key: _said(get_args(hints[key])) or plain for key in interface.constants}
 
 
 def _said(said: tuple[Any, ...]) -> str | None:
@@ -76,29 +94,23 @@ def _said(said: tuple[Any, ...]) -> str | None:
 
 def ros_type(info: inspect.Type) -> str:
     """A field's type as ROS writes it: `float32[]`, `geometry_msgs/Point`."""
-    if isinstance(info, inspect.Metadata):
-        return str((info.extra or {}).get("ros") or ros_type(info.type))
-    if isinstance(info, inspect.StructType):
-        return ros_name(robo_messages.type_name(info.cls)) if issubclass(info.cls, Message) else info.cls.__name__
-    if isinstance(info, (inspect.ListType, inspect.VarTupleType)):
-        fixed = info.min_length if info.min_length == info.max_length else None
-        return f"{ros_type(info.item_type)}[{'' if fixed is None else fixed}]"
-    names: dict[type[inspect.Type], str] = {
-        inspect.FloatType: "float64",
-        inspect.IntType: "int64",
-        inspect.BoolType: "bool",
-        inspect.StrType: "string",
-        inspect.BytesType: "uint8[]",
-        inspect.ByteArrayType: "uint8[]",
-        inspect.MemoryViewType: "uint8[]",
-        inspect.AnyType: "rcl_interfaces/ParameterValue",
-    }
-    return names.get(type(info), "string")
+    return _word(ros_kind(info))
 
 
-def _default(value: object, info: inspect.Type) -> str:
+def _word(kind: Kind) -> str:
+    match kind:
+        case Single(word):
+            return word
+        case Part(shape):
+            return ros_name(shape.name)
+        case Array(item):
+            bound = kind.length if kind.length is not None else "" if kind.most is None else f"<={kind.most}"
+            return f"{_word(item)}[{bound}]"
+
+
+def _default(value: object, field: Field) -> str:
     """A default other than ROS's own zero; arrays have none."""
-    if ros_type(info).endswith("]"):
+    has = isinstance(field.kind, Single) and not (field.bridge is not None and field.bridge.is_json)
+    if not has or not value or _is_unsaid(value):
         return ""
-    single = isinstance(value, (bool, int, float, str)) and not isinstance(info, inspect.StructType)
-    return f" {catalogue.default_text(value)}" if single and value else ""
+    return f" {catalogue.default_text(value)}"

@@ -19,6 +19,8 @@ class Bridge(NamedTuple):
 
     to_ros: Callable[[Any], Any]
     from_ros: Callable[[Any], Any]
+    is_json: bool = False
+    """Whether ROS is told a string of JSON."""
 
 
 def as_json(hint: Any) -> Bridge:
@@ -30,7 +32,7 @@ def as_json(hint: Any) -> Bridge:
         except RecursionError:
             raise ValueError("its JSON is nested too deeply") from None
 
-    return Bridge(_json_text, from_ros)
+    return Bridge(_json_text, from_ros, is_json=True)
 
 
 def checked(hint: Any, *, as_plain: bool) -> Bridge:
@@ -50,7 +52,7 @@ def checked(hint: Any, *, as_plain: bool) -> Bridge:
 
 def optional(inner: Bridge | None) -> Bridge:
     """Of a value that may be None: a sequence of at most one."""
-    to_ros, from_ros = inner or _AS_IS
+    to_ros, from_ros, _ = inner or _AS_IS
     return Bridge(
         lambda value: [] if value is None else [to_ros(value)],
         lambda values: from_ros(values[0]) if values else None,

@@ -1,10 +1,12 @@
 """`robo interface`: printing types of messages, services and actions."""
 
+import msgspec
+
 from robo.cli.json_text import document
 from robo.cli.printing import note, paint, print_json, print_line, print_table, print_text
-from robo.errors import MessageError
+from robo.errors import ContractError, MessageError
 from robo.interfaces import apart, catalogue
-from robo.interfaces.apart import Sheet
+from robo.interfaces.apart import Described, InRos, Sheet
 from robo.interfaces.catalogue import FieldInfo
 from robo.text import colours
 from robo_messages import UnknownType
@@ -29,11 +31,11 @@ def print_type(name: str, form: str | None) -> None:
 
     Args:
         name: of the type.
-        form: `json`, `json_schema` or `ros`; None for people.
+        form: `json`, `json_schema`, `ros` or `type_hash`; None for people.
 
     Raises:
         MessageError: there is no such type.
-        ContractError: the file that says it cannot be imported.
+        ContractError: the file that says it cannot be imported, or ROS is asked for and cannot have it.
     """
     try:
         found = apart.described(name)
@@ -41,20 +43,29 @@ def print_type(name: str, form: str | None) -> None:
         raise MessageError(error.args[0]) from None
     sheets = found.sheets
     if form == "ros":
-        print_text(found.ros)
+        print_text(_in_ros(found).text)
+    elif form == "type_hash":
+        print_text(_in_ros(found).type_hash)
     elif form == "json_schema":
         schemas = [sheet.schema for sheet in sheets]
         names = [sheet.interface.name.rpartition("_")[2].lower() for sheet in sheets]
         whole = schemas[0] if len(schemas) == 1 else dict(zip(names, schemas, strict=True))
         print_text(document(whole))
     elif form == "json":
-        for sheet in sheets:
-            print_json(sheet.interface)
+        hashes = found.ros.parts if found.ros is not None else [(None, None)] * len(sheets)
+        for sheet, (ros_type, type_hash) in zip(sheets, hashes, strict=True):
+            print_json(msgspec.to_builtins(sheet.interface) | {"ros_type": ros_type, "type_hash": type_hash})
     else:
         for number, sheet in enumerate(sheets):
             if number:
                 print_line("---")
             _print(sheet)
+
+
+def _in_ros(found: Described) -> InRos:
+    if found.ros is None:
+        raise ContractError(found.not_in_ros)
+    return found.ros
 
 
 def _print(sheet: Sheet) -> None:
