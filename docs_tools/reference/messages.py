@@ -169,7 +169,12 @@ def example(info: shapes.Type, default: object = None) -> Any:
     return default
 
 
-_ZEROS: dict[type[shapes.Type], object] = {shapes.FloatType: 0.0, shapes.IntType: 0, shapes.StrType: ""}
+_ZEROS: dict[type[shapes.Type], object] = {
+    shapes.BoolType: False,
+    shapes.FloatType: 0.0,
+    shapes.IntType: 0,
+    shapes.StrType: "",
+}
 
 
 def _plain_kind(info: shapes.Type) -> type[shapes.Type]:

@@ -15,8 +15,6 @@ from robo.interfaces.cdr_plan import BIG, CODES, COUNT, HEAD, LITTLE, Slot, is_b
 from robo.interfaces.ros_shape import INTEGERS, Array, Field, Kind, Part, Shape, Single
 from robo.text.brief import shown
 
-_EXPECTED = {"bool": "true or false", "string": "a text", "float32": "a number", "float64": "a number"}
-
 
 def encode_fault(shape: Shape, message: object, fault: Exception) -> MessageError:
     """Why a message cannot be written.
@@ -30,7 +28,7 @@ def encode_fault(shape: Shape, message: object, fault: Exception) -> MessageErro
         _check(Part(shape), message, shape.name)
     except MessageError as error:
         return error
-    return MessageError(f"{shape.name}: {fault or 'it does not fit into CDR'}")
+    return MessageError(f"{shape.name}: {str(fault) or 'it does not fit into CDR'}")
 
 
 def _check(kind: Kind, value: Any, where: str) -> None:
@@ -94,10 +92,10 @@ def _check_integer(kind: Single, value: Any, where: str) -> None:
 
 def _check_float(kind: Single, value: Any, where: str) -> None:
     try:
-        struct.pack(f"<{CODES[kind.ros][0]}", value)
+        struct.pack(f"<{CODES[kind.ros][0]}", value if isinstance(value, str) else float(value))
     except OverflowError:
         raise MessageError(f"{where}: {_value_text(value)} is beyond {kind.ros}") from None
-    except struct.error:
+    except (struct.error, TypeError, ValueError):
         raise MessageError(f"{where}: expected a number, got {_value_text(value)}") from None
 
 
@@ -150,7 +148,7 @@ def decode_fault(shape: Shape, data: Any, fault: Exception) -> MessageError:
         _Reader(view, "<" if head == LITTLE else ">").value(Part(shape), shape.name)
     except MessageError as error:
         return error
-    return MessageError(f"{shape.name}: {fault or 'it is no message of this type'}")
+    return MessageError(f"{shape.name}: {str(fault) or 'it is no message of this type'}")
 
 
 class _Reader:

@@ -133,7 +133,7 @@ def test_a_module_that_crashes_or_hangs_takes_nobody_with_it(tmp_path: Path) -> 
     ]
     told = in_folder(tmp_path, f"{code}print(found.listed['my_robot/Gripper'].description)", ROBO_MESSAGES=names)
     assert told.splitlines() == [*(f"module {line}" for line in said), "A gripper's state."]
-    shown = "from robo.interfaces import apart\nprint(apart.described('my_robot/Gripper').ros)"
+    shown = "from robo.interfaces import apart\nprint(apart.described('my_robot/Gripper').ros.text)"
     assert "float64 width" in in_folder(tmp_path, shown, ROBO_MESSAGES=names), "its own module comes first"
     ended = "from robo.interfaces import apart\ntry: apart.described('leaves/Gripper')\nexcept Exception as e: print(e)"
     assert in_folder(tmp_path, ended, ROBO_MESSAGES="leaves") == f"module {said[2]}"
@@ -306,6 +306,11 @@ SHAPES = {
         "float64[9] r", "float64[12] p", "uint32 binning_x", "uint32 binning_y", "sensor_msgs/RegionOfInterest roi",
     ],
     "sensor/TimeReference": [HEADER, "builtin_interfaces/Time time_ref", "string source"],
+    "system/ParameterValue": [
+        "uint8 type", "bool bool_value", "int64 integer_value", "float64 double_value", "string string_value",
+        "byte[] byte_array_value", "bool[] bool_array_value", "int64[] integer_array_value",
+        "float64[] double_array_value", "string[] string_array_value",
+    ],
     "tf2/TFMessage": ["geometry_msgs/TransformStamped[] transforms"],
     "visualization/UVCoordinate": ["float32 u", "float32 v"],
     "visualization/MeshFile": ["string filename", "uint8[] data"],
