@@ -165,6 +165,8 @@ class _Reading:
         if kind.holds == "packed":
             data = f"d[{begin} + {gap}:{end}]"
             return source.keep(f"{source.const(from_bytes)}({data}, {slot.code!r}, {self._order!r})")
+        if kind.holds == "list" and cdr_plan.are_native(slot, self._order):
+            return source.keep(f"{source.const(cdr_plan.numbers)}(d[{begin} + {gap}:{end}], {slot.code!r})")
         row = f"{source.const(cdr_plan.row)}({slot.code!r}, {gap}, {count}, {self._order!r})"
         values = f"{row}.unpack_from(d, {begin})"
         return source.keep(values if kind.holds == "tuple" else f"list({values})")
@@ -241,11 +243,23 @@ class _Reading:
             return
         row = self.source.keep(values)
         begin = 0
+        alone: list[str] = []
         for name, slot in zip(self._names, self._slots, strict=True):
-            taken = slot.times if slot.code != "s" else 1
-            alone = slot.times == 1 or slot.code == "s"
-            self.source.say(f"{name} = {row}[{begin}]" if alone else f"{name} = {row}[{begin}:{begin + taken}]")
-            begin += taken
+            if slot.times == 1 or slot.code == "s":
+                alone.append(name)
+                continue
+            begin = self._name(alone, row, begin)
+            self.source.say(f"{name} = {row}[{begin}:{begin + slot.times}]")
+            begin += slot.times
+        self._name(alone, row, begin)
+
+    def _name(self, names: list[str], row: str, begin: int) -> int:
+        """Give values of a row that stand side by side their names; where the next one stands."""
+        end = begin + len(names)
+        if names:
+            self.source.say(f"{', '.join(names)}, = {row}[{begin}:{end}]")
+            names.clear()
+        return end
 
     def end(self, message: str) -> None:
         """Give back the message, where it is not cut short."""

@@ -5,8 +5,10 @@ its size counted from behind those four. Fields of fixed size that follow each o
 gaps as pad bytes. Behind a text or a list the gaps depend on how long that was: there is a Struct for each remainder.
 """
 
+import array
 import functools
 import struct
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple
 
@@ -74,6 +76,21 @@ _struct = functools.cache(struct.Struct)
 def row(code: str, gap: int, count: int, order: Order = "<") -> struct.Struct:
     """So many numbers behind a gap of so many bytes."""
     return struct.Struct(f"{order}{gap}x{count}{code}")
+
+
+def are_native(slot: Slot, order: Order) -> bool:
+    """Whether numbers lie in CDR as they lie in an `array` of this machine."""
+    return order == ("<" if sys.byteorder == "little" else ">") and slot.code in _ARRAYS
+
+
+_ARRAYS = {code for code, size in CODES.values() if code in array.typecodes and array.array(code).itemsize == size}
+
+
+def numbers(data: bytes | memoryview, code: str) -> list[Any]:
+    """The numbers of bytes in which they lie as in an `array`, which is a quarter quicker than `struct`."""
+    found: array.array[Any] = array.array(code)
+    found.frombytes(data)
+    return found.tolist()
 
 
 def alignment(slots: Sequence[Slot]) -> int:
