@@ -17,7 +17,6 @@ from robo.interfaces import catalogue
 from robo.interfaces.catalogue import Interface, Listed
 from robo.interfaces.ros_names import full_name
 from robo.interfaces.ros_text import whole_text
-from robo.interfaces.type_hash import type_hash
 from robo.packages.imports import PATIENCE, import_apart, report
 from robo_messages import Message
 
@@ -129,15 +128,23 @@ def _described(name: str) -> Described | None:
     parts = catalogue.parts(name)
     sheets = [_sheet(robo_messages.find_type(part)) for part in parts]
     try:
-        hashes = [(full_name(part), type_hash(part)) for part in parts]
-        return Described(sheets, InRos(whole_text(name), type_hash(name), hashes), "")
+        return Described(sheets, _in_ros(name, parts), "")
     except ContractError as error:
         return Described(sheets, None, str(error))
 
 
-def _sheet(type_: type[Message]) -> Sheet:
-    inner = {field: _sheet(kind) for field, kind in catalogue.inner_types(type_).items()}
-    return Sheet(catalogue.describe(type_), robo_messages.json_schema(type_), inner)
+def _in_ros(name: str, parts: Sequence[str]) -> InRos:
+    from robo.interfaces.type_hash import type_hash  # it takes 4 MB, and completion does without
+
+    return InRos(whole_text(name), type_hash(name), [(full_name(part), type_hash(part)) for part in parts])
+
+
+def _sheet(type_: type[Message], *within: type[Message]) -> Sheet:
+    """A type, and those in it; of one that holds itself, no more than the first."""
+    around = (*within, type_)
+    inner = catalogue.inner_types(type_).items()
+    below = {field: _sheet(kind, *around) for field, kind in inner if kind not in around}
+    return Sheet(catalogue.describe(type_), robo_messages.json_schema(type_), below)
 
 
 def _seen(module: ModuleType, name: str, shipped: Sequence[str]) -> _Seen:

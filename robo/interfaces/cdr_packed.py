@@ -22,9 +22,11 @@ def little_endian(packed: msgspec.Raw, code: str) -> bytes:
     from robo_messages import arrays
 
     found = arrays.floats_of(packed)
+    if not len(found):
+        return b""
     with np.errstate(over="ignore"):
         numbers: Any = found.astype(_CODES[code])
-    if code == "f" and found.dtype != np.float32 and bool((np.isinf(numbers) & np.isfinite(found)).any()):
+    if np.count_nonzero(np.isinf(numbers)) != np.count_nonzero(np.isinf(found)):
         raise ValueError("a number is beyond float32")
     data: bytes = numbers.tobytes()
     return data

@@ -110,6 +110,9 @@ def _shape(type_: type[Message], within: tuple[type[Message], ...]) -> Shape:
     assert isinstance(info, inspect.StructType)
     hints = {field.name: field.type for field in msgspec.structs.fields(type_)}
     fields = tuple(_field(field, hints[field.name], name, (*within, type_)) for field in info.fields)
+    if any(field.bridge is not None for field in fields):
+        # What msgspec must know of the type to check values: made here, for two threads may not make it at once.
+        robo_messages.decoder_of(type_)
     return Shape(name, full_name(name), type_, fields)
 
 

@@ -84,6 +84,13 @@ def test_a_node_without_transforms_imports_nothing_of_them() -> None:
     assert not [name for name in loaded if name.startswith("robo.tf") or name == "robo_messages.tf2"]
 
 
+def test_a_node_imports_nothing_of_what_other_systems_read() -> None:
+    script = "import robo_services.safety_monitor, robo.process.node, robo.process.runner, sys; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
+    assert not [name for name in loaded if name.startswith(("robo.interfaces.cdr", "robo.interfaces.ros_"))]
+    assert "robo_messages.system_more" not in loaded
+
+
 def test_transforms_need_neither_network_nor_node() -> None:
     script = "import sys; from robo.tf import Buffer, Transform3, transform_point, scan_points; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
