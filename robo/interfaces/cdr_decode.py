@@ -12,7 +12,7 @@ from robo.interfaces.cdr_plan import BIG, COUNT, HEAD, LITTLE, Order, Slot, Sour
 from robo.interfaces.ros_shape import Array, Field, Kind, Part, Shape, Single
 from robo_messages import Message
 
-_FAULTS = (struct.error, ValueError, TypeError, OverflowError, msgspec.MsgspecError)
+_FAULTS = (struct.error, IndexError, ValueError, TypeError, OverflowError, msgspec.MsgspecError)
 Decoder = Callable[[bytes | memoryview], Message]
 
 
@@ -110,9 +110,10 @@ class _Reading:
         size = self.place(COUNT)
         begin = self._flush()
         end = self._then(f"{begin} + {size}")
-        text = self.source.keep(f"str(d[{begin}:{end}], 'utf-8')")
-        self.source.refuse(f"{text}.find('\\0') != len({text}) - 1")
-        return f"{text}[:-1]"
+        text = self.source.keep(f"str(d[{begin}:{end} - 1], 'utf-8')")
+        # Where the length is 0, as some write that of an empty text, the byte before it is one of the length.
+        self.source.refuse(f"d[{end} - 1] or '\\0' in {text}")
+        return text
 
     def _array(self, kind: Array) -> str:
         slot = number(kind.item)
@@ -221,8 +222,13 @@ class _Reading:
             one, size = packed(slots, 0, self._order)
             self._unpack(f"{self.source.const(one.unpack_from)}(d, {at})")
             self._then(f"{at} + {size}")
+        elif slots[0].size == most:
+            # From the first of them on they lie alike. The head is no multiple of eight: bytes count from behind it.
+            one, size = packed(slots, 0, self._order)
+            begin = self._then(f"({at} + 3 & -8) + {HEAD}" if most == 8 else f"{at} + {most - 1} & -{most}")
+            self._unpack(f"{self.source.const(one.unpack_from)}(d, {begin})")
+            self._then(f"{begin} + {size}")
         else:
-            # The head is no multiple of eight, so that bytes are counted from behind it.
             found = [packed(slots, start - HEAD, self._order) for start in range(most)]
             unpack, sizes = self.source.new("T"), self.source.new("T")
             self.source.named |= {unpack: tuple(one.unpack_from for one, _ in found)}
