@@ -5,10 +5,15 @@ from typing import Any, TypeVar
 
 from hypothesis import strategies as st
 
+import robo_messages
 from robo.interfaces.ros_shape import INTEGERS, Array, Field, Kind, Part, Single, shape_of
 from robo_messages import Message
 
 M = TypeVar("M", bound=Message)
+SHIPPED = [
+    name for name in robo_messages.type_names() if robo_messages.find_type(name).__module__.startswith("robo_messages.")
+]
+"""The names of all types but those of tests."""
 MOST = 4
 """Elements of a list without a bound of its own."""
 
