@@ -74,7 +74,7 @@ def _note(field: Field, default: object) -> str:
 
 
 def _is_unsaid(default: object) -> bool:
-    """Whether a default is NaN or infinite, which readers of these texts do not know."""
+    """Whether a default is NaN or infinite: Foxglove's reader refuses a text with such a one."""
     return isinstance(default, float) and not math.isfinite(default)
 
 

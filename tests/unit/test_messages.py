@@ -61,7 +61,8 @@ def test_what_a_battery_does_not_measure_is_nan() -> None:
     assert math.isnan(robo_messages.decode_json(data, BatteryState).percentage)
     properties = robo_messages.json_schema("sensor/BatteryState")["$defs"]["BatteryState"]["properties"]
     assert properties["percentage"]["default"] == "nan"
-    assert "# 0 to 1. By default nan.\nfloat32 percentage\n" in ros_text("sensor/BatteryState"), "no reader knows nan"
+    said = ros_text("sensor/BatteryState")
+    assert "# 0 to 1. By default nan.\nfloat32 percentage\n" in said, "Foxglove's reader refuses a default of nan"
 
 
 def test_the_shapes_of_the_reference_are_there() -> None:
