@@ -92,8 +92,9 @@ def test_whatever_happens_to_the_board(launch: Launch, tmp_path: Path) -> None:
     robot.wait_for_line("the board has begun anew")
     drives(robot)
     track = places(robot, "odom")
-    for before, after in pairwise(track):
-        assert math.hypot(after[1] - before[1], after[2] - before[2]) < 0.02 + 2 * SPEED * (after[0] - before[0])
+    for before, after in pairwise(track):  # each has the time at which the board was heard, which may be late
+        far = 0.02 + SPEED * (2 * (after[0] - before[0]) + BUSY)
+        assert math.hypot(after[1] - before[1], after[2] - before[2]) < far, "a reset is no jump"
     robot.pause("serial_base")  # it hangs
     stands(robot)
     robot.resume("serial_base")
