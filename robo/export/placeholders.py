@@ -47,6 +47,11 @@ class Placeholders:
         match = _WORD.search(text)
         return text if match is None else text[match.start() :]
 
+    def before_word(self, text: str) -> str:
+        """What stands before the first word of a path."""
+        match = _WORD.search(text)
+        return text if match is None else text[: match.start()]
+
     def _variable(self, number: int) -> str:
         variable, default = self._variables[number]
         return f"${{{variable}}}" if default is None else f"${{{variable}:-{default}}}"

@@ -450,6 +450,11 @@ def test_a_file_that_a_variable_names_is_mounted() -> None:
     said = services("a: {service: robo_services.carmen_player, params: {log: '${dir}/${env:RUN_LOG:-a.log}'}}")["a"]
     assert said["volumes"] == ["${RUN_LOG:-a.log}:/etc/robo/run_log:ro"]
     assert "log:=/etc/robo/run_log" in said["command"]
+    link = services(
+        "a: {service: robo_services.emulated_board, params: {link: '/tmp/${robot_name}_board'}}", robot=None
+    )
+    assert "link:=/tmp/${ROBOT_NAME:-my_robot}_board" in link["a"]["command"]
+    assert "volumes" not in link["a"], "it is the container's own"
 
 
 # -- names and images ------------------------------------------------------------------------------

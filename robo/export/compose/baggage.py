@@ -121,13 +121,18 @@ class Baggage:
         """A parameter's value, with the path of a file as it is within the container."""
         if not isinstance(value, str):
             return value
-        if os.path.isabs(value) and self._names.holds(value):
+        if os.path.isabs(value) and self._names.holds(value) and self._is_brought(Path(self._names.before_word(value))):
             source = self._names.shown(self._names.from_word(value))
             self._volumes[source] = f"{FILES}/{slug(source.partition(':')[0]).strip('_').lower()}"
             return self._volumes[source]
         if os.path.isabs(value) and Path(value).is_file():
             return self.file(Path(value))
         return value
+
+    def _is_brought(self, folder: Path) -> bool:
+        """Whether the folder before a path is the project's or a package's; in others a container has its own files."""
+        folder = Path(os.path.abspath(folder))
+        return self._project.within(folder) is not None or self._project.packaged(folder) is not None
 
 
 def _portable(word: str) -> str:
