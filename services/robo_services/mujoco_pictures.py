@@ -13,7 +13,7 @@ from robo.errors import RunError
 from robo_messages import CameraInfo, Header
 from robo_services import mjcf
 from robo_services.mujoco_drawing import VARIABLE
-from robo_services.mujoco_physics import MujocoBase
+from robo_services.mujoco_physics import MujocoBase, import_mujoco
 from robo_services.mujoco_robot import PREFIX
 from robo_services.mujoco_sensors import ModelError
 
@@ -131,12 +131,23 @@ class Window:
         try:
             _reach_screen()
             viewer = importlib.import_module("mujoco.viewer")
-            self._handle = viewer.launch_passive(base.model, base.data)
+            # Its panels would cover the half of it; Tab shows them.
+            self._handle = viewer.launch_passive(base.model, base.data, show_left_ui=False, show_right_ui=False)
+            self._follow(base)
         except CannotDraw:
             raise
         except Exception as error:  # the screen may not be one that can be drawn on
             raise CannotDraw(f"MuJoCo's window cannot be opened: {error}") from None
         self._threads = {one for one in threading.enumerate() if one not in before and one.name.endswith(_VIEWER)}
+
+    def _follow(self, base: MujocoBase) -> None:
+        """Look at the robot from behind and above, wherever it drives; the mouse turns and shifts that."""
+        mujoco = import_mujoco()
+        with self._handle.lock():
+            camera = self._handle.cam
+            camera.type = int(mujoco.mjtCamera.mjCAMERA_TRACKING)
+            camera.trackbodyid = base.model.body(PREFIX + mjcf.BASE).id
+            camera.distance, camera.azimuth, camera.elevation = FROM
 
     @property
     def is_open(self) -> bool:
@@ -171,6 +182,9 @@ def _reach_screen() -> None:
     screen = ", ".join(f"{name}={os.environ[name]}" for name in _SCREENS if os.environ.get(name))
     raise CannotDraw(f"window: the screen {screen} cannot be reached{f': {why.decode()}' if why else ''}")
 
+
+FROM = (6.0, 30.0, -35.0)
+"""From where the window looks at the robot: how far away, m, in which direction, and how far up, degrees."""
 
 _VIEWER = "(_launch_internal)"
 """The name of the thread that draws MuJoCo's window, which is named after what it does."""

@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import zenoh
@@ -422,6 +423,7 @@ class PlayedWindow:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.shown, self.resets, self._closing = 0, 0, threading.Event()
+        self.cam, self.lock = SimpleNamespace(), threading.Lock
         self.thread = threading.Thread(target=self._closing.wait, daemon=True, name="Thread-7 (_launch_internal)")
         monkeypatch.setitem(sys.modules, "mujoco.viewer", self)
         monkeypatch.setitem(sys.modules, "glfw", self)
@@ -430,7 +432,7 @@ class PlayedWindow:
     def init(self) -> bool:
         return True
 
-    def launch_passive(self, model: object, data: object) -> "PlayedWindow":
+    def launch_passive(self, model: object, data: object, **_panels: bool) -> "PlayedWindow":
         self._world = model, data
         self.thread.start()
         return self
@@ -456,6 +458,7 @@ def test_a_window_shows_what_moves_and_is_closed(
     node = run_node(MujocoSim, window=True)
     clock.advance(1.0)
     assert played.shown == pytest.approx(30, abs=1)
+    assert node.node._base.model.body(played.cam.trackbodyid).name.endswith("base_link"), "it looks at the robot"
     played.close()
     clock.advance(1.0)
     assert played.shown == pytest.approx(30, abs=1), "who has closed it does not want it"
@@ -489,9 +492,9 @@ def test_a_window_that_closes_waits_for_its_own_threads_alone(
     played, other = PlayedWindow(monkeypatch), threading.Event()
     launch = played.launch_passive
 
-    def among_others(model: object, data: object) -> PlayedWindow:
+    def among_others(model: object, data: object, **panels: bool) -> PlayedWindow:
         threading.Thread(target=other.wait, daemon=True).start()
-        return launch(model, data)
+        return launch(model, data, **panels)
 
     monkeypatch.setattr(played, "launch_passive", among_others)
     monkeypatch.setattr(mujoco_pictures, "CLOSING", 3600.0)
