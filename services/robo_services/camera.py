@@ -22,6 +22,9 @@ SILENT_AFTER = 2.0
 OLDEST = 10.0
 """A camera whose pictures are older goes by another clock, s."""
 
+LEAST_RATE = 0.001
+"""A picture in a quarter of an hour, Hz."""
+
 
 class Camera(Node):
     """Publish the pictures of a camera, a video file or a test picture, plain or as JPEGs, as somebody listens to them.
@@ -77,9 +80,11 @@ class Camera(Node):
         ] = 1.0
 
         def __post_init__(self) -> None:
-            """Refuse half a size."""
+            """Refuse half a size, and a rate that no camera counts with."""
             if bool(self.image_width) != bool(self.image_height):
                 raise ValueError("image_width and image_height are asked for together, or neither")
+            if 0.0 < self.framerate < LEAST_RATE:
+                raise ValueError(f"framerate is at least {LEAST_RATE:g} Hz, or 0")
 
     parameters: Parameters
 
