@@ -42,15 +42,10 @@ class Placeholders:
         """A text with the words left out."""
         return _WORD.sub("", text)
 
-    def from_word(self, text: str) -> str:
-        """A path from its word on: a manifest may have put a folder before it."""
-        match = _WORD.search(text)
-        return text if match is None else text[match.start() :]
-
-    def before_word(self, text: str) -> str:
-        """What stands before the first word of a path."""
-        match = _WORD.search(text)
-        return text if match is None else text[: match.start()]
+    def parted(self, path: str) -> tuple[str, str]:
+        """The folder that a manifest has put before a path's first word, and the path from that word on."""
+        match = _WORD.search(path)
+        return (path, "") if match is None else (path[: match.start()], path[match.start() :])
 
     def _variable(self, number: int) -> str:
         variable, default = self._variables[number]

@@ -32,7 +32,9 @@ class _Signals:
 
     def __init__(self, act: Callable[[], object]) -> None:
         self._act = act
-        self._handled = self._read = self._acted = 0
+        self._handled = self._read = 0
+        self._first: dict[int, object] = {}
+        """Who came first to each signal."""
 
     def handled(self, _number: int, _frame: FrameType | None) -> None:
         """The main thread has come to it."""
@@ -48,6 +50,6 @@ class _Signals:
                     self._hear(self._read)
 
     def _hear(self, count: int) -> None:
-        if count > self._acted:
-            self._acted = count
+        me = object()
+        if self._first.setdefault(count, me) is me:  # in one step: the other thread may come at the same moment
             _thread.start_new_thread(self._act, ())  # one that takes its time keeps the next one from nothing

@@ -1,9 +1,6 @@
 """Tells what a game pad says."""
 
 import math
-import os
-import select
-from contextlib import suppress
 from typing import Annotated, Literal
 
 from msgspec import Meta
@@ -13,6 +10,7 @@ from robo import READ_ONLY, Health, Node, Publisher, QoS, Unit, check
 from robo_messages import Header, Time, sensor
 from robo_services.joystick import Pad
 from robo_services.joystick_device import Device, DeviceGone, import_evdev, open_device
+from robo_services.waiting import Waiting
 
 RETRY = 1.0
 """How long it waits before it looks for a pad again, s."""
@@ -54,7 +52,7 @@ class Joy(Node):
     pad = Publisher(sensor.Joy, "joy", qos=QoS(priority="interactive_high"))
     """What the axes and buttons are at; stamped with when one of them moved."""
 
-    _wake: tuple[int, int] | None = None
+    _waiting: Waiting | None = None
 
     def on_start(self) -> None:
         """No pad is open yet."""
@@ -63,16 +61,13 @@ class Joy(Node):
         self._wall = self.clock.wall
         self._missed = ""
         """Why there is no pad."""
-        self._wake = os.pipe()
-        for end in self._wake:
-            os.set_blocking(end, False)
+        self._waiting = Waiting()
 
     def shutdown(self, exit_code: int = 0) -> None:
         """End the node: wakes what waits for the pad."""
         super().shutdown(exit_code)
-        if self._wake is not None:
-            with suppress(OSError):
-                os.write(self._wake[1], b"\0")
+        if self._waiting is not None:
+            self._waiting.wake()
 
     def main(self) -> None:
         """Read the pad, whenever there is one."""
@@ -134,15 +129,13 @@ class Joy(Node):
 
     def _waits_for(self, fds: list[int], timeout: float) -> list[int]:
         """Wait until one can be read, or the node is told to stop."""
-        assert self._wake is not None
-        return select.select([*fds, self._wake[0]], [], [], max(0.0, timeout))[0]
+        assert self._waiting is not None
+        return self._waiting.wait(fds, timeout)
 
     def on_stop(self) -> None:
         """Give back what woke it."""
-        if self._wake is not None:
-            wake, self._wake = self._wake, None
-            for end in wake:
-                os.close(end)
+        if self._waiting is not None:
+            self._waiting.close()
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ MuJoCo and numpy are imported when a base is made, not with this module.
 """
 
 import importlib
-import importlib.util
 import math
 import os
 from pathlib import Path
@@ -36,17 +35,11 @@ TIMESTEP = 0.002
 _INTEGRAL, _NEAR = 10.0, 1.0
 """Of the motors' controllers: by how much of an error they add, 1/s, and up to which error, rad/s."""
 
-
 REQUIRES = {"mujoco": "robo-zenoh[mujoco]"}
 
 
 class Diverged(RunError):
     """The physics has come to numbers that mean nothing."""
-
-
-def is_installed() -> bool:
-    """Whether MuJoCo is there; it is not imported."""
-    return importlib.util.find_spec("mujoco") is not None
 
 
 def import_mujoco() -> Any:

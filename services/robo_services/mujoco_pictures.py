@@ -13,7 +13,7 @@ from robo.errors import RunError
 from robo_messages import CameraInfo, Header
 from robo_services import mjcf
 from robo_services.mujoco_drawing import VARIABLE
-from robo_services.mujoco_physics import MujocoBase, import_mujoco
+from robo_services.mujoco_physics import MujocoBase
 from robo_services.mujoco_robot import PREFIX
 from robo_services.mujoco_sensors import ModelError
 
@@ -142,10 +142,9 @@ class Window:
 
     def _follow(self, base: MujocoBase) -> None:
         """Look at the robot from behind and above, wherever it drives; the mouse turns and shifts that."""
-        mujoco = import_mujoco()
         with self._handle.lock():
             camera = self._handle.cam
-            camera.type = int(mujoco.mjtCamera.mjCAMERA_TRACKING)
+            camera.type = int(base.mujoco.mjtCamera.mjCAMERA_TRACKING)
             camera.trackbodyid = base.model.body(PREFIX + mjcf.BASE).id
             camera.distance, camera.azimuth, camera.elevation = FROM
 

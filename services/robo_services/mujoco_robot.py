@@ -39,8 +39,8 @@ class Places:
         self.base = base
         self.base_position = slice(position, position + 7)
         self.base_velocity = slice(velocity, velocity + 6)
-        self.left, self.left_velocity, self.left_motor = _wheel(mujoco, model, data, mjcf.LEFT)
-        self.right, self.right_velocity, self.right_motor = _wheel(mujoco, model, data, mjcf.RIGHT)
+        self.left, self.left_velocity, self.left_motor = _wheel(mujoco, model, data, base, mjcf.LEFT)
+        self.right, self.right_velocity, self.right_motor = _wheel(mujoco, model, data, base, mjcf.RIGHT)
         self._of_robot = model.body_rootid[model.geom_bodyid] == model.body_rootid[base]
         self._stands = ~self._of_robot & (model.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE))
         # What the robot's geoms are not in, a laser may see: it never sees its own robot, nor what is invisible.
@@ -63,7 +63,7 @@ class Places:
         return bool((steep & (mine[:, 0] != mine[:, 1]) & (contacts.dist <= 0.0)).any())
 
 
-def _wheel(mujoco: Any, model: Any, data: Any, name: str) -> tuple[int, int, int]:
+def _wheel(mujoco: Any, model: Any, data: Any, base: int, name: str) -> tuple[int, int, int]:
     """The places of a wheel's position, of its velocity and of its motor."""
     joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, PREFIX + name)
     if joint < 0:
@@ -73,7 +73,6 @@ def _wheel(mujoco: Any, model: Any, data: Any, name: str) -> tuple[int, int, int
     if len(motors) != 1:
         raise ModelError(f"the robot's joint {name!r} has {len(motors)} actuators; it needs one that takes a velocity")
     _check_motor(mujoco, model, int(motors[0]), name)
-    base = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, PREFIX + mjcf.BASE)
     to_the_left = data.xmat[base].reshape(3, 3)[:, 1]
     if model.jnt_type[joint] != int(mujoco.mjtJoint.mjJNT_HINGE) or data.xaxis[joint] @ to_the_left <= 0:
         raise ModelError(f'the robot\'s joint {name!r} has to be a hinge about y, which turns forward: axis="0 1 0"')

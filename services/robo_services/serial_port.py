@@ -6,7 +6,6 @@ import grp
 import importlib
 import os
 import re
-import select
 import struct
 import sys
 import termios
@@ -15,6 +14,7 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from robo.errors import RunError
+from robo_services.waiting import is_readable
 
 _USB_ID = re.compile(r"([0-9a-fA-F]{4}):([0-9a-fA-F]{4})(?::(.+))?")
 
@@ -63,7 +63,7 @@ class SerialPort:
             PortGone: it was unplugged.
         """
         with self._gone():
-            if not select.select([self.fd], [], [], 0)[0]:
+            if not is_readable(self.fd, 0.0):
                 return b""
             data = os.read(self.fd, _MOST_AT_ONCE)
         if not data:  # ready, and has nothing: so the system tells that a device has left

@@ -10,13 +10,9 @@ from robo.launch.find import find_manifest
 from robo.launch.resolve import resolve
 from robo.testing import Launch
 from robo_services import courses, mujoco_sim, world
-from robo_services.mujoco_physics import is_installed
 from tests.e2e.test_waypoints import CONFIG, FAST, OPTIONS
+from tests.extras import HAS_MUJOCO, needs_mujoco
 from tests.support import run_robo
-
-needs_mujoco = pytest.mark.skipif(
-    not is_installed(), reason="MuJoCo is not installed: pip install 'robo-zenoh[mujoco]'"
-)
 
 
 @needs_mujoco
@@ -63,7 +59,7 @@ def test_its_camera_sees_the_hall_or_it_says_why_not(launch: Launch) -> None:
     assert max(floor) - min(floor) < 20, "the floor is grey"
 
 
-@pytest.mark.skipif(is_installed(), reason="MuJoCo is installed")
+@pytest.mark.skipif(HAS_MUJOCO, reason="MuJoCo is installed")
 def test_without_the_library_nothing_starts() -> None:
     result = run_robo("up", "simulation.yaml", "physics:=mujoco")
     assert result.returncode == 1

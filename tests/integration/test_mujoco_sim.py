@@ -27,11 +27,9 @@ from robo_services.mjcf import Robot, robot_mjcf
 from robo_services.mujoco_drawing import choose_drawing
 from robo_services.mujoco_physics import Diverged
 from robo_services.mujoco_sim import MujocoSim
+from tests.extras import needs_mujoco
 from tests.support import PATIENCE
 
-needs_mujoco = pytest.mark.skipif(
-    not mujoco_physics.is_installed(), reason="MuJoCo is not installed: pip install 'robo-zenoh[mujoco]'"
-)
 OK, WARN, ERROR = 0, 1, 2
 
 

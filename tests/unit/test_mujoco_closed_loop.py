@@ -8,12 +8,13 @@ import pytest
 from robo_services import mjcf
 from robo_services.kinematics import Pose2
 from robo_services.mujoco_laser import MujocoLaser
-from robo_services.mujoco_physics import MujocoBase, is_installed
+from robo_services.mujoco_physics import MujocoBase
 from robo_services.simulated_base import DRIVE, BaseLimits
 from robo_services.world import World
 from tests.closed_loop import RADIUS, VARIANTS, Loop, Scanner
+from tests.extras import needs_mujoco
 
-pytestmark = pytest.mark.skipif(not is_installed(), reason="MuJoCo is not installed: pip install 'robo-zenoh[mujoco]'")
+pytestmark = needs_mujoco
 
 SEED = int(os.environ.get("CLOSED_LOOP_SEED") or random.SystemRandom().randrange(10**9))
 WORLDS = int(os.environ.get("CLOSED_LOOP_WORLDS") or 20)

@@ -24,10 +24,8 @@ from robo_services.simulated_base import DRIVE, BaseLimits, SimulatedBase
 from robo_services.simulator import SimulatorParameters
 from robo_services.wheel_odometry import WheelOdometry
 from robo_services.world import Box, Circle, Laser, World
+from tests.extras import needs_mujoco
 
-needs_mujoco = pytest.mark.skipif(
-    not mujoco_physics.is_installed(), reason="MuJoCo is not installed: pip install 'robo-zenoh[mujoco]'"
-)
 LIMITS = BaseLimits(
     radius=0.2, max_linear_velocity=1.5, max_angular_velocity=3.0, linear_acceleration=2.0, linear_deceleration=5.0,
     angular_acceleration=6.0,

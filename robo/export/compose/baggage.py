@@ -52,6 +52,10 @@ class Project:
             return f"{PACKAGES}/robo/share/{path.relative_to(SHARE)}"
         return None
 
+    def has(self, path: Path) -> bool:
+        """Whether a path is one of the project's or of an installed package's."""
+        return self.within(path) is not None or self.packaged(path) is not None
+
     def config(self, path: Path) -> tuple[str, str]:
         """The name of the config that brings a file, and how the file is called within `FILES`."""
         within = self.within(path)
@@ -100,7 +104,7 @@ class Baggage:
         portable = _portable(word)
         if portable == word and (os.path.isabs(word) or cwd is None):
             path = Path(os.path.abspath(word))
-            if path.is_file() and (self._project.within(path) or self._project.packaged(path)) is not None:
+            if path.is_file() and self._project.has(path):
                 return self.file(path)
         return portable
 
@@ -121,18 +125,15 @@ class Baggage:
         """A parameter's value, with the path of a file as it is within the container."""
         if not isinstance(value, str):
             return value
-        if os.path.isabs(value) and self._names.holds(value) and self._is_brought(Path(self._names.before_word(value))):
-            source = self._names.shown(self._names.from_word(value))
+        folder, named = self._names.parted(value)
+        # Below other folders a container has files of its own.
+        if named and os.path.isabs(folder) and self._project.has(Path(os.path.abspath(folder))):
+            source = self._names.shown(named)
             self._volumes[source] = f"{FILES}/{slug(source.partition(':')[0]).strip('_').lower()}"
             return self._volumes[source]
         if os.path.isabs(value) and Path(value).is_file():
             return self.file(Path(value))
         return value
-
-    def _is_brought(self, folder: Path) -> bool:
-        """Whether the folder before a path is the project's or a package's; in others a container has its own files."""
-        folder = Path(os.path.abspath(folder))
-        return self._project.within(folder) is not None or self._project.packaged(folder) is not None
 
 
 def _portable(word: str) -> str:
