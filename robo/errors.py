@@ -24,6 +24,9 @@
     │       ├── TooOld        it is before the link's history begins
     │       └── InTheFuture   it is after the link's newest data
     ├── MessageError          data that are no message of the type that was asked for
+    ├── BagError              a recording that cannot be found, read or written
+    │   ├── DamagedBag        a file that is cut, or whose bytes make no sense
+    │   └── DiskFull          a recording that has ended for want of room
     ├── TopicNotFound         nobody publishes or subscribes a topic of this name
     ├── TopicTaken            somebody publishes already what a tool was asked to publish
     ├── ManifestError         a launch manifest with mistakes
@@ -168,6 +171,27 @@ class InTheFuture(ExtrapolationError):
 
 class MessageError(RoboError, ValueError):
     """Data that are no message of the type that was asked for; a line for each mistake."""
+
+
+class BagError(RoboError):
+    """A recording cannot be found, read or written; the message names the file."""
+
+    def __init__(self, text: str, path: str = "", offset: int | None = None) -> None:
+        """`text` says what is wrong; of `path` and `offset` comes where."""
+        place = f"{path}, byte {offset:,}: " if offset is not None else f"{path}: " if path else ""
+        super().__init__(f"{place}{text}")
+        self.path = path
+        """Of the file; empty where it is none in particular."""
+        self.offset = offset
+        """Where in the file, bytes from its beginning; None where it is no place in particular."""
+
+
+class DamagedBag(BagError):
+    """A file of a recording is cut, or its bytes make no sense."""
+
+
+class DiskFull(BagError):
+    """A recording has ended, whole, because the disk has less room than it is to leave."""
 
 
 class TopicNotFound(RoboError, LookupError):

@@ -1,0 +1,136 @@
+"""How two recordings differ: in topics, counts, times and values."""
+
+from itertools import zip_longest
+from typing import Any
+
+import msgspec
+
+from robo.bag.reader import Bag
+from robo.bag.topics import BagMessage, Topic
+from robo.errors import BagError
+from robo.text.brief import shown
+from robo_messages import Message
+
+_NS = 1e-9
+
+
+class Difference(msgspec.Struct, frozen=True):
+    """Where messages differ."""
+
+    index: int
+    """Which message of the topic, from 0."""
+    time: int
+    """When it was published, ns since the epoch, in the first recording."""
+    field: str
+    """`pose.pose.position.x`; empty where that cannot be told."""
+    first: str
+    second: str
+
+
+class TopicDifference(msgspec.Struct, kw_only=True):
+    """One topic in two recordings."""
+
+    name: str
+    types: tuple[str, str]
+    """In each; empty where it is not there."""
+    counts: tuple[int, int]
+    differing: int = 0
+    """Messages whose bytes differ, by their order."""
+    first: Difference | None = None
+    """The first of those."""
+    shift: float = 0.0
+    """The largest change of a message's publish time, s."""
+    delay: float = 0.0
+    """The largest change of a message's arrival, each counted from the first of its recording, s."""
+
+    @property
+    def same(self) -> bool:
+        """Whether types, counts and messages are the same; times may differ."""
+        return self.types[0] == self.types[1] and self.counts[0] == self.counts[1] and not self.differing
+
+
+class Diff(msgspec.Struct, frozen=True):
+    """Two recordings beside each other."""
+
+    paths: tuple[str, str]
+    topics: list[TopicDifference]
+
+    @property
+    def same(self) -> bool:
+        """Whether all topics are the same; times may differ."""
+        return all(topic.same for topic in self.topics)
+
+
+def diff(first: Bag, second: Bag) -> Diff:
+    """Compare the messages of each topic in the order of their arrivals.
+
+    Raises:
+        DamagedBag: a part of one of them is damaged.
+    """
+    names = sorted(first.topics.keys() | second.topics.keys())
+    return Diff((first.path, second.path), [_topic(name, first, second) for name in names])
+
+
+def _topic(name: str, first: Bag, second: Bag) -> TopicDifference:
+    topics = first.topics.get(name), second.topics.get(name)
+    found = TopicDifference(
+        name=name,
+        types=(_type(topics[0]), _type(topics[1])),
+        counts=(_count(topics[0]), _count(topics[1])),
+    )
+    if topics[0] is None or topics[1] is None:
+        return found
+    counts = [0, 0]
+    for index, (one, other) in enumerate(zip_longest(first.messages(name), second.messages(name))):
+        counts = [counts[0] + (one is not None), counts[1] + (other is not None)]
+        if one is None or other is None:
+            continue
+        found.shift = max(found.shift, abs(one.published - other.published) * _NS)
+        found.delay = max(found.delay, abs((one.arrived - first.begin) - (other.arrived - second.begin)) * _NS)
+        if one.data != other.data:
+            found.differing += 1
+            if found.first is None:
+                found.first = _difference(index, one, other)
+    found.counts = (counts[0], counts[1])
+    return found
+
+
+def _type(topic: Topic | None) -> str:
+    return topic.type if topic is not None else ""
+
+
+def _count(topic: Topic | None) -> int:
+    return topic.count if topic is not None else 0
+
+
+def _difference(index: int, one: BagMessage, other: BagMessage) -> Difference:
+    try:
+        values: tuple[Any, Any] = one.value, other.value
+    except BagError:
+        values = one.data, other.data
+    field, a, b = _first_field(*values)
+    return Difference(index, one.published, field, shown(a), shown(b))
+
+
+def _first_field(a: Any, b: Any, path: str = "") -> tuple[str, Any, Any]:
+    """The first field in which two messages differ; NaN is NaN."""
+    if isinstance(a, Message) and type(a) is type(b):
+        for name in a.__struct_fields__:
+            mine, theirs = getattr(a, name), getattr(b, name)
+            if not _same(mine, theirs):
+                return _first_field(mine, theirs, f"{path}.{name}" if path else name)
+    if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)) and len(a) == len(b):
+        for number, (mine, theirs) in enumerate(zip(a, b, strict=True)):
+            if not _same(mine, theirs):
+                return _first_field(mine, theirs, f"{path}.{number}")
+    return path, a, b
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, float) and isinstance(b, float):
+        return a == b or (a != a and b != b)
+    if isinstance(a, Message) and type(a) is type(b):
+        return all(_same(getattr(a, name), getattr(b, name)) for name in a.__struct_fields__)
+    if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)):
+        return len(a) == len(b) and all(map(_same, a, b))
+    return bool(a == b)

@@ -1,0 +1,116 @@
+"""The files of a recording that is being written, and the room that they take."""
+
+import contextlib
+import io
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from robo.bag import ros2_folder
+from robo.bag.options import Options
+from robo.bag.ros2_folder import FileOf, TopicOf
+from robo.errors import BagError
+
+_METADATA = "metadata.yaml"
+
+Free = Callable[[Path], int]
+"""Room on the disk of a folder, bytes."""
+
+
+def free_room(folder: Path) -> int:
+    """What a disk has left for this user, bytes."""
+    return shutil.disk_usage(folder).free
+
+
+class Disk:
+    """One file, or files with numbers in a folder, of which the oldest may have to go."""
+
+    def __init__(self, path: str | Path, options: Options, free: Free = free_room) -> None:
+        """
+        Raises:
+            BagError: there is something of this name already, or nothing can be made there.
+        """
+        self._options = options
+        self._free = free
+        self._path = Path(path)
+        self._number = 0
+        self._old: list[Path] = []
+        self._whole: dict[Path, FileOf] = {}
+        self.now: Path | None = None
+        """The file that is being written."""
+        folder = self._path if options.splits else self._path.parent
+        self._folder = folder
+        try:
+            if os.path.lexists(self._path):
+                raise BagError("it is there already; name another one", str(self._path))
+            folder.mkdir(parents=True, exist_ok=not options.splits)
+        except (OSError, ValueError) as error:
+            raise _error(error, self._path) from None
+
+    @property
+    def files(self) -> list[Path]:
+        """Those that are there, the oldest first."""
+        return [*self._old, *([self.now] if self.now is not None else [])]
+
+    def open_next(self) -> io.FileIO:
+        """The next file, empty.
+
+        Raises:
+            BagError: it cannot be made.
+        """
+        path = self._path
+        if self._options.splits:
+            path = self._folder / f"{self._path.name}_{self._number}.mcap"
+            self._number += 1
+        try:
+            found = io.FileIO(path, "x")
+        except (OSError, ValueError) as error:
+            raise _error(error, path) from None
+        self.now = path
+        return found
+
+    def finished(self, begin: int, end: int, counts: dict[str, int], topics: Sequence[TopicOf]) -> None:
+        """The file is whole: its first and last arrival in ns, its messages by topic, and all topics so far."""
+        assert self.now is not None
+        self._whole[self.now] = FileOf(self.now.name, begin, end, counts)
+        self._old.append(self.now)
+        self.now = None
+        if self._options.splits:
+            self._write_metadata(topics)
+
+    def keep_newest(self) -> None:
+        """Delete files beyond those that are to be kept, the one that is being written among them."""
+        keep = self._options.keep
+        while keep is not None and len(self.files) > keep and self._old:
+            self._delete_oldest()
+
+    def has_room(self) -> bool:
+        """Whether others have enough left, after old files have been deleted where that is wanted."""
+        least = self._options.least_free
+        if not least:
+            return True
+        while self._free(self._folder) < least:
+            if self._options.when_full != "drop_oldest" or not self._old:
+                return False
+            self._delete_oldest()
+        return True
+
+    def _delete_oldest(self) -> None:
+        oldest = self._old.pop(0)
+        self._whole.pop(oldest, None)
+        with contextlib.suppress(OSError):
+            oldest.unlink()
+
+    def _write_metadata(self, topics: Sequence[TopicOf]) -> None:
+        """For ROS 2, which wants it; robo reads the files themselves, so that a full disk does not matter."""
+        text = ros2_folder.metadata_yaml([self._whole[path] for path in self._old], topics)
+        target = self._folder / _METADATA
+        draft = target.with_suffix(".yaml.part")
+        with contextlib.suppress(OSError):
+            draft.write_text(text, encoding="utf-8")
+            draft.replace(target)
+
+
+def _error(error: OSError | ValueError, path: Path) -> BagError:
+    return BagError(f"it cannot be made: {getattr(error, 'strerror', None) or error}", str(path))

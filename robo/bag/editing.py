@@ -1,0 +1,141 @@
+"""New recordings made of others: a part of the time, some of the topics, several as one.
+
+What latched topics had said before a part begins stands at its beginning. Attachments and metadata are kept.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import msgspec
+
+from robo.bag import format as mcap
+from robo.bag.compression import Compression
+from robo.bag.file_writer import FileWriter
+from robo.bag.files import Files, files_of
+from robo.bag.index import COUNTS, REPEATED
+from robo.bag.output import new_file
+from robo.bag.reader import Bag
+from robo.bag.topics import Topic
+from robo.bag.types import nothing
+from robo.errors import BagError
+
+
+class Edited(msgspec.Struct, frozen=True):
+    """What an edit has come to."""
+
+    output: str
+    topics: int
+    messages: int
+    latched: int
+    """Of those, what latched topics had said before, now at the beginning."""
+
+
+def cut(
+    path: str | Path,
+    output: str | Path,
+    begin: int | None = None,
+    end: int | None = None,
+    compression: Compression = "zstd",
+) -> Edited:
+    """A part of a recording: arrivals from `begin` on and before `end`, ns since the epoch.
+
+    Raises:
+        BagError: it cannot be read, has nothing in that time, or `output` is there already or cannot be written.
+    """
+    if begin is not None and end is not None and begin >= end:
+        raise BagError(f"nothing is from {begin} ns on and before {end} ns", str(path))
+    return _edit([path], output, lambda _: True, begin, end, compression)
+
+
+def keep(
+    path: str | Path, output: str | Path, wanted: Callable[[str], bool], compression: Compression = "zstd"
+) -> Edited:
+    """Some topics of a recording: those whose names are wanted.
+
+    Raises:
+        BagError: it cannot be read, has no such topic, or `output` is there already or cannot be written.
+    """
+    return _edit([path], output, wanted, None, None, compression)
+
+
+def merge(paths: Sequence[str | Path], output: str | Path, compression: Compression = "zstd") -> Edited:
+    """Several recordings as one, in the order of arrivals.
+
+    Raises:
+        BagError: one cannot be read, or `output` is there already or cannot be written.
+    """
+    if not paths:
+        raise BagError("there is nothing to merge: name two recordings or more")
+    return _edit(paths, output, lambda _: True, None, None, compression)
+
+
+def _edit(
+    paths: Sequence[str | Path],
+    output: str | Path,
+    wanted: Callable[[str], bool],
+    begin: int | None,
+    end: int | None,
+    compression: Compression,
+) -> Edited:
+    files = Files(*(files_of(path) for path in paths))
+    with Bag.of(" ".join(map(str, paths)), files, nothing) as bag:
+        if bag.faults:
+            raise BagError(f"{bag.faults[0]}; `robo bag recover` makes a whole file of what is there")
+        topics = [topic for topic in bag.topics.values() if wanted(topic.name)]
+        if not topics:
+            raise BagError("it has none of these topics", bag.path)
+        with new_file(output, compression) as writer:
+            numbers = _say_topics(files, topics, writer)
+            latched = 0
+            if begin is not None:
+                for message in bag.latched(begin):
+                    if message.topic in numbers:
+                        number = numbers[message.topic]
+                        writer.add_message(number, message.sequence, begin, message.published, message.data)
+                        latched += 1
+            count = 0
+            for message in bag.messages([topic.name for topic in topics], begin, end):
+                number = numbers[message.topic]
+                writer.add_message(number, message.sequence, message.arrived, message.published, message.data)
+                count += 1
+            _copy_what_is_beside(bag, writer)
+            if not count:
+                raise BagError(f"no message came in that time; they came from {bag.begin} to {bag.end} ns", bag.path)
+        return Edited(str(output), len(topics), count + latched, latched)
+
+
+def _say_topics(files: Files, topics: Sequence[Topic], writer: FileWriter) -> dict[Topic, int]:
+    """Write down topics and their types; the number of each."""
+    schemas: dict[tuple[str, str, bytes], int] = {}
+    numbers: dict[Topic, int] = {}
+    for topic in topics:
+        file, number = min(topic.channels)
+        index = files.indexes[file]
+        channel = index.channels[number]
+        schema = index.schemas.get(channel.schema_id)
+        schema_id = 0
+        if schema is not None:
+            said = schema.name, schema.encoding, schema.data
+            schema_id = schemas.setdefault(said, len(schemas) + 1)
+            writer.add_schema(msgspec.structs.replace(schema, id=schema_id))
+        numbers[topic] = len(numbers) + 1
+        writer.add_channel(msgspec.structs.replace(channel, id=numbers[topic], schema_id=schema_id))
+    return numbers
+
+
+def _copy_what_is_beside(bag: Bag, writer: FileWriter) -> None:
+    """Attachments and metadata, each once; counts do not hold any more."""
+    seen_words: list[mcap.Metadata] = []
+    for words in bag.all_metadata():
+        if words.name not in (COUNTS, REPEATED) and words not in seen_words:
+            seen_words.append(words)
+            writer.add_metadata(words.name, words.words)
+    seen: set[tuple[str, int, int]] = set()
+    attachments = []
+    for one in bag.all_attachments():
+        what = one.name, one.crc, len(one.data)
+        if what not in seen:
+            seen.add(what)
+            attachments.append(one)
+    for one in reversed(attachments):
+        writer.add_attachment(one.arrived, one.created, one.name, one.media_type, one.data)

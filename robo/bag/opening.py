@@ -1,0 +1,57 @@
+"""What is asked of recordings by their names, with the types that robo knows."""
+
+from pathlib import Path
+
+from robo.bag import comparison, inspection, summary
+from robo.bag.comparison import Diff
+from robo.bag.inspection import Report
+from robo.bag.reader import Bag
+from robo.bag.summary import Info
+from robo.bag.types import Find, of_robo
+
+
+def open_bag(path: str | Path, find: Find = of_robo) -> Bag:
+    """Open a recording: a file, or a folder of files that follow one another.
+
+    One that is cut or damaged opens as well, as far as it can be read: `faults` say what is wrong.
+
+    Args:
+        path: of the file or folder.
+        find: types by their names in ROS.
+
+    Raises:
+        BagError: it cannot be read, or is no recording.
+    """
+    return Bag(path, find)
+
+
+def info(path: str | Path, *, quick: bool = False, find: Find = of_robo) -> Info:
+    """What is in a recording, in figures; `quick` looks at no message.
+
+    Raises:
+        BagError: it cannot be read.
+        DamagedBag: a part of it is damaged.
+    """
+    with Bag(path, find) as bag:
+        return summary.info(bag, quick=quick)
+
+
+def check(path: str | Path, find: Find = of_robo) -> Report:
+    """What is wrong with a recording: every byte of it is looked at.
+
+    Raises:
+        BagError: it cannot be read.
+        DamagedBag: it is no recording at all.
+    """
+    return inspection.check(path, find)
+
+
+def diff(first: str | Path, second: str | Path, find: Find = of_robo) -> Diff:
+    """How two recordings differ.
+
+    Raises:
+        BagError: one of them cannot be read.
+        DamagedBag: a part of one is damaged.
+    """
+    with Bag(first, find) as one, Bag(second, find) as other:
+        return comparison.diff(one, other)

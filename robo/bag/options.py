@@ -1,0 +1,72 @@
+"""How a recording is written, and what its topics are."""
+
+from typing import Literal
+
+import msgspec
+
+from robo.bag.compression import COMPRESSIONS, Compression
+from robo.bag.file_writer import CHUNK_SIZE
+from robo.errors import BagError
+from robo.wire.qos import QoS
+
+CDR = "cdr"
+"""The encoding of messages that all tools of the field read."""
+ROS_TEXT = "ros2msg"
+"""That of their definitions."""
+
+
+class Options(msgspec.Struct, frozen=True, kw_only=True):
+    """How a recording is written."""
+
+    compression: Compression = "zstd"
+    chunk_size: int = CHUNK_SIZE
+    """Of a chunk before it is compressed, bytes."""
+    flush_period: float = 1.0
+    """What has come is in the file after this time, s."""
+    sync: bool = True
+    """Whether it is on the disk then, too: what a power cut leaves."""
+    split_size: int | None = None
+    """A new file begins where one has this size, bytes; the chunk that reaches it is still in."""
+    split_duration: float | None = None
+    """A new file begins where one has messages of this time, s."""
+    keep: int | None = None
+    """Files that are kept, the newest; None for all."""
+    least_free: int = 0
+    """Room that is left to others on the disk, bytes."""
+    when_full: Literal["stop", "drop_oldest"] = "stop"
+    """What is done where there is less: the recording ends, or its oldest file is deleted."""
+
+    def __post_init__(self) -> None:
+        if self.compression not in COMPRESSIONS:
+            raise BagError(f"compression {self.compression!r} is not known; use {' or '.join(COMPRESSIONS)}")
+        for name in ("chunk_size", "flush_period", "split_size", "split_duration", "keep"):
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise BagError(f"{name} {value}: use a number above 0")
+        if self.least_free < 0:
+            raise BagError(f"least_free {self.least_free}: use a number of bytes, or 0 for no limit")
+        if not self.splits and (self.keep is not None or self.when_full == "drop_oldest"):
+            which = "keep" if self.keep is not None else "when_full drop_oldest"
+            raise BagError(f"{which} deletes the oldest of several files: say split_size or split_duration as well")
+
+    @property
+    def splits(self) -> bool:
+        """Whether there are to be several files, in a folder."""
+        return self.split_size is not None or self.split_duration is not None
+
+
+class TopicInFile(msgspec.Struct, frozen=True):
+    """A topic as it is written down."""
+
+    name: str
+    """Robo's."""
+    schema: str
+    """Its type in ROS: `geometry_msgs/msg/Twist`."""
+    text: str
+    """That type's definition, whole."""
+    type_hash: str = ""
+    """RIHS01; empty where it is not known."""
+    qos: QoS = QoS.DEFAULT
+    """What its publishers offer."""
+    encoding: str = CDR
+    schema_encoding: str = ROS_TEXT

@@ -1,0 +1,312 @@
+"""Reading recordings: their topics, and their messages, lazily, in the order of their times."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal
+
+from robo.bag.files import Files, files_of
+from robo.bag.format import ATTACHMENT, Attachment, Malformed, Metadata, Row, attachment, rows
+from robo.bag.index import COUNTS, REPEATED
+from robo.bag.order import Data, Span, in_order
+from robo.bag.source import Source
+from robo.bag.topics import BagMessage, ChannelOf, Topic, last_of_each, topics_of
+from robo.bag.types import Find
+from robo.errors import BagError, DamagedBag
+from robo.text.suggestions import suggest
+
+Order = Literal["arrived", "published"]
+"""By which time."""
+
+
+class Bag:
+    """A recording: one file, or the files of a folder as one. Also a context manager that closes it."""
+
+    def __init__(self, path: str | Path, find: Find) -> None:
+        """
+        Args:
+            path: of a file or a folder.
+            find: types by their names in ROS.
+
+        Raises:
+            BagError: it cannot be read, or is no recording.
+        """
+        self._start(str(path), Files(files_of(path)), find)
+
+    @classmethod
+    def of(cls, path: str, files: Files, find: Find) -> "Bag":
+        """A recording whose files are open already."""
+        found = cls.__new__(cls)
+        found._start(path, files, find)
+        return found
+
+    def _start(self, path: str, files: Files, find: Find) -> None:
+        self.path = path
+        self.files = files
+        self._by_channel: dict[ChannelOf, Topic] = {}
+        self.topics: dict[str, Topic] = {}
+        """By name."""
+        for topic in topics_of(files.indexes, files.counts, find):
+            self.topics[topic.name] = topic
+            self._by_channel.update(dict.fromkeys(topic.channels, topic))
+        spans = [Span(index.begin, index.end) for index in files.indexes if index.blocks]
+        self.begin = min((span.begin for span in spans), default=0)
+        """The first arrival, ns since the epoch; 0 where there is no message."""
+        self.end = max((span.end for span in spans), default=0)
+        """The last arrival, ns since the epoch."""
+        self.count = sum(topic.count for topic in self.topics.values())
+        """Of all messages."""
+        self._published: list[Span] | None = None
+
+    @property
+    def faults(self) -> list[DamagedBag]:
+        """What is wrong with its files; what can be read of them is there all the same."""
+        return [*self.files.faults, *(fault for index in self.files.indexes for fault in index.faults)]
+
+    @property
+    def duration(self) -> float:
+        """From the first arrival to the last, s."""
+        return (self.end - self.begin) * 1e-9
+
+    def topic(self, name: str) -> Topic:
+        """The topic of a name, with or without a leading slash.
+
+        Raises:
+            BagError: there is none; names what comes close.
+        """
+        found = self.topics.get(name.removeprefix("/"))
+        if found is None:
+            raise BagError(f"it has no topic {name}; {suggest(name, self.topics, 'it has')}", self.path)
+        return found
+
+    def messages(
+        self,
+        topics: str | Iterable[str] | None = None,
+        begin: int | None = None,
+        end: int | None = None,
+        order: Order = "arrived",
+    ) -> Iterator[BagMessage]:
+        """Messages in the order of their times, one after another; those of one time in the order of the file.
+
+        Args:
+            topics: one or several; None for all.
+            begin: from this time on, ns since the epoch.
+            end: before this time, ns since the epoch.
+            order: by which time: of arrival, or of publishing. By the latter, the recording is read twice.
+
+        Raises:
+            BagError: it has no such topic.
+            DamagedBag: while messages are read: a part of the file is damaged.
+        """
+        names = [topics] if isinstance(topics, str) else topics
+        wanted = None if names is None else {channel for name in names for channel in self.topic(name).channels}
+        return self._messages(wanted, begin, end, order)
+
+    def _messages(
+        self, wanted: set[ChannelOf] | None, begin: int | None, end: int | None, order: Order
+    ) -> Iterator[BagMessage]:
+        time_of = _TIMES[order]
+        least, most = begin if begin is not None else 0, end if end is not None else 2**64
+        blocks = _Selection(self.files, self._spans(order), wanted, least, most)
+        channels = self._by_channel
+
+        def is_wanted(number: int, row: Row) -> bool:
+            channel = (blocks.file(number), row.channel)
+            if channel not in channels:
+                raise Malformed(f"a message is of channel {row.channel}, which the file does not know")
+            return (wanted is None or channel in wanted) and least <= time_of(row) < most
+
+        for number, row, data in in_order(blocks, is_wanted, time_of):
+            topic = channels[blocks.file(number), row.channel]
+            yield BagMessage(topic, row.arrived, row.published, row.sequence, bytes(data[row.begin : row.end]))
+
+    def in_file_order(self) -> Iterator[BagMessage]:
+        """All messages as they stand in the files, whatever their times.
+
+        Raises:
+            DamagedBag: while messages are read: a part of a file is damaged.
+        """
+        for number in range(len(self.files.spans)):
+            file, _ = self.files.block(number)
+            data = self.files.data(number)
+            try:
+                for row in rows(data):
+                    topic = self._by_channel[file, row.channel]
+                    yield BagMessage(topic, row.arrived, row.published, row.sequence, bytes(data[row.begin : row.end]))
+            except (Malformed, KeyError) as error:
+                raise self.files.damaged(number, str(error)) from None
+
+    def latched(self, at: int) -> list[BagMessage]:
+        """What latched topics had said last at a time, as a subscription that begins then would get it.
+
+        Args:
+            at: arrivals before it count, ns since the epoch.
+        """
+        found: list[BagMessage] = []
+        for topic in self.topics.values():
+            if topic.qos.latched:
+                said = self._messages(set(topic.channels), None, at, "arrived")
+                found += last_of_each(said, max(topic.qos.depth, 1))
+        return sorted(found, key=lambda message: message.arrived)
+
+    def column(self, topic: str, field: str, order: Order = "arrived") -> Any:
+        """One field of all messages of a topic: an array where numpy is installed, else a list.
+
+        Args:
+            topic: its name.
+            field: `pose.pose.position.x`; `ranges.0` is the first of a list.
+            order: of the messages.
+
+        Raises:
+            BagError: there is no such topic or field, or the topic's type is not known.
+        """
+        found = self.topic(topic)
+        if found.known is None:
+            raise BagError(f"{found.name} has no fields that can be read: {found.unknown}", self.path)
+        steps = field.split(".")
+        return _array([_walk(message.value, steps, found) for message in self.messages(found.name, order=order)])
+
+    def times(self, topic: str, order: Order = "arrived") -> Any:
+        """Arrival or publish times of all messages of a topic, ns: an array where numpy is installed, else a list."""
+        return _array([getattr(message, order) for message in self.messages(topic, order=order)])
+
+    @property
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """Words about the recording, by name; those of later files hold.
+
+        Raises:
+            DamagedBag: they cannot be read.
+        """
+        return {words.name: words.words for words in self.all_metadata() if words.name not in (REPEATED, COUNTS)}
+
+    def all_metadata(self) -> Iterator[Metadata]:
+        """All words about the recording, as they stand in its files.
+
+        Raises:
+            DamagedBag: they cannot be read.
+        """
+        for number, index in enumerate(self.files.indexes):
+            for where in index.metadata:
+                yield self.files.metadata(number, where)
+
+    @property
+    def attachments(self) -> dict[str, int]:
+        """Files within the recording, with their sizes in bytes."""
+        return {where.name: where.size for index in self.files.indexes for where in index.attachments}
+
+    def attachment(self, name: str) -> bytes:
+        """A file within the recording; of several of one name the last.
+
+        Raises:
+            BagError: there is none.
+            DamagedBag: it cannot be read.
+        """
+        for found in self.all_attachments(name):
+            return found.data
+        raise BagError(f"it has no attachment {name}; {suggest(name, self.attachments, 'it has')}", self.path)
+
+    def all_attachments(self, name: str | None = None) -> Iterator[Attachment]:
+        """All files within the recording, the last first; or those of a name.
+
+        Raises:
+            DamagedBag: one cannot be read.
+        """
+        for number, index in reversed(list(enumerate(self.files.indexes))):
+            source = self.files.source(number)
+            for where in reversed(index.attachments):
+                if name is None or where.name == name:
+                    yield _attachment(source, where.offset)
+
+    def close(self) -> None:
+        """Close its files."""
+        self.files.close()
+
+    def __enter__(self) -> "Bag":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _spans(self, order: Order) -> list[Span]:
+        if order == "arrived":
+            return self.files.spans
+        if self._published is None:
+            self._published = [self._published_span(number) for number in range(len(self.files.spans))]
+        return self._published
+
+    def _published_span(self, number: int) -> Span:
+        data = self.files.data(number)
+        try:
+            times = [row.published for row in rows(data)]
+        except Malformed as error:
+            raise self.files.damaged(number, str(error)) from None
+        return Span(min(times, default=0), max(times, default=0))
+
+
+_TIMES: dict[Order, Callable[[Row], int]] = {
+    "arrived": lambda row: row.arrived,
+    "published": lambda row: row.published,
+}
+
+
+class _Selection:
+    """The blocks of files in which messages may be that somebody wants."""
+
+    def __init__(
+        self, files: Files, spans: Sequence[Span], wanted: set[ChannelOf] | None, least: int, most: int
+    ) -> None:
+        self._files = files
+        self._numbers = [
+            number for number, span in enumerate(spans)
+            if span.end >= least and span.begin < most and (wanted is None or _may_have(files, number, wanted))
+        ]  # fmt: skip
+        self.spans = [spans[number] for number in self._numbers]
+        self._file = [files.block(number)[0] for number in self._numbers]
+
+    def file(self, number: int) -> int:
+        """The file of a block."""
+        return self._file[number]
+
+    def data(self, number: int) -> Data:
+        """The records of a block."""
+        return self._files.data(self._numbers[number])
+
+    def damaged(self, number: int, reason: str) -> DamagedBag:
+        """An error of a block."""
+        return self._files.damaged(self._numbers[number], reason)
+
+
+def _may_have(files: Files, number: int, wanted: set[ChannelOf]) -> bool:
+    file, block = files.block(number)
+    return block.channels is None or any((file, channel) in wanted for channel in block.channels)
+
+
+def _attachment(source: Source, offset: int) -> Attachment:
+    place = source.place(offset)
+    try:
+        if place.kind != ATTACHMENT:
+            raise Malformed("there is no attachment, and the index says one is")
+        return attachment(source.read(place.content, place.length))
+    except Malformed as error:
+        raise source.damaged(offset, str(error)) from None
+
+
+def _walk(value: Any, steps: Sequence[str], topic: Topic) -> Any:
+    for step in steps:
+        try:
+            value = value[int(step)] if step.isdecimal() else getattr(value, step)
+        except (AttributeError, IndexError, TypeError):
+            fields = getattr(value, "__struct_fields__", ())
+            there = f"{suggest(step, fields, 'there are')}" if fields else "it has no fields, or not so many"
+            raise BagError(f"{topic.name}: a {topic.type} has no {'.'.join(steps)}; at {step}: {there}") from None
+    return value
+
+
+def _array(values: list[Any]) -> Any:
+    try:
+        import numpy as np
+    except ModuleNotFoundError:
+        return values
+    return np.array(values)

@@ -1,0 +1,103 @@
+"""A whole file of one that is cut or damaged: whatever of it can be read, with an index and a summary made anew."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from robo.bag import format as mcap
+from robo.bag.file_writer import FileWriter
+from robo.bag.format import Malformed, rows
+from robo.bag.index import Index, scanned
+from robo.bag.output import new_file
+from robo.bag.source import Place, Source
+from robo.errors import DamagedBag
+
+_MOST_ATTACHMENT = 2**30
+"""That is copied, bytes: 1 GB."""
+
+
+class Recovered(msgspec.Struct, frozen=True):
+    """What a recovery has come to."""
+
+    path: str
+    output: str
+    messages: int
+    begin: int
+    """The first arrival, ns since the epoch; 0 where there is no message."""
+    end: int
+    faults: list[DamagedBag]
+    """What was wrong with the file; empty for one that was whole."""
+    size: int
+    """Of the file, bytes."""
+    read: int
+    """Up to where it could be read, bytes."""
+
+
+def recover(path: str | Path, output: str | Path) -> Recovered:
+    """Make a whole file of what can be read of another one, which stays as it is.
+
+    Chunks are copied as they are; those that are damaged are left out. Where the file is cut, its tail is.
+
+    Raises:
+        DamagedBag: it has not even a header.
+        BagError: it cannot be read, or `output` is there already or cannot be written.
+    """
+    with Source(path) as source:
+        found = scanned(source, beyond=True)
+        with new_file(output, "none") as writer:
+            _copy(source, found, writer)
+        messages = sum(found.counts.values())
+        return Recovered(
+            str(path), str(output), messages, found.begin, found.end, found.faults, source.size, found.data_end
+        )
+
+
+def _copy(source: Source, found: Index, writer: FileWriter) -> None:
+    # First, so that they are there even if the chunk that said them is not.
+    for schema in found.schemas.values():
+        writer.add_schema(schema)
+    for channel in found.channels.values():
+        writer.add_channel(channel)
+    steps: list[tuple[int, Callable[[], None]]] = []
+    for block in found.blocks:
+        copy = _copy_chunk if block.place.kind else _copy_run
+        steps.append((block.place.offset, _step(copy, source, block.place, writer)))
+    for attached in found.attachments:
+        steps.append((attached.offset, _step(_copy_attachment, source, source.place(attached.offset), writer)))
+    for words in found.metadata:
+        steps.append((words.offset, _step(_copy_metadata, source, source.place(words.offset), writer)))
+    for _, step in sorted(steps, key=lambda step: step[0]):
+        try:
+            step()
+        except Malformed as error:  # a checksum that nobody has looked at before
+            found.add_fault(DamagedBag(str(error), source.path))
+
+
+def _step(
+    copy: Callable[[Source, Place, FileWriter], None], source: Source, place: Place, writer: FileWriter
+) -> Callable[[], None]:
+    return lambda: copy(source, place, writer)
+
+
+def _copy_chunk(source: Source, place: Place, writer: FileWriter) -> None:
+    chunk = source.chunk(place)
+    writer.copy_chunk(chunk, source.restored(place, chunk))
+
+
+def _copy_run(source: Source, place: Place, writer: FileWriter) -> None:
+    data = source.content(place)
+    for row in rows(data):
+        writer.add_message(row.channel, row.sequence, row.arrived, row.published, data[row.begin : row.end])
+
+
+def _copy_attachment(source: Source, place: Place, writer: FileWriter) -> None:
+    if place.length > _MOST_ATTACHMENT:
+        raise Malformed(f"an attachment has {place.length:,} bytes, and at most {_MOST_ATTACHMENT:,} are copied")
+    one = mcap.attachment(source.read(place.content, place.length))
+    writer.add_attachment(one.arrived, one.created, one.name, one.media_type, one.data)
+
+
+def _copy_metadata(source: Source, place: Place, writer: FileWriter) -> None:
+    words = mcap.metadata(source.content(place))
+    writer.add_metadata(words.name, words.words)

@@ -1,0 +1,187 @@
+"""A file of a recording, read at any place, and never beyond its end."""
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Final, NamedTuple
+
+from robo.bag import compression
+from robo.bag.format import (
+    CHUNK,
+    DATA_END,
+    FOOTER,
+    MAGIC,
+    PREFIX,
+    Chunk,
+    Malformed,
+    chunk,
+)
+from robo.errors import BagError, DamagedBag, UnreadableFile
+from robo.text.files import open_regular
+
+MOST_RECORD: Final = compression.MOST + 2**16
+"""The content of a record, bytes; an attachment may be larger."""
+
+_OTHERS = {
+    b"SQLite f": "a database of SQLite; `ros2 bag convert` makes MCAP of a recording of ROS 2",
+    b"#ROSBAG ": "a recording of ROS 1; `rosbags-convert` makes MCAP of it",
+}
+
+
+class Place(NamedTuple):
+    """A record, where it stands."""
+
+    offset: int
+    """Of the record in the file, bytes."""
+    kind: int
+    length: int
+    """Of its content, bytes."""
+
+    @property
+    def content(self) -> int:
+        """Where its content begins."""
+        return self.offset + PREFIX.size
+
+    @property
+    def end(self) -> int:
+        """Where the next one begins."""
+        return self.offset + PREFIX.size + self.length
+
+
+class Source:
+    """An MCAP file, open for reading: as large as it was when it was opened."""
+
+    def __init__(self, path: str | Path) -> None:
+        """
+        Raises:
+            BagError: it cannot be opened.
+            DamagedBag: it is no MCAP file.
+        """
+        self.path = str(path)
+        try:
+            self._file = open_regular(path)
+        except UnreadableFile as error:
+            raise BagError(str(error), self.path) from None
+        try:
+            self.size = os.fstat(self._file.fileno()).st_size
+            begin = self._read(0, min(self.size, len(MAGIC)))
+            if begin != MAGIC:
+                other = _OTHERS.get(begin)
+                if other is not None:
+                    raise BagError(f"it is {other}", self.path)
+                raise DamagedBag("it is empty" if not begin else "it is no MCAP file", self.path, 0)
+        except BagError:
+            self.close()
+            raise
+
+    def read(self, offset: int, length: int) -> bytes:
+        """Bytes of the file.
+
+        Raises:
+            DamagedBag: the file has not so many.
+        """
+        if not 0 <= offset <= offset + length <= self.size:
+            raise self.damaged(offset, f"{length:,} bytes should follow, and the file has {self.size:,}")
+        return self._read(offset, length)
+
+    def place(self, offset: int) -> Place:
+        """What record stands somewhere.
+
+        Raises:
+            DamagedBag: none does, or it claims to go beyond the end of the file.
+        """
+        kind, length = PREFIX.unpack(self.read(offset, PREFIX.size))
+        found = Place(offset, kind, length)
+        if found.end > self.size:
+            left = self.size - found.content
+            raise self.damaged(offset, f"a record claims {length:,} bytes, and {left:,} are left: the file is cut here")
+        return found
+
+    def content(self, place: Place) -> bytes:
+        """The content of a record.
+
+        Raises:
+            DamagedBag: it is too large to be held in memory.
+        """
+        if place.length > MOST_RECORD:
+            reason = f"a record has {place.length:,} bytes, and at most {MOST_RECORD:,} are read"
+            raise self.damaged(place.offset, reason)
+        return self.read(place.content, place.length)
+
+    def chunk(self, place: Place) -> Chunk:
+        """A chunk, as it is.
+
+        Raises:
+            DamagedBag: there is none.
+        """
+        if place.kind != CHUNK:
+            raise self.damaged(place.offset, "there is no chunk, and the index says one is")
+        try:
+            return chunk(self.content(place))
+        except Malformed as error:
+            raise self.damaged(place.offset, str(error)) from None
+
+    def restored(self, place: Place, found: Chunk) -> bytes | memoryview:
+        """The records in a chunk.
+
+        Raises:
+            DamagedBag: it is damaged.
+            BagError: its compression cannot be read here.
+        """
+        import zlib
+
+        try:
+            data = compression.restored(found.compression, found.data, found.size)
+        except Malformed as error:
+            raise self.damaged(place.offset, str(error)) from None
+        except compression.CannotRestore as error:
+            raise BagError(str(error), self.path) from None
+        if found.crc and zlib.crc32(data) != found.crc:
+            raise self.damaged(place.offset, "a chunk has another checksum than it says")
+        return data
+
+    def places(self, begin: int = len(MAGIC)) -> Iterator[Place]:
+        """All records from a place on, up to the end of the data or the footer.
+
+        Raises:
+            DamagedBag: the file ends before.
+        """
+        offset = begin
+        while True:
+            found = self.place(offset)
+            yield found
+            if found.kind in (DATA_END, FOOTER):
+                return
+            offset = found.end
+
+    def damaged(self, offset: int, reason: str) -> DamagedBag:
+        """An error of this file."""
+        return DamagedBag(reason, self.path, offset)
+
+    def close(self) -> None:
+        """Close the file."""
+        with contextlib.suppress(OSError):
+            self._file.close()
+
+    def __enter__(self) -> "Source":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _read(self, offset: int, length: int) -> bytes:
+        try:
+            parts = []
+            while length > 0:  # the system may hand over less than what was asked for
+                part = os.pread(self._file.fileno(), length, offset)
+                if not part:
+                    raise DamagedBag("the file has become shorter", self.path, offset)
+                parts.append(part)
+                offset, length = offset + len(part), length - len(part)
+        except OSError as error:
+            raise BagError(f"it cannot be read: {error.strerror}", self.path, offset) from None
+        return b"".join(parts)

@@ -1,0 +1,144 @@
+"""Topics of a recording and their messages, as values."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import msgspec
+
+from robo.bag import definitions, offered
+from robo.bag import format as mcap
+from robo.bag.index import Index
+from robo.bag.options import CDR, ROS_TEXT
+from robo.bag.types import Find, Known
+from robo.errors import BagError, RoboError
+from robo.text.brief import brief, shown
+from robo.text.unreadable import UNREADABLE
+from robo.wire.qos import QoS
+from robo_messages import Message
+
+ChannelOf = tuple[int, int]
+"""The number of a file, and that of a channel in it."""
+
+
+class Topic(msgspec.Struct, frozen=True, eq=False):
+    """A topic of a recording."""
+
+    name: str
+    """As robo has it, without a leading slash."""
+    type: str
+    """Robo's name, `geometry/Twist`; of a type that is not known, what the file calls it."""
+    schema: str
+    """What the file calls its type; empty where it says nothing."""
+    text: str
+    """Its definition, as the file has it."""
+    encoding: str
+    """Of its messages: cdr."""
+    count: int
+    """Of its messages."""
+    qos: QoS
+    """What its publishers offer, as far as the file says."""
+    unknown: str
+    """Why its messages stay bytes; empty where they are robo's."""
+    channels: frozenset[ChannelOf]
+    known: Known | None
+
+
+class BagMessage(msgspec.Struct, frozen=True, gc=False):
+    """A message of a recording."""
+
+    topic: Topic
+    arrived: int
+    """When it was recorded, ns since the epoch."""
+    published: int
+    """ns since the epoch, by the publisher's clock."""
+    sequence: int
+    """The last 32 bits of its sequence number; 0 where nothing is known."""
+    data: bytes
+
+    @property
+    def value(self) -> Message | bytes:
+        """The message; its bytes where its type is not known.
+
+        Raises:
+            BagError: it is no message of its type.
+        """
+        known = self.topic.known
+        if known is None:
+            return self.data
+        try:
+            return known.decode(self.data)
+        except (ValueError, RoboError, *UNREADABLE) as error:
+            where = f"{self.topic.name}, the message that came at {self.arrived} ns"
+            raise BagError(f"{where}: no {self.topic.type}: {brief(str(error), 200)}") from None
+
+
+def topics_of(indexes: Sequence[Index], counts: Sequence[Mapping[int, int]], find: Find) -> list[Topic]:
+    """The topics of files that are one recording, by name; one whose type changes is one for each of its types."""
+    found: dict[tuple[str, str, str, str], list[tuple[ChannelOf, int, mcap.Channel]]] = {}
+    texts: dict[ChannelOf, str] = {}
+    for number, index in enumerate(indexes):
+        for channel in index.channels.values():
+            schema = index.schemas.get(channel.schema_id)
+            name, kind = (schema.name, schema.encoding) if schema is not None else ("", "")
+            where = number, channel.id
+            texts[where] = schema.data.decode("utf-8", "replace") if schema is not None else ""
+            key = channel.topic.removeprefix("/"), name, kind, channel.encoding
+            found.setdefault(key, []).append((where, counts[number].get(channel.id, 0), channel))
+    topics = []
+    names: set[str] = set()
+    for (name, schema_name, kind, encoding), channels in sorted(found.items()):
+        where, _, channel = channels[0]
+        known, unknown = _type(schema_name, kind, texts[where], encoding, find)
+        topics.append(
+            Topic(
+                name if name not in names else f"{name} ({schema_name})",
+                known.name if known is not None else schema_name,
+                schema_name,
+                texts[where],
+                encoding,
+                sum(count for _, count, _ in channels),
+                offered.qos_of(channel.metadata),
+                unknown,
+                frozenset(where for where, _, _ in channels),
+                known,
+            )
+        )
+        names.add(name)
+    return topics
+
+
+def _type(name: str, kind: str, text: str, encoding: str, find: Find) -> tuple[Known | None, str]:
+    """What robo has for a type of a file, or why it has nothing."""
+    if not name:
+        return None, "the file does not say what its type is"
+    if encoding != CDR:
+        return None, f"its messages are in {shown(encoding)}, and robo reads {CDR}"
+    known = find(name)
+    if known is None:
+        return None, f"robo has no type {shown(name)}"
+    if text and kind != ROS_TEXT:
+        return None, f"its definition is in {shown(kind)}, and robo reads {ROS_TEXT}"
+    if text and (difference := definitions.differs(name, text, known.text)):
+        return None, f"its definition is another one: {difference}"
+    return known, ""
+
+
+def last_of_each(messages: Iterable[BagMessage], depth: int) -> list[BagMessage]:
+    """The last `depth` messages of each publisher of a latched topic, as far as sequence numbers tell publishers apart.
+
+    Where they do not, there is one more rather than one less: what is latched and missing is missed.
+    """
+    series: list[list[BagMessage]] = []
+    for message in messages:
+        before = (message.sequence - 1) % 2**32 if message.sequence else 0
+        fitting = [one for one in series if one[-1].sequence == before]
+        if len(fitting) == 1:
+            fitting[0].append(message)
+            del fitting[0][:-depth]
+        else:
+            series.append([message])
+            del series[:-_MOST_PUBLISHERS]
+    return sorted((message for one in series for message in one), key=lambda message: message.arrived)
+
+
+_MOST_PUBLISHERS = 256
+"""Of a latched topic that are told apart."""

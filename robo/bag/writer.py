@@ -1,0 +1,301 @@
+"""Writing a recording: one file, or a folder of files that follow one another."""
+
+import collections
+import time
+from collections.abc import Callable, Hashable
+from pathlib import Path
+from types import TracebackType
+
+import msgspec
+
+from robo.bag import counts, offered
+from robo.bag import format as mcap
+from robo.bag.compression import compressor
+from robo.bag.counts import Counter, Counts
+from robo.bag.disk import Disk, Free, free_room
+from robo.bag.index import COUNTS, REPEATED
+from robo.bag.kept import Kept, Said
+from robo.bag.options import Options, TopicInFile
+from robo.bag.packing import U32, U64
+from robo.bag.part import Part
+from robo.bag.ros2_folder import TopicOf
+from robo.errors import BagError, DiskFull
+
+TYPE_HASH = "topic_type_hash"
+"""The word of a channel's metadata that ROS reads."""
+
+_MOST_TOPICS = 65_535
+
+
+class _Attachment(msgspec.Struct, frozen=True):
+    """A file that is in each file."""
+
+    arrived: int
+    created: int
+    media_type: str
+    data: bytes
+
+
+class Recording:
+    """Writes a recording. Used by one thread at a time; also a context manager that closes it."""
+
+    def __init__(
+        self,
+        path: str | Path,
+        options: Options | None = None,
+        *,
+        monotonic: Callable[[], float] = time.monotonic,
+        free: Free = free_room,
+    ) -> None:
+        """
+        Args:
+            path: of the file; of the folder where there are to be several.
+            options: how it is written.
+            monotonic: a clock that never goes back, s: for flushes.
+            free: room on the disk of a folder, bytes.
+
+        Raises:
+            BagError: it cannot be made, is there already, or the library for its compression is not installed.
+        """
+        self.path = str(path)
+        self._options = options if options is not None else Options()
+        self._compression = compressor(self._options.compression)
+        self._monotonic = monotonic
+        self._schemas: dict[tuple[str, str, str], mcap.Schema] = {}
+        self._channels: dict[int, mcap.Channel] = {}
+        self._numbers: dict[TopicInFile, int] = {}
+        self._names: dict[int, str] = {}
+        self._types: list[TopicOf] = []
+        self._kept = Kept()
+        self._counter = Counter()
+        self._attachments: dict[str, _Attachment] = {}
+        self._metadata: dict[str, dict[str, str]] = {}
+        self._disk = Disk(path, self._options, free)
+        self._flush_due = 0.0
+        self._ended: type[BagError] | None = None
+        span, size = self._options.split_duration, self._options.split_size
+        self._split_span = round(span * 1e9) if span is not None else 2**64
+        self._split_size = size if size is not None else 2**64
+        self._part = self._next_part(0)
+
+    def topic(self, topic: TopicInFile) -> int:
+        """The number of a topic, for its messages. One that is new is in the file at once.
+
+        Raises:
+            BagError: there are too many, or the file cannot be written.
+        """
+        number = self._numbers.get(topic)
+        if number is not None:
+            return number
+        self._check_open()
+        number = len(self._channels) + 1
+        if number > _MOST_TOPICS:
+            raise BagError(f"a recording has at most {_MOST_TOPICS:,} topics", self.path)
+        channel, schema = self._records_of(topic, number)
+        self._numbers[topic] = number
+        self._names[number] = topic.name
+        self._channels[number] = channel
+        self._types.append(TopicOf(channel.topic, topic.schema, topic.type_hash, channel.metadata[offered.OFFERED]))
+        if topic.qos.latched:
+            self._kept.begin(number, topic.qos.depth)
+        with self._part.writing():
+            self._part.writer.add_schema(schema)
+            self._part.writer.add_channel(channel)
+        self.flush()
+        return number
+
+    def write(
+        self,
+        topic: int,
+        data: bytes,
+        arrived: int,
+        published: int,
+        sequence: int | None = None,
+        source: Hashable = None,
+    ) -> None:
+        """Write a message down.
+
+        Args:
+            topic: its number.
+            data: encoded as its topic says.
+            arrived: ns since the epoch, by this machine's clock.
+            published: ns since the epoch, by the publisher's; one that no file can hold becomes the time of arrival.
+            sequence: its whole number; None where its publisher does not count.
+            source: its publisher, whatever tells it from others; None where that is not known.
+
+        Raises:
+            DiskFull: the disk has less room than it is to leave; the recording has ended, and is whole.
+            BagError: the recording has ended, or the file cannot be written.
+        """
+        if self._ended is not None:
+            self._check_open()
+        if not 0 <= arrived <= U64:
+            raise BagError(f"a message cannot have come at {arrived} ns: no file can hold this time", self.path)
+        if not 0 <= published <= U64:
+            published = arrived
+        part = self._part
+        if part.counts and (arrived - part.begin >= self._split_span or part.size >= self._split_size):
+            self.split(arrived)
+            part = self._part
+        self._counter.count(self._names[topic], sequence, published, source)
+        number = (sequence or 0) & U32
+        if topic in self._kept:
+            self._kept.add(Said(topic, number, arrived, published, data), source)
+        part.add(topic, number, arrived, published, data)
+        if self._monotonic() >= self._flush_due:
+            self.flush()
+
+    def malformed(self, topic: str) -> None:
+        """A message of a topic came that cannot be written down: it is counted."""
+        self._counter.count_malformed(topic)
+
+    def attach(self, name: str, data: bytes, media_type: str, time: int) -> None:
+        """Write a file into this file and those that follow.
+
+        Args:
+            name: of it; another one of this name takes its place in the files that follow.
+            data: what it holds.
+            media_type: `text/yaml`, …
+            time: of now, ns since the epoch.
+
+        Raises:
+            BagError: the recording has ended, or the file cannot be written.
+        """
+        self._check_open()
+        found = self._attachments[name] = _Attachment(time, time, media_type, data)
+        with self._part.writing():
+            self._part.writer.add_attachment(found.arrived, found.created, name, media_type, data)
+
+    def add_metadata(self, name: str, words: dict[str, str]) -> None:
+        """Write words about the recording into this file and those that follow.
+
+        Raises:
+            BagError: the recording has ended, or the file cannot be written.
+        """
+        self._check_open()
+        self._metadata[name] = dict(words)
+        with self._part.writing():
+            self._part.writer.add_metadata(name, words)
+
+    @property
+    def counts(self) -> dict[str, Counts]:
+        """How many messages of each topic came, and how many did not, so far."""
+        return self._counter.total
+
+    @property
+    def files(self) -> list[Path]:
+        """The files that are there, the oldest first."""
+        return self._disk.files
+
+    def flush(self) -> None:
+        """Everything that was written is in the file from now on, whatever becomes of this process.
+
+        Raises:
+            DiskFull, BagError: as `write`.
+        """
+        self._check_open()
+        self._part.flush(self._options.sync)
+        self._flush_due = self._monotonic() + self._options.flush_period
+        if not self._disk.has_room():
+            self._close(DiskFull)
+            self._check_open()
+
+    def tick(self) -> float:
+        """Flush if that is due. To be called while nothing comes: again after the time that it returns, s.
+
+        Raises:
+            DiskFull, BagError: as `write`.
+        """
+        if self._monotonic() >= self._flush_due:
+            self.flush()
+        return max(self._flush_due - self._monotonic(), 0.0)
+
+    def split(self, at: int) -> None:
+        """Go on in another file, which begins with what latched topics have said last.
+
+        Args:
+            at: the time of now, ns since the epoch: that is when what is said again has come.
+
+        Raises:
+            BagError: this recording is one file, or has ended, or a file cannot be written.
+        """
+        self._check_open()
+        if not self._options.splits:
+            raise BagError("it is one file; a recording with split_size or split_duration is several", self.path)
+        self._finish_part()
+        self._part = self._next_part(at)
+        self._disk.keep_newest()
+
+    def close(self) -> None:
+        """End the recording: its last file is whole. Once more does nothing.
+
+        Raises:
+            BagError: the file cannot be written.
+        """
+        if self._ended is None:
+            self._close(BagError)
+
+    def __enter__(self) -> "Recording":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _close(self, why: type[BagError]) -> None:
+        self._ended = why
+        if self._part.failure is None:
+            self._finish_part()
+
+    def _check_open(self) -> None:
+        if self._ended is DiskFull:
+            least = self._options.least_free
+            raise DiskFull(f"the recording has ended: the disk has less than {least:,} bytes left", self.path)
+        if self._ended is not None:
+            raise BagError("the recording has ended", self.path)
+
+    def _records_of(self, topic: TopicInFile, number: int) -> tuple[mcap.Channel, mcap.Schema]:
+        said = topic.schema, topic.schema_encoding, topic.text
+        schema = self._schemas.get(said)
+        if schema is None:
+            data = topic.text.encode("utf-8", "replace")
+            schema = mcap.Schema(len(self._schemas) + 1, topic.schema, topic.schema_encoding, data)
+            self._schemas[said] = schema
+        words = offered.words_of(topic.qos)
+        if topic.type_hash:
+            words[TYPE_HASH] = topic.type_hash
+        name = f"/{topic.name.removeprefix('/')}"
+        return mcap.Channel(number, schema.id, name, topic.encoding, words), schema
+
+    def _next_part(self, at: int) -> Part:
+        """A file with all that is said in each."""
+        output = self._disk.open_next()
+        part = Part(output, str(self._disk.now), self._compression, self._options.chunk_size)
+        kept = list(self._kept)
+        with part.writing():
+            writer = part.writer
+            for schema in self._schemas.values():
+                writer.add_schema(schema)
+            for channel in self._channels.values():
+                writer.add_channel(channel)
+            for said in kept:
+                writer.add_message(said.channel, said.sequence, at, said.published, said.data)
+            writer.end_chunk()
+            if kept:
+                again = collections.Counter(said.channel for said in kept)
+                writer.add_metadata(REPEATED, {str(channel): str(count) for channel, count in again.items()})
+            for name, words in self._metadata.items():
+                writer.add_metadata(name, words)
+            for name, one in self._attachments.items():
+                writer.add_attachment(one.arrived, one.created, name, one.media_type, one.data)
+        return part
+
+    def _finish_part(self) -> None:
+        part = self._part
+        counted = self._counter.take_file()
+        with part.writing():
+            part.writer.add_metadata(COUNTS, counts.words_of(counted))
+        part.finish(self._options.sync)
+        by_name = {self._channels[number].topic: count for number, count in part.counts.items()}
+        self._disk.finished(part.begin, part.end, by_name, self._types)
