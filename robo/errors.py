@@ -180,6 +180,8 @@ class BagError(RoboError):
         """`text` says what is wrong; of `path` and `offset` comes where."""
         place = f"{path}, byte {offset:,}: " if offset is not None else f"{path}: " if path else ""
         super().__init__(f"{place}{text}")
+        self.reason = text
+        """Without where."""
         self.path = path
         """Of the file; empty where it is none in particular."""
         self.offset = offset

@@ -17,7 +17,7 @@ from robo.bag.output import new_file
 from robo.bag.reader import Bag
 from robo.bag.topics import Topic
 from robo.bag.types import nothing
-from robo.errors import BagError
+from robo.errors import BagError, DamagedBag
 
 
 class Edited(msgspec.Struct, frozen=True):
@@ -79,8 +79,9 @@ def _edit(
 ) -> Edited:
     files = Files(*(files_of(path) for path in paths))
     with Bag.of(" ".join(map(str, paths)), files, nothing) as bag:
-        if bag.faults:
-            raise BagError(f"{bag.faults[0]}; `robo bag recover` makes a whole file of what is there")
+        for fault in bag.faults:
+            text = f"{fault.reason}; `robo bag recover` makes a whole file of what can be read"
+            raise DamagedBag(text, fault.path, fault.offset)
         topics = [topic for topic in bag.topics.values() if wanted(topic.name)]
         if not topics:
             raise BagError("it has none of these topics", bag.path)

@@ -335,6 +335,8 @@ def rows(data: bytes | memoryview, others: Callable[[int, memoryview], None] | N
         at = begin + length
         if at > whole:
             raise Malformed(f"a record claims {length:,} bytes, and {whole - begin:,} are left")
+        if not kind:
+            raise Malformed("a record is of no kind")
         if kind == MESSAGE:
             if length < MESSAGE_HEAD.size:
                 raise Malformed(f"a message of {length} bytes is too short for its head")

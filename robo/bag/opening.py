@@ -8,32 +8,39 @@ from robo.bag.inspection import Report
 from robo.bag.reader import Bag
 from robo.bag.summary import Info
 from robo.bag.types import Find, of_robo
+from robo.errors import DamagedBag
 
 
-def open_bag(path: str | Path, find: Find = of_robo) -> Bag:
+def open_bag(path: str | Path, find: Find = of_robo, *, scan: bool = False) -> Bag:
     """Open a recording: a file, or a folder of files that follow one another.
 
-    One that is cut or damaged opens as well, as far as it can be read: `faults` say what is wrong.
+    One that is cut opens as well, as far as it can be read: `faults` say what is wrong.
 
     Args:
         path: of the file or folder.
         find: types by their names in ROS.
+        scan: look at every byte first, so that parts that are damaged are left out and among the `faults`; else they
+            are an error once messages in them are read.
 
     Raises:
         BagError: it cannot be read, or is no recording.
     """
-    return Bag(path, find)
+    return Bag(path, find, scan=scan)
 
 
 def info(path: str | Path, *, quick: bool = False, find: Find = of_robo) -> Info:
-    """What is in a recording, in figures; `quick` looks at no message.
+    """What is in a recording, in figures; `quick` looks at no message. Parts that are damaged are left out, and told.
 
     Raises:
         BagError: it cannot be read.
-        DamagedBag: a part of it is damaged.
+        DamagedBag: it is no recording at all.
     """
-    with Bag(path, find) as bag:
-        return summary.info(bag, quick=quick)
+    try:
+        with Bag(path, find) as bag:
+            return summary.info(bag, quick=quick)
+    except DamagedBag:
+        with Bag(path, find, scan=True) as bag:
+            return summary.info(bag, quick=quick)
 
 
 def check(path: str | Path, find: Find = of_robo) -> Report:

@@ -22,16 +22,17 @@ Order = Literal["arrived", "published"]
 class Bag:
     """A recording: one file, or the files of a folder as one. Also a context manager that closes it."""
 
-    def __init__(self, path: str | Path, find: Find) -> None:
+    def __init__(self, path: str | Path, find: Find, *, scan: bool = False) -> None:
         """
         Args:
             path: of a file or a folder.
             find: types by their names in ROS.
+            scan: look at every byte first, so that parts that are damaged are left out.
 
         Raises:
             BagError: it cannot be read, or is no recording.
         """
-        self._start(str(path), Files(files_of(path)), find)
+        self._start(str(path), Files(files_of(path), scan=scan), find)
 
     @classmethod
     def of(cls, path: str, files: Files, find: Find) -> "Bag":
