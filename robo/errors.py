@@ -191,6 +191,11 @@ class BagError(RoboError):
 class DamagedBag(BagError):
     """A file of a recording is cut, or its bytes make no sense."""
 
+    def __init__(self, text: str, path: str = "", offset: int | None = None, *, cut: bool = False) -> None:
+        super().__init__(text, path, offset)
+        self.cut = cut
+        """Whether it only ends too early, as after a power cut."""
+
 
 class DiskFull(BagError):
     """A recording has ended, whole, because the disk has less room than it is to leave."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from robo.bag.comparison import Diff, Difference, TopicDifference
+    from robo.bag.compression import Compression
     from robo.bag.counts import Counts
     from robo.bag.editing import Edited, cut, keep, merge
     from robo.bag.inspection import Finding, Kind, Report
@@ -30,6 +31,7 @@ __all__ = [
     "Bag",
     "BagError",
     "BagMessage",
+    "Compression",
     "Counts",
     "DamagedBag",
     "Diff",
@@ -60,6 +62,7 @@ __all__ = [
 
 _HOMES = {
     "bag.comparison": ("Diff", "Difference", "TopicDifference"),
+    "bag.compression": ("Compression",),
     "bag.counts": ("Counts",),
     "bag.editing": ("Edited", "cut", "keep", "merge"),
     "bag.inspection": ("Finding", "Kind", "Report"),

@@ -115,8 +115,8 @@ def _from_summary(source: Source) -> Index | None:
     """
     found = Index(header=_header(source), summarized=True)
     tail = source.size - len(mcap.MAGIC) - mcap.FOOTER_SIZE
-    if tail < len(mcap.MAGIC) or source.read(source.size - len(mcap.MAGIC), len(mcap.MAGIC)) != mcap.MAGIC:
-        raise source.damaged(source.size, "the file is cut: it does not end as it should")
+    if tail < len(mcap.MAGIC) or not source.ends:
+        raise source.ended(source.size, "it does not end as it should")
     place = source.place(tail)
     if place.kind != mcap.FOOTER:
         raise source.damaged(tail, "there is no footer")
@@ -210,8 +210,8 @@ def scanned(source: Source, beyond: bool = False) -> Index:
             if not offset:
                 break
     scan.end_run()
-    if not found.faults and source.read(source.size - len(mcap.MAGIC), len(mcap.MAGIC)) != mcap.MAGIC:
-        found.add_fault(source.damaged(source.size, "the file is cut: it does not end as it should"))
+    if not found.faults and not source.ends:
+        found.add_fault(source.ended(source.size, "it does not end as it should"))
     blocks = [block for block in found.blocks if block.begin <= block.end]
     found.begin = min((block.begin for block in blocks), default=0)
     found.end = max((block.end for block in blocks), default=0)

@@ -155,7 +155,7 @@ class _Look:
 
     def fault(self, fault: DamagedBag) -> None:
         """A file is cut or damaged."""
-        kind = Kind.CUT if "cut" in str(fault) else Kind.DAMAGED
+        kind = Kind.CUT if fault.cut else Kind.DAMAGED
         if self._damaged < _MOST_DAMAGED:
             self._damaged += 1
             self._found[kind, str(fault)] = Finding(kind=kind, text=str(fault))

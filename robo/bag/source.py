@@ -60,6 +60,8 @@ class Source:
             DamagedBag: it is no MCAP file.
         """
         self.path = str(path)
+        self.ends = True
+        """Whether it ends as a whole file does."""
         try:
             self._file = open_regular(path)
         except UnreadableFile as error:
@@ -72,6 +74,7 @@ class Source:
                 if other is not None:
                     raise BagError(f"it is {other}", self.path)
                 raise DamagedBag("it is empty" if not begin else "it is no MCAP file", self.path, 0)
+            self.ends = self._read(max(self.size - len(MAGIC), 0), min(self.size, len(MAGIC))) == MAGIC
         except BagError:
             self.close()
             raise
@@ -92,11 +95,12 @@ class Source:
         Raises:
             DamagedBag: none does, or it claims to go beyond the end of the file.
         """
+        if offset + PREFIX.size > self.size:
+            raise self.ended(offset, "a record should follow")
         kind, length = PREFIX.unpack(self.read(offset, PREFIX.size))
         found = Place(offset, kind, length)
         if found.end > self.size:
-            left = self.size - found.content
-            raise self.damaged(offset, f"a record claims {length:,} bytes, and {left:,} are left: the file is cut here")
+            raise self.ended(offset, f"a record claims {length:,} bytes, and {self.size - found.content:,} are left")
         return found
 
     def content(self, place: Place) -> bytes:
@@ -159,6 +163,12 @@ class Source:
     def damaged(self, offset: int, reason: str) -> DamagedBag:
         """An error of this file."""
         return DamagedBag(reason, self.path, offset)
+
+    def ended(self, offset: int, reason: str) -> DamagedBag:
+        """An error of this file, which has too little from some place on."""
+        if self.ends and self.size > 2 * len(MAGIC):
+            return self.damaged(offset, reason)
+        return DamagedBag(f"the file is cut: {reason}", self.path, offset, cut=True)
 
     def close(self) -> None:
         """Close the file."""
