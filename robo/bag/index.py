@@ -183,20 +183,19 @@ def _check(source: Source, found: Index) -> None:
         raise source.damaged(found.data_end, "the summary counts messages of a channel that it does not know")
 
 
-def scanned(source: Source, beyond: bool = False) -> Index:
-    """What is in a file, by looking at all of it, whatever its summary says.
+def scanned(source: Source) -> Index:
+    """What is in a file, by looking at all of it.
 
-    Args:
-        source: the file.
-        beyond: go on behind a place that cannot be read, where the summary tells of chunks there.
+    Of its summary it takes only what helps behind a place that cannot be read: where chunks are, and of what topics.
 
     Raises:
         DamagedBag: it has not even a header.
         BagError: its compression cannot be read here.
     """
     found = Index(header=_header(source))
+    said = _said_by_summary(source)
+    found.schemas, found.channels = dict(said.schemas), dict(said.channels)
     scan = _Scan(source, found)
-    later = _chunks_by_summary(source) if beyond else []
     offset = len(mcap.MAGIC)
     while True:
         try:
@@ -206,7 +205,7 @@ def scanned(source: Source, beyond: bool = False) -> Index:
             break
         except DamagedBag as fault:
             found.add_fault(fault)
-            offset = next((chunk for chunk in later if chunk > offset), 0)
+            offset = next((block.place.offset for block in said.blocks if block.place.offset > offset), 0)
             if not offset:
                 break
     scan.end_run()
@@ -218,13 +217,12 @@ def scanned(source: Source, beyond: bool = False) -> Index:
     return found
 
 
-def _chunks_by_summary(source: Source) -> list[int]:
-    """Where chunks begin, as the summary says; nothing where that cannot be read."""
+def _said_by_summary(source: Source) -> Index:
+    """What the summary says; nothing where that cannot be read."""
     try:
-        found = _from_summary(source)
+        return _from_summary(source) or Index()
     except BagError:
-        return []
-    return [block.place.offset for block in found.blocks] if found is not None else []
+        return Index()
 
 
 def read_block(data: bytes | memoryview, found: Index) -> tuple[dict[int, int], int, int]:

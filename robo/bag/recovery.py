@@ -44,7 +44,7 @@ def recover(path: str | Path, output: str | Path) -> Recovered:
         BagError: it cannot be read, or `output` is there already or cannot be written.
     """
     with Source(path) as source:
-        found = scanned(source, beyond=True)
+        found = scanned(source)
         with new_file(output, "none") as writer:
             _copy(source, found, writer)
         messages = sum(found.counts.values())

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from hypothesis import example, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from robo.bag import format as mcap
@@ -209,6 +209,7 @@ def test_definitions_that_differ_are_told_with_the_place(theirs: str, reason: st
 @example(2**32 - 3, [1, 1, 1, 1, 1, 1])
 @example(2**32 - 3, [1, 1, 7, 1])
 def test_losses_are_exact_from_the_last_32_bits_of_the_numbers(first: int, steps: list[int]) -> None:
+    assume(first % 2**32)  # a first number 0 says that nobody counts
     losses = Losses()
     number, published = first, 0
     losses.add(number % 2**32, published)

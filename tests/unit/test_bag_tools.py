@@ -1,0 +1,226 @@
+"""What is told of recordings, found in them, made of them; and how two differ."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from robo import bag
+from robo.bag.types import topic_of
+from robo.errors import BagError, DamagedBag
+from robo.wire.qos import QoS
+from robo_messages import String, Twist
+from tests import bags
+from tests.bags import MS, START
+
+PLAIN = bag.Options(compression="none")
+SECOND = 1_000 * MS
+TWIST = topic_of("r1/cmd_vel", Twist)
+
+
+def record(path: Path, *messages: tuple[int, int, int], topic: bag.TopicInFile = TWIST) -> None:
+    """Messages with their arrivals and publish times after the beginning, ms, and their numbers."""
+    with bag.Recording(path, PLAIN) as recording:
+        number = recording.topic(topic)
+        for arrived, published, sequence in messages:
+            data = bags.twist(sequence)
+            recording.write(number, data, START + arrived * MS, START + published * MS, sequence, "a")
+
+
+def test_info_tells_rates_gaps_losses_and_sizes(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    bags.drive(path, count=100, missing=[40, 41, 42])
+    info = bag.info(path)
+    assert (info.count, info.profile, info.library, info.faults) == (119, "ros2", "robo", [])
+    assert info.duration == pytest.approx(0.991)
+    assert info.size == path.stat().st_size
+    assert info.attachments == {"manifest.yaml": 10}
+    topics = {topic.name: topic for topic in info.topics}
+    twist = topics["r1/cmd_vel"]
+    assert (twist.type, twist.count, twist.lost, twist.unknown) == ("geometry/Twist", 97, 3, "")
+    assert twist.rate == pytest.approx(100.0)
+    assert twist.gap == pytest.approx(0.04)
+    assert twist.gap_at == START + 391 * MS
+    assert twist.size == 97 * 52
+    assert twist.delay == pytest.approx(0.001)
+    assert (twist.begin, twist.end) == (START + MS, START + 991 * MS)
+    assert (topics["r1/tf_static"].latched, topics["r1/tf_static"].lost) == (True, 0)
+    quick = bag.info(path, quick=True)
+    assert (quick.count, quick.topics[0].count, quick.topics[0].rate, quick.topics[0].lost) == (119, 97, None, None)
+    assert msgspec.json.decode(msgspec.json.encode(info))["topics"][0]["lost"] == 3
+
+
+def test_losses_are_told_without_what_the_recorder_counted(tmp_path: Path) -> None:
+    whole, cut = tmp_path / "whole.mcap", tmp_path / "cut.mcap"
+    bags.drive(whole, bag.Options(compression="none", chunk_size=700), missing=[10, 11])
+    cut.write_bytes(whole.read_bytes()[:-3_000])
+    (twist,) = [topic for topic in bag.info(cut).topics if topic.name == "r1/cmd_vel"]
+    assert twist.lost == 2
+
+
+def test_a_topic_of_one_message_or_none_has_no_rate(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    with bag.Recording(path, PLAIN) as recording:
+        recording.topic(topic_of("silent", String))
+        recording.write(recording.topic(TWIST), bags.twist(0), START, START)
+    one, silent = bag.info(path).topics
+    assert (one.count, one.rate, one.gap, one.lost) == (1, None, None, 0)
+    assert (silent.count, silent.begin, silent.size) == (0, None, 0)
+
+
+def kinds(path: Path) -> dict[tuple[str, str], int]:
+    return {(found.kind.value, found.topic): found.count for found in bag.check(path).findings}
+
+
+def test_check_finds_nothing_wrong_with_a_good_recording(tmp_path: Path) -> None:
+    bags.drive(tmp_path / "drive.mcap")
+    report = bag.check(tmp_path / "drive.mcap")
+    assert (report.findings, report.messages, report.whole) == ([], 122, True)
+
+
+def test_check_finds_holes_losses_and_disorder(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    even = [(step * 10, step * 10, step + 1) for step in range(100)]
+    record(path, *even, (4_000, 4_000, 101), (4_010, 4_005, 103), (4_020, 4_004, 102))
+    report = bag.check(path)
+    assert {found.kind.value: (found.count, found.text) for found in report.findings} == {
+        "hole": (1, "3.0 s without a message"),
+        "out of order": (1, "up to 0.001 s late"),
+        "lost": (1, "up to 1 in a row"),
+    }
+    assert report.whole
+
+
+def test_check_finds_clocks_that_jump_and_those_that_were_not_set(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    with bag.Recording(path, PLAIN) as recording:
+        number = recording.topic(TWIST)
+        for sequence, at in enumerate((5 * SECOND, 6 * SECOND, START + 9 * SECOND, START, START + SECOND), 1):
+            recording.write(number, bags.twist(0), at, at, sequence, "a")
+    found = kinds(path)
+    assert found["time jump", ""] == 1
+    assert found["epoch", "r1/cmd_vel"] == 2
+
+
+def test_check_finds_messages_that_are_none_and_types_that_are_not_known(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    with bag.Recording(path, PLAIN) as recording:
+        number = recording.topic(TWIST)
+        strange = recording.topic(bag.TopicInFile("arm", "arm_msgs/msg/Joints", "float64[] angles\n"))
+        recording.write(number, bags.twist(0), START, START)
+        recording.write(number, b"nothing", START, START)
+        recording.write(strange, b"whatever", START, START)
+    report = bag.check(path)
+    assert kinds(path) == {("undecodable", "r1/cmd_vel"): 1, ("unknown type", "arm"): 1}
+    assert not report.whole
+
+
+def test_check_finds_a_summary_that_lies(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    bags.drive(path)
+    data = bytearray(path.read_bytes())
+    (at,) = [begin for kind, begin, _ in bags.records_of(bytes(data)) if kind == 0x0B]
+    data[-1 - 8 :] = data[-1 - 8 :]
+    counts = at + 9 + 8 + 2 + 4 * 4 + 16 + 4 + 2
+    data[counts] += 1  # one more message of the first topic
+    path.write_bytes(data)
+    (found,) = bag.check(path).findings
+    assert (found.kind, found.text) == (bag.Kind.INDEX, f"{path}: its summary counts 123 messages, and it has 122")
+
+
+def test_check_tells_of_a_file_that_is_cut(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    bags.drive(path, bag.Options(compression="none", chunk_size=700))
+    path.write_bytes(path.read_bytes()[:-4_000])
+    report = bag.check(path)
+    assert report.findings[0].kind == bag.Kind.CUT
+    assert "drive.mcap, byte" in report.findings[0].text
+    assert not report.whole
+
+
+def test_a_part_begins_with_what_is_latched(tmp_path: Path) -> None:
+    path, part = tmp_path / "drive.mcap", tmp_path / "part.mcap"
+    bags.drive(path)
+    edited = bag.cut(path, part, START + 500 * MS, START + 600 * MS, "none")
+    assert (edited.topics, edited.messages, edited.latched) == (4, 14, 2)
+    with bag.open(part) as opened:
+        messages = list(opened.messages())
+        assert [message.topic.name for message in messages[:3]] == ["r1/tf_static", "r1/tf_static", "r1/cmd_vel"]
+        assert (opened.begin, opened.end) == (START + 500 * MS, START + 591 * MS)
+        assert messages[0].published == START
+        assert opened.attachment("manifest.yaml") == b"nodes: {}\n"
+        assert opened.metadata == {"robo": {"version": "1", "robot": "r1"}}
+        assert opened.topic("r1/scan").qos == QoS.SENSOR_DATA
+    assert bag.check(part).findings == []
+
+
+def test_a_part_in_which_nothing_came_is_not_made(tmp_path: Path) -> None:
+    path, part = tmp_path / "drive.mcap", tmp_path / "part.mcap"
+    bags.drive(path)
+    with pytest.raises(BagError, match=f"no message came in that time; they came from {START} to"):
+        bag.cut(path, part, START + 5 * SECOND, compression="none")
+    with pytest.raises(BagError, match="nothing is from 7 ns on and before 7 ns"):
+        bag.cut(path, part, 7, 7)
+    assert not part.exists()
+
+
+def test_some_topics_are_kept(tmp_path: Path) -> None:
+    path, part = tmp_path / "drive.mcap", tmp_path / "part.mcap"
+    bags.drive(path)
+    edited = bag.keep(path, part, lambda name: name.startswith("r1/") and name != "r1/scan", "none")
+    assert (edited.topics, edited.messages) == (3, 112)
+    with bag.open(part) as opened:
+        assert [*opened.topics] == ["r1/cmd_vel", "r1/odom", "r1/tf_static"]
+    with pytest.raises(BagError, match="it has none of these topics"):
+        bag.keep(path, tmp_path / "none.mcap", lambda name: name == "r2/scan", "none")
+
+
+def test_recordings_become_one_in_the_order_of_their_arrivals(tmp_path: Path) -> None:
+    first, second, merged = tmp_path / "a.mcap", tmp_path / "b", tmp_path / "m.mcap"
+    bags.drive(first, count=50)
+    bags.drive(second, bag.Options(compression="none", split_duration=0.2), count=50, start=START + 250 * MS)
+    edited = bag.merge([first, second], merged, "none")
+    assert edited.messages == 2 * (50 + 10 + 2)
+    with bag.open(merged) as opened:
+        arrivals = [message.arrived for message in opened.messages()]
+        assert arrivals == sorted(arrivals)
+        assert opened.topic("r1/tf_static").count == 4
+        assert [*opened.attachments] == ["manifest.yaml"]
+    assert bag.check(merged).whole
+    with pytest.raises(BagError, match="there is nothing to merge"):
+        bag.merge([], tmp_path / "none.mcap")
+
+
+def test_a_damaged_recording_is_mended_before_it_is_edited(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    bags.drive(path)
+    path.write_bytes(path.read_bytes()[:-10])
+    with pytest.raises(DamagedBag, match=r"the file is cut: .*; `robo bag recover` makes a whole file"):
+        bag.cut(path, tmp_path / "part.mcap", START)
+
+
+def test_differences_are_told_with_the_field(tmp_path: Path) -> None:
+    first, second = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    bags.drive(first)
+    with bag.open(first) as opened, bag.Recording(second, PLAIN) as recording:
+        numbers = {name: recording.topic(bag.TopicInFile(name, topic.schema, topic.text, qos=topic.qos))
+                   for name, topic in opened.topics.items() if name != "r1/scan"}  # fmt: skip
+        for index, message in enumerate(opened.messages(["r1/odom", "r1/cmd_vel"])):
+            data = bags.twist(99) if index == 30 else message.data
+            recording.write(numbers[message.topic.name], data, message.arrived + index, message.published + 2 * MS)
+    difference = bag.diff(first, second)
+    assert not difference.same
+    topics = {topic.name: topic for topic in difference.topics}
+    twist = topics["r1/cmd_vel"]
+    assert (twist.counts, twist.differing, twist.same) == ((100, 100), 1, False)
+    assert twist.first is not None
+    assert (twist.first.field, twist.first.second) == ("linear.x", "99.0")
+    assert twist.shift == pytest.approx(0.002)
+    assert topics["r1/odom"].same
+    assert topics["r1/scan"].types == ("sensor/LaserScan", "")
+    assert topics["r1/tf_static"].counts == (2, 0)
+
+
+def test_a_recording_does_not_differ_from_itself(tmp_path: Path) -> None:
+    bags.drive(tmp_path / "a.mcap")
+    assert bag.diff(tmp_path / "a.mcap", tmp_path / "a.mcap").same
