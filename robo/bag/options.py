@@ -14,6 +14,9 @@ CDR = "cdr"
 ROS_TEXT = "ros2msg"
 """That of their definitions."""
 
+_MOST_CHUNK = 2**26
+"""Before it is compressed, bytes: 67 MB."""
+
 
 class Options(msgspec.Struct, frozen=True, kw_only=True):
     """How a recording is written."""
@@ -21,14 +24,16 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     compression: Compression = "zstd"
     chunk_size: int = CHUNK_SIZE
     """Of a chunk before it is compressed, bytes."""
-    flush_period: float = 1.0
-    """What has come is in the file after this time, s."""
+    flush_period: float = 0.8
+    """What has come is in the file after this time, s: with the time that writing takes, a second is lost at most."""
     sync: bool = True
     """Whether it is on the disk then, too: what a power cut leaves."""
     split_size: int | None = None
     """A new file begins where one has this size, bytes; the chunk that reaches it is still in."""
     split_duration: float | None = None
     """A new file begins where one has messages of this time, s."""
+    split_by_hand: bool = False
+    """There are several files in a folder, though one only ends when `split` is called."""
     keep: int | None = None
     """Files that are kept, the newest; None for all."""
     least_free: int = 0
@@ -43,16 +48,20 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise BagError(f"{name} {value}: use a number above 0")
+        if self.chunk_size > _MOST_CHUNK:
+            raise BagError(f"chunk_size {self.chunk_size:,}: use {_MOST_CHUNK:,} at most")
         if self.least_free < 0:
             raise BagError(f"least_free {self.least_free}: use a number of bytes, or 0 for no limit")
         if not self.splits and (self.keep is not None or self.when_full == "drop_oldest"):
             which = "keep" if self.keep is not None else "when_full drop_oldest"
-            raise BagError(f"{which} deletes the oldest of several files: say split_size or split_duration as well")
+            raise BagError(
+                f"{which} deletes the oldest of several files: say split_size, split_duration or split_by_hand as well"
+            )
 
     @property
     def splits(self) -> bool:
         """Whether there are to be several files, in a folder."""
-        return self.split_size is not None or self.split_duration is not None
+        return self.split_by_hand or self.split_size is not None or self.split_duration is not None
 
 
 class TopicInFile(msgspec.Struct, frozen=True):

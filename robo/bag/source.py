@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
@@ -134,8 +135,6 @@ class Source:
             DamagedBag: it is damaged.
             BagError: its compression cannot be read here.
         """
-        import zlib
-
         try:
             data = compression.restored(found.compression, found.data, found.size)
         except Malformed as error:

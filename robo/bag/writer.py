@@ -10,7 +10,7 @@ import msgspec
 
 from robo.bag import counts, offered
 from robo.bag import format as mcap
-from robo.bag.compression import compressor
+from robo.bag.compression import MOST, compressor
 from robo.bag.counts import Counter, Counts
 from robo.bag.disk import Disk, Free, free_room
 from robo.bag.index import COUNTS, REPEATED
@@ -25,6 +25,11 @@ TYPE_HASH = "topic_type_hash"
 """The word of a channel's metadata that ROS reads."""
 
 _MOST_TOPICS = 65_535
+
+MOST_MESSAGE = MOST - 2**26
+"""Of a message, bytes: with a chunk before it, it is no more than what is read again."""
+MOST_ATTACHMENT = 2**30
+"""Bytes."""
 
 
 class _Attachment(msgspec.Struct, frozen=True):
@@ -133,6 +138,8 @@ class Recording:
             raise BagError(f"a message cannot have come at {arrived} ns: no file can hold this time", self.path)
         if not 0 <= published <= U64:
             published = arrived
+        if len(data) > MOST_MESSAGE:
+            raise BagError(f"{self._names[topic]}: a message of {len(data):,} bytes is larger than {MOST_MESSAGE:,}")
         part = self._part
         if part.counts and (arrived - part.begin >= self._split_span or part.size >= self._split_size):
             self.split(arrived)
@@ -162,6 +169,8 @@ class Recording:
             BagError: the recording has ended, or the file cannot be written.
         """
         self._check_open()
+        if len(data) > MOST_ATTACHMENT:
+            raise BagError(f"{name} has {len(data):,} bytes, and at most {MOST_ATTACHMENT:,} go into a file", self.path)
         found = self._attachments[name] = _Attachment(time, time, media_type, data)
         with self._part.writing():
             self._part.writer.add_attachment(found.arrived, found.created, name, media_type, data)
@@ -194,8 +203,8 @@ class Recording:
             DiskFull, BagError: as `write`.
         """
         self._check_open()
+        self._flush_due = self._monotonic() + self._options.flush_period  # however long it takes
         self._part.flush(self._options.sync)
-        self._flush_due = self._monotonic() + self._options.flush_period
         if not self._disk.has_room():
             self._close(DiskFull)
             self._check_open()
@@ -221,7 +230,7 @@ class Recording:
         """
         self._check_open()
         if not self._options.splits:
-            raise BagError("it is one file; a recording with split_size or split_duration is several", self.path)
+            raise BagError("it is one file; one with split_size, split_duration or split_by_hand is several", self.path)
         self._finish_part()
         self._part = self._next_part(at)
         self._disk.keep_newest()

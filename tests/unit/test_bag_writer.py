@@ -78,7 +78,7 @@ def test_a_recording_is_compressed_if_that_is_wanted(compression: bag.Compressio
 def test_what_came_is_in_the_file_after_a_second_and_a_new_topic_at_once(tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
     clock = Clock()
-    recording = bag.Recording(path, plain(), monotonic=clock)
+    recording = bag.Recording(path, plain(flush_period=1.0), monotonic=clock)
     number = recording.topic(TWIST)
     with bag.open(path) as opened:
         assert [*opened.topics] == ["r1/cmd_vel"]
@@ -341,8 +341,12 @@ def test_times_that_no_file_can_hold(tmp_path: Path) -> None:
         ({"compression": "rar"}, "compression 'rar' is not known; use zstd or none"),
         ({"chunk_size": 0}, "chunk_size 0: use a number above 0"),
         ({"split_duration": float("nan")}, "split_duration nan: use a number above 0"),
-        ({"keep": 2}, "keep deletes the oldest of several files: say split_size or split_duration as well"),
+        (
+            {"keep": 2},
+            "keep deletes the oldest of several files: say split_size, split_duration or split_by_hand as well",
+        ),
         ({"when_full": "drop_oldest"}, "when_full drop_oldest deletes the oldest"),
+        ({"chunk_size": 10**9}, "chunk_size 1,000,000,000: use 67,108,864 at most"),
         ({"least_free": -1}, "least_free -1"),
     ],
 )
@@ -365,3 +369,26 @@ def test_a_keep_all_topic_is_told_to_ros(tmp_path: Path) -> None:
         recording.topic(topic_of("log", String, QoS(depth=KEEP_ALL)))
     with bag.open(path) as opened:
         assert opened.topic("/log").qos.depth == KEEP_ALL
+
+
+def test_files_end_when_somebody_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    with bag.Recording(path, plain(split_by_hand=True)) as recording:
+        number = recording.topic(TWIST)
+        for step in range(3):
+            recording.write(number, bags.twist(step), START + step, START, step + 1)
+            recording.split(START + step)
+    assert [file.name for file in recording.files] == [f"run_{number}.mcap" for number in range(4)]
+    assert count_of(path) == 3
+
+
+def test_a_message_that_nobody_could_read_again_is_not_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robo.bag.writer.MOST_MESSAGE", 1_000)
+    monkeypatch.setattr("robo.bag.writer.MOST_ATTACHMENT", 1_000)
+    with bag.Recording(tmp_path / "drive.mcap", plain()) as recording:
+        number = recording.topic(TWIST)
+        with pytest.raises(BagError, match="r1/cmd_vel: a message of 1,001 bytes is larger than 1,000"):
+            recording.write(number, bytes(1_001), START, START)
+        with pytest.raises(BagError, match=r"map\.png has 1,001 bytes, and at most 1,000"):
+            recording.attach("map.png", bytes(1_001), "image/png", START)
+    assert count_of(tmp_path / "drive.mcap") == 0
