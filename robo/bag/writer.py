@@ -1,44 +1,26 @@
 """Writing a recording: one file, or a folder of files that follow one another."""
 
-import collections
 import time
 from collections.abc import Callable, Hashable
 from pathlib import Path
 from types import TracebackType
 
-import msgspec
-
-from robo.bag import counts, offered
-from robo.bag import format as mcap
+from robo.bag import counts
 from robo.bag.compression import MOST, compressor
+from robo.bag.contents import Contents
 from robo.bag.counts import Counter, Counts
 from robo.bag.disk import Disk, Free, free_room
-from robo.bag.index import COUNTS, REPEATED
-from robo.bag.kept import Kept, Said
+from robo.bag.index import COUNTS
+from robo.bag.kept import Said
 from robo.bag.options import Options, TopicInFile
 from robo.bag.packing import U32, U64
 from robo.bag.part import Part
-from robo.bag.ros2_folder import TopicOf
 from robo.errors import BagError, DiskFull
-
-TYPE_HASH = "topic_type_hash"
-"""The word of a channel's metadata that ROS reads."""
-
-_MOST_TOPICS = 65_535
 
 MOST_MESSAGE = MOST - 2**26
 """Of a message, bytes: with a chunk before it, it is no more than what is read again."""
 MOST_ATTACHMENT = 2**30
 """Bytes."""
-
-
-class _Attachment(msgspec.Struct, frozen=True):
-    """A file that is in each file."""
-
-    arrived: int
-    created: int
-    media_type: str
-    data: bytes
 
 
 class Recording:
@@ -66,15 +48,8 @@ class Recording:
         self._options = options if options is not None else Options()
         self._compression = compressor(self._options.compression)
         self._monotonic = monotonic
-        self._schemas: dict[tuple[str, str, str], mcap.Schema] = {}
-        self._channels: dict[int, mcap.Channel] = {}
-        self._numbers: dict[TopicInFile, int] = {}
-        self._names: dict[int, str] = {}
-        self._types: list[TopicOf] = []
-        self._kept = Kept()
+        self._contents = Contents()
         self._counter = Counter()
-        self._attachments: dict[str, _Attachment] = {}
-        self._metadata: dict[str, dict[str, str]] = {}
         self._disk = Disk(path, self._options, free)
         self._flush_due = 0.0
         self._ended: type[BagError] | None = None
@@ -89,24 +64,12 @@ class Recording:
         Raises:
             BagError: there are too many, or the file cannot be written.
         """
-        number = self._numbers.get(topic)
-        if number is not None:
-            return number
-        self._check_open()
-        number = len(self._channels) + 1
-        if number > _MOST_TOPICS:
-            raise BagError(f"a recording has at most {_MOST_TOPICS:,} topics", self.path)
-        channel, schema = self._records_of(topic, number)
-        self._numbers[topic] = number
-        self._names[number] = topic.name
-        self._channels[number] = channel
-        self._types.append(TopicOf(channel.topic, topic.schema, topic.type_hash, channel.metadata[offered.OFFERED]))
-        if topic.qos.latched:
-            self._kept.begin(number, topic.qos.depth)
-        with self._part.writing():
-            self._part.writer.add_schema(schema)
-            self._part.writer.add_channel(channel)
-        self.flush()
+        number = self._contents.number(topic)
+        if number is None:
+            self._check_open()
+            with self._part.writing():
+                number = self._contents.add_topic(topic, self._part.writer)
+            self._part.flush(sync=False)
         return number
 
     def write(
@@ -139,15 +102,17 @@ class Recording:
         if not 0 <= published <= U64:
             published = arrived
         if len(data) > MOST_MESSAGE:
-            raise BagError(f"{self._names[topic]}: a message of {len(data):,} bytes is larger than {MOST_MESSAGE:,}")
+            raise BagError(
+                f"{self._contents.names[topic]}: a message of {len(data):,} bytes is larger than {MOST_MESSAGE:,}"
+            )
         part = self._part
         if part.counts and (arrived - part.begin >= self._split_span or part.size >= self._split_size):
             self.split(arrived)
             part = self._part
-        self._counter.count(self._names[topic], sequence, published, source)
+        self._counter.count(self._contents.names[topic], sequence, published, source)
         number = (sequence or 0) & U32
-        if topic in self._kept:
-            self._kept.add(Said(topic, number, arrived, published, data), source)
+        if self._contents.is_latched(topic):
+            self._contents.keep(Said(topic, number, arrived, published, data), source)
         part.add(topic, number, arrived, published, data)
         if self._monotonic() >= self._flush_due:
             self.flush()
@@ -171,9 +136,8 @@ class Recording:
         self._check_open()
         if len(data) > MOST_ATTACHMENT:
             raise BagError(f"{name} has {len(data):,} bytes, and at most {MOST_ATTACHMENT:,} go into a file", self.path)
-        found = self._attachments[name] = _Attachment(time, time, media_type, data)
         with self._part.writing():
-            self._part.writer.add_attachment(found.arrived, found.created, name, media_type, data)
+            self._contents.attach(name, data, media_type, time, self._part.writer)
 
     def add_metadata(self, name: str, words: dict[str, str]) -> None:
         """Write words about the recording into this file and those that follow.
@@ -182,9 +146,8 @@ class Recording:
             BagError: the recording has ended, or the file cannot be written.
         """
         self._check_open()
-        self._metadata[name] = dict(words)
         with self._part.writing():
-            self._part.writer.add_metadata(name, words)
+            self._contents.add_metadata(name, words, self._part.writer)
 
     @property
     def counts(self) -> dict[str, Counts]:
@@ -264,40 +227,11 @@ class Recording:
         if self._ended is not None:
             raise BagError("the recording has ended", self.path)
 
-    def _records_of(self, topic: TopicInFile, number: int) -> tuple[mcap.Channel, mcap.Schema]:
-        said = topic.schema, topic.schema_encoding, topic.text
-        schema = self._schemas.get(said)
-        if schema is None:
-            data = topic.text.encode("utf-8", "replace")
-            schema = mcap.Schema(len(self._schemas) + 1, topic.schema, topic.schema_encoding, data)
-            self._schemas[said] = schema
-        words = offered.words_of(topic.qos)
-        if topic.type_hash:
-            words[TYPE_HASH] = topic.type_hash
-        name = f"/{topic.name.removeprefix('/')}"
-        return mcap.Channel(number, schema.id, name, topic.encoding, words), schema
-
     def _next_part(self, at: int) -> Part:
-        """A file with all that is said in each."""
         output = self._disk.open_next()
         part = Part(output, str(self._disk.now), self._compression, self._options.chunk_size)
-        kept = list(self._kept)
         with part.writing():
-            writer = part.writer
-            for schema in self._schemas.values():
-                writer.add_schema(schema)
-            for channel in self._channels.values():
-                writer.add_channel(channel)
-            for said in kept:
-                writer.add_message(said.channel, said.sequence, at, said.published, said.data)
-            writer.end_chunk()
-            if kept:
-                again = collections.Counter(said.channel for said in kept)
-                writer.add_metadata(REPEATED, {str(channel): str(count) for channel, count in again.items()})
-            for name, words in self._metadata.items():
-                writer.add_metadata(name, words)
-            for name, one in self._attachments.items():
-                writer.add_attachment(one.arrived, one.created, name, one.media_type, one.data)
+            self._contents.begin(part.writer, at)
         return part
 
     def _finish_part(self) -> None:
@@ -306,5 +240,4 @@ class Recording:
         with part.writing():
             part.writer.add_metadata(COUNTS, counts.words_of(counted))
         part.finish(self._options.sync)
-        by_name = {self._channels[number].topic: count for number, count in part.counts.items()}
-        self._disk.finished(part.begin, part.end, by_name, self._types)
+        self._disk.finished(part.begin, part.end, self._contents.counts(part.counts), self._contents.types)
