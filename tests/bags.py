@@ -32,7 +32,9 @@ def drive(
 ) -> None:
     """Record a short drive: a command each 10 ms, a scan each 100, what is static once."""
     leave_out = set(missing)
-    with bag.Recording(path, options if options is not None else bag.Options(compression="none")) as recording:
+    with bag.Recording(
+        path, options if options is not None else bag.Options(compression="none", sync=False)
+    ) as recording:
         static = recording.topic(topic_of("r1/tf_static", TFMessage, QoS.LATCHED))
         commands = recording.topic(topic_of("r1/cmd_vel", Twist))
         scans = recording.topic(topic_of("r1/scan", LaserScan, QoS.SENSOR_DATA))

@@ -54,9 +54,7 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
             raise BagError(f"least_free {self.least_free}: use a number of bytes, or 0 for no limit")
         if not self.splits and (self.keep is not None or self.when_full == "drop_oldest"):
             which = "keep" if self.keep is not None else "when_full drop_oldest"
-            raise BagError(
-                f"{which} deletes the oldest of several files: say split_size, split_duration or split_by_hand as well"
-            )
+            raise BagError(f"{which} deletes the oldest of several files: say what splits them, such as split_size")
 
     @property
     def splits(self) -> bool:

@@ -46,6 +46,8 @@ class Part:
 
     def add(self, topic: int, sequence: int, arrived: int, published: int, data: bytes) -> None:
         """A message: times in ns, a sequence number of 32 bits."""
+        if self.failure is not None:
+            raise self.failure
         if not self.counts or arrived < self.begin:
             self.begin = arrived
         if arrived > self.end:
@@ -76,6 +78,8 @@ class Part:
     @contextlib.contextmanager
     def writing(self) -> Iterator[None]:
         """Around what may fail for want of room, or of a disk."""
+        if self.failure is not None:
+            raise self.failure
         try:
             yield
         except (OSError, ValueError) as error:

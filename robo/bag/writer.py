@@ -51,10 +51,10 @@ class Recording:
         self._contents = Contents()
         self._counter = Counter()
         self._disk = Disk(path, self._options, free)
-        self._flush_due = 0.0
+        self._flush_due = monotonic() + self._options.flush_period
         self._ended: type[BagError] | None = None
         span, size = self._options.split_duration, self._options.split_size
-        self._split_span = round(span * 1e9) if span is not None else 2**64
+        self._split_span = round(min(span, 1e10) * 1e9) if span is not None else 2**64
         self._split_size = size if size is not None else 2**64
         self._part = self._next_part(0)
 
@@ -102,9 +102,8 @@ class Recording:
         if not 0 <= published <= U64:
             published = arrived
         if len(data) > MOST_MESSAGE:
-            raise BagError(
-                f"{self._contents.names[topic]}: a message of {len(data):,} bytes is larger than {MOST_MESSAGE:,}"
-            )
+            name = self._contents.names[topic]
+            raise BagError(f"{name}: a message of {len(data):,} bytes is larger than {MOST_MESSAGE:,}")
         part = self._part
         if part.counts and (arrived - part.begin >= self._split_span or part.size >= self._split_size):
             self.split(arrived)

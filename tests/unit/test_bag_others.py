@@ -15,7 +15,7 @@ from tests import bags
 from tests.bags import MS, START
 
 FORMS = {
-    "whole": bag.Options(compression="none", chunk_size=2_000),
+    "whole": bag.Options(compression="none", sync=False, chunk_size=2_000),
     "zstd": bag.Options(compression="zstd", chunk_size=2_000),
     "split": bag.Options(compression="zstd", split_duration=0.4),
 }

@@ -17,7 +17,7 @@ from robo_messages import Odometry, String, Twist
 from tests import bags
 from tests.bags import MS, START
 
-PLAIN = bag.Options(compression="none")
+PLAIN = bag.Options(compression="none", sync=False)
 TWIST = topic_of("r1/cmd_vel", Twist)
 
 
@@ -25,7 +25,7 @@ TWIST = topic_of("r1/cmd_vel", Twist)
 def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """A file with many small chunks."""
     path = tmp_path_factory.mktemp("bag") / "drive.mcap"
-    bags.drive(path, bag.Options(compression="none", chunk_size=700))
+    bags.drive(path, bag.Options(compression="none", sync=False, chunk_size=700))
     return path.read_bytes()
 
 
@@ -76,7 +76,7 @@ def test_all_forms_of_files_say_the_same(form: str, whole: bytes, tmp_path: Path
 
 def written(path: Path, *times: tuple[int, int], topic: bag.TopicInFile = TWIST) -> None:
     """Messages with these times of arrival and publishing; each says its place."""
-    with bag.Recording(path, bag.Options(compression="none", chunk_size=300)) as recording:
+    with bag.Recording(path, bag.Options(compression="none", sync=False, chunk_size=300)) as recording:
         number = recording.topic(topic)
         for place, (arrived, published) in enumerate(times):
             recording.write(number, bags.twist(place), START + arrived, START + published, place + 1)
@@ -283,7 +283,7 @@ def test_a_large_file_takes_little_memory(form: str, tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
     size, count = 200_000, 600
     picture = topic_of("picture", String)
-    with bag.Recording(path, bag.Options(compression="none", chunk_size=4 * size, sync=False)) as recording:
+    with bag.Recording(path, bag.Options(compression="none", sync=False, chunk_size=4 * size)) as recording:
         number = recording.topic(picture)
         for step in range(count):
             recording.write(number, bytes([step % 256]) * size, START + step, START, step + 1)

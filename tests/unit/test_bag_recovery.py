@@ -17,7 +17,7 @@ from tests import bags
 def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """A file with many small chunks."""
     path = tmp_path_factory.mktemp("bag") / "drive.mcap"
-    bags.drive(path, bag.Options(compression="none", chunk_size=700))
+    bags.drive(path, bag.Options(compression="none", sync=False, chunk_size=700))
     return path.read_bytes()
 
 
@@ -118,7 +118,7 @@ def test_chunks_are_copied_as_they_are(compression: str, whole: bytes, tmp_path:
 
 
 def test_the_last_file_of_a_folder_is_recovered_with_what_it_says_again(tmp_path: Path) -> None:
-    bags.drive(tmp_path / "run", bag.Options(compression="none", chunk_size=700, split_duration=0.5))
+    bags.drive(tmp_path / "run", bag.Options(compression="none", sync=False, chunk_size=700, split_duration=0.5))
     last = tmp_path / "run" / "run_1.mcap"
     data = last.read_bytes()
     last.unlink()

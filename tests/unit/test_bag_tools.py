@@ -13,7 +13,7 @@ from robo_messages import String, Twist
 from tests import bags
 from tests.bags import MS, START
 
-PLAIN = bag.Options(compression="none")
+PLAIN = bag.Options(compression="none", sync=False)
 SECOND = 1_000 * MS
 TWIST = topic_of("r1/cmd_vel", Twist)
 
@@ -52,7 +52,7 @@ def test_info_tells_rates_gaps_losses_and_sizes(tmp_path: Path) -> None:
 
 def test_losses_are_told_without_what_the_recorder_counted(tmp_path: Path) -> None:
     whole, cut = tmp_path / "whole.mcap", tmp_path / "cut.mcap"
-    bags.drive(whole, bag.Options(compression="none", chunk_size=700), missing=[10, 11])
+    bags.drive(whole, bag.Options(compression="none", sync=False, chunk_size=700), missing=[10, 11])
     cut.write_bytes(whole.read_bytes()[:-3_000])
     (twist,) = [topic for topic in bag.info(cut).topics if topic.name == "r1/cmd_vel"]
     assert twist.lost == 2
@@ -130,7 +130,7 @@ def test_check_finds_a_summary_that_lies(tmp_path: Path) -> None:
 
 def test_check_tells_of_a_file_that_is_cut(tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
-    bags.drive(path, bag.Options(compression="none", chunk_size=700))
+    bags.drive(path, bag.Options(compression="none", sync=False, chunk_size=700))
     path.write_bytes(path.read_bytes()[:-4_000])
     report = bag.check(path)
     assert report.findings[0].kind == bag.Kind.CUT
@@ -178,7 +178,9 @@ def test_some_topics_are_kept(tmp_path: Path) -> None:
 def test_recordings_become_one_in_the_order_of_their_arrivals(tmp_path: Path) -> None:
     first, second, merged = tmp_path / "a.mcap", tmp_path / "b", tmp_path / "m.mcap"
     bags.drive(first, count=50)
-    bags.drive(second, bag.Options(compression="none", split_duration=0.2), count=50, start=START + 250 * MS)
+    bags.drive(
+        second, bag.Options(compression="none", sync=False, split_duration=0.2), count=50, start=START + 250 * MS
+    )
     edited = bag.merge([first, second], merged, "none")
     assert edited.messages == 2 * (50 + 10 + 2)
     with bag.open(merged) as opened:

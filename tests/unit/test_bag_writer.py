@@ -35,7 +35,7 @@ class Clock:
 
 
 def plain(**options: Any) -> bag.Options:
-    return bag.Options(compression="none", **options)
+    return bag.Options(**{"compression": "none", "sync": False, **options})
 
 
 def text(value: str) -> bytes:
@@ -270,6 +270,8 @@ def test_what_cannot_be_written_is_told_and_what_was_written_stays_readable(
         write_much()
     with pytest.raises(BagError, match="No space left"):
         recording.flush()
+    with pytest.raises(BagError, match="No space left"):
+        recording.write(number, bags.twist(0), START, START)
     recording.close()
     assert path.stat().st_size == size
     assert count_of(path) == 1
@@ -343,7 +345,7 @@ def test_times_that_no_file_can_hold(tmp_path: Path) -> None:
         ({"split_duration": float("nan")}, "split_duration nan: use a number above 0"),
         (
             {"keep": 2},
-            "keep deletes the oldest of several files: say split_size, split_duration or split_by_hand as well",
+            "keep deletes the oldest of several files: say what splits them",
         ),
         ({"when_full": "drop_oldest"}, "when_full drop_oldest deletes the oldest"),
         ({"chunk_size": 10**9}, "chunk_size 1,000,000,000: use 67,108,864 at most"),
