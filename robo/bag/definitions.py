@@ -3,7 +3,7 @@
 import functools
 import re
 
-_RULER = re.compile(r"^={20,}\s*$", re.MULTILINE)
+_RULER = re.compile(r"^={20,}[ \t\r]*$", re.MULTILINE)
 _FIELD = re.compile(r"([A-Za-z][\w/]*(?:<=\d+)?(?:\[(?:<=)?\d*\])?)\s+([A-Za-z]\w*)\s*(=)?")
 _PARTS = re.compile(r"([A-Za-z][\w/]*)(.*)")
 _ALIASES = {"byte": "uint8", "char": "uint8"}

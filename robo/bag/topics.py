@@ -15,6 +15,9 @@ from robo.text.unreadable import UNREADABLE
 from robo.wire.qos import QoS
 from robo_messages import Message
 
+_MOST_TEXT = 1_000_000
+"""Of a definition, characters."""
+
 ChannelOf = tuple[int, int]
 """The number of a file, and that of a channel in it."""
 
@@ -67,7 +70,7 @@ class BagMessage(msgspec.Struct, frozen=True, gc=False):
         try:
             return known.decode(self.data)
         except (ValueError, RoboError, *UNREADABLE) as error:
-            where = f"{self.topic.name}, the message that came at {self.arrived} ns"
+            where = f"{brief(self.topic.name, 200)}, the message that came at {self.arrived} ns"
             raise BagError(f"{where}: no {self.topic.type}: {brief(str(error), 200)}") from None
 
 
@@ -117,8 +120,10 @@ def _type(name: str, kind: str, text: str, encoding: str, find: Find) -> tuple[K
         return None, f"robo has no type {shown(name)}"
     if text and kind != ROS_TEXT:
         return None, f"its definition is in {shown(kind)}, and robo reads {ROS_TEXT}"
+    if len(text) > _MOST_TEXT:
+        return None, f"its definition has {len(text):,} characters, and at most {_MOST_TEXT:,} are read"
     if text and (difference := definitions.differs(name, text, known.text)):
-        return None, f"its definition is another one: {difference}"
+        return None, f"its definition is another one: {brief(difference, 300)}"
     return known, ""
 
 

@@ -45,7 +45,8 @@ def nothing(_: str) -> Known | None:
 
 def of_robo(name: str) -> Known | None:
     """A type that ships or that a user's package has, by its name in ROS."""
-    found = _shipped().get(name) or _all().get(name)
+    here = (one for one in robo_messages.type_names() if full_name(one) == name)
+    found = next(here, None) or _all().get(name)
     type_ = catalogue.find_here(found) if found is not None else None
     if found is None or type_ is None:
         return None
@@ -64,11 +65,6 @@ def topic_of(name: str, type_: type[Message], qos: QoS = QoS.DEFAULT) -> TopicIn
     """
     own = robo_messages.type_name(type_)
     return TopicInFile(name, full_name(own), whole_text(own), type_hash(own), qos)
-
-
-@functools.cache
-def _shipped() -> dict[str, str]:
-    return {full_name(name): name for name in robo_messages.type_names()}
 
 
 @functools.cache
