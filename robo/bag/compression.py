@@ -24,6 +24,11 @@ COMPRESSIONS: tuple[Compression, ...] = get_args(Compression)
 MOST: Final = 2**28
 """Of a chunk, restored, bytes: 268 MB."""
 
+QUICK: Final = 1
+"""A level of zstd for a robot that has other things to do: numbers come out as small as by `SMALL`, and sooner."""
+SMALL: Final = 3
+"""A level of zstd for who can wait: five times slower with noisy pictures, which `QUICK` leaves as they are."""
+
 Compress = Callable[[bytes], bytes]
 
 
@@ -31,8 +36,12 @@ class CannotRestore(Exception):
     """A chunk is compressed in a way that cannot be read here; the text says what to do."""
 
 
-def compressor(compression: Compression) -> tuple[str, Compress | None]:
+def compressor(compression: Compression, level: int = QUICK) -> tuple[str, Compress | None]:
     """What MCAP calls a compression, and what compresses; None where nothing is to be done.
+
+    Args:
+        compression: which.
+        level: of zstd.
 
     Raises:
         BagError: its library is not installed; names the extra.
@@ -45,7 +54,7 @@ def compressor(compression: Compression) -> tuple[str, Compress | None]:
             "recording with zstd needs a library that is not installed: pip install 'robo-zenoh[record]'; "
             "compression none needs it not"
         )
-    return "zstd", lambda data: bytes(zstd.compress(data))
+    return "zstd", lambda data: bytes(zstd.compress(data, level))
 
 
 def restored(compression: str, data: memoryview, size: int) -> bytes | memoryview:

@@ -116,8 +116,8 @@ class FileWriter:
         packed = data if self._compress is None else self._compress(data)
         if begin > end:  # schemas and channels alone
             begin, end = 0, 0
-        whole = packing.chunk(begin, end, size, crc, self._compression, packed)
-        self._put_chunk(whole, begin, end, self._compression, len(packed), size, index)
+        head = packing.chunk_head(begin, end, size, crc, self._compression, len(packed))
+        self._put_chunk(head, packed, begin, end, self._compression, size, index)
 
     def copy_chunk(self, chunk: mcap.Chunk, records: bytes | memoryview) -> None:
         """Write a chunk of another file as it is, with an index made anew; its schemas and channels have to be known.
@@ -138,8 +138,8 @@ class FileWriter:
         if begin > end:
             begin, end = 0, 0
         crc = chunk.crc or zlib.crc32(records)
-        whole = packing.chunk(begin, end, chunk.size, crc, chunk.compression, chunk.data)
-        self._put_chunk(whole, begin, end, chunk.compression, len(chunk.data), chunk.size, index)
+        head = packing.chunk_head(begin, end, chunk.size, crc, chunk.compression, len(chunk.data))
+        self._put_chunk(head, chunk.data, begin, end, chunk.compression, chunk.size, index)
 
     def know(self, schemas: Iterable[mcap.Schema], channels: Iterable[mcap.Channel]) -> None:
         """Schemas and channels that chunks to be copied say."""
@@ -195,20 +195,27 @@ class FileWriter:
         self._filled += len(record)
 
     def _put_chunk(
-        self, whole: bytes, begin: int, end: int, compression: str, packed: int, size: int, index: dict[int, list[int]]
+        self,
+        head: bytes,
+        data: bytes | memoryview,
+        begin: int,
+        end: int,
+        compression: str,
+        size: int,
+        index: dict[int, list[int]],
     ) -> None:
-        at = self.size + len(whole)
+        offset, length = self.size, len(head) + len(data)
+        at = offset + length
         where: dict[int, int] = {}
-        parts = [whole]
+        indexes = []
         for channel, entries in index.items():
             where[channel] = at
             record = packing.message_index(channel, entries)
             at += len(record)
-            parts.append(record)
-        offset = self.size
-        self._write(b"".join(parts))
+            indexes.append(record)
+        self._write(head, data, b"".join(indexes))
         self._chunk_indexes += packing.chunk_index(
-            mcap.ChunkIndex(begin, end, offset, len(whole), where, at - offset - len(whole), compression, packed, size)
+            mcap.ChunkIndex(begin, end, offset, length, where, at - offset - length, compression, len(data), size)
         )
         self._chunks += 1
         for channel, entries in index.items():
@@ -216,8 +223,9 @@ class FileWriter:
         if index:
             self._begin, self._end = min(self._begin, begin), max(self._end, end)
 
-    def _write(self, data: bytes) -> None:
-        left = memoryview(data)
-        while left:
-            left = left[self._output.write(left) or 0 :]
-        self.size += len(data)
+    def _write(self, *parts: bytes | memoryview) -> None:
+        for part in parts:
+            left = memoryview(part)
+            while left:
+                left = left[self._output.write(left) or 0 :]
+        self.size += sum(map(len, parts))

@@ -5,7 +5,7 @@ import io
 from collections.abc import Iterator
 from pathlib import Path
 
-from robo.bag.compression import Compression, compressor
+from robo.bag.compression import SMALL, Compression, compressor
 from robo.bag.file_writer import FileWriter
 from robo.errors import BagError
 
@@ -17,7 +17,7 @@ def new_file(path: str | Path, compression: Compression = "zstd") -> Iterator[Fi
     Raises:
         BagError: there is something of this name already, or it cannot be written.
     """
-    how = compressor(compression)
+    how = compressor(compression, SMALL)
     try:
         output = io.FileIO(path, "x")
     except FileExistsError:

@@ -59,8 +59,13 @@ def channel(record: Channel) -> bytes:
 
 def chunk(begin: int, end: int, size: int, crc: int, compression: str, data: bytes | memoryview) -> bytes:
     """Records together; `data` is compressed already, `size` and `crc` are those of what is not."""
-    head = struct.pack("<QQQI", begin, end, size, crc)
-    return _record(CHUNK, head, _text(compression), struct.pack("<Q", len(data)), data)
+    return chunk_head(begin, end, size, crc, compression, len(data)) + data
+
+
+def chunk_head(begin: int, end: int, size: int, crc: int, compression: str, length: int) -> bytes:
+    """What stands before the `length` bytes of a chunk's data."""
+    head = struct.pack("<QQQI", begin, end, size, crc) + _text(compression) + struct.pack("<Q", length)
+    return PREFIX.pack(CHUNK, len(head) + length) + head
 
 
 def message_index(channel_id: int, entries: Sequence[int]) -> bytes:
