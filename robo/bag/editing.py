@@ -78,7 +78,7 @@ def _edit(
     compression: Compression,
 ) -> Edited:
     files = Files(*(files_of(path) for path in paths))
-    with Bag.of(" ".join(map(str, paths)), files, nothing) as bag:
+    with Bag(" ".join(map(str, paths)), files, nothing) as bag:
         for fault in bag.faults:
             text = f"{fault.reason}; `robo bag recover` makes a whole file of what can be read"
             raise DamagedBag(text, fault.path, fault.offset)

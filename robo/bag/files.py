@@ -67,9 +67,13 @@ class Files:
         self.counts = [dict(index.counts) for index in self.indexes]
         """Messages by channel, of each file; what is said again is left out."""
         self._blocks: list[tuple[int, Block]] = []
-        for number, index in enumerate(self.indexes):
-            after = self._leave_out_repeats(number, index) if number not in first else 0
-            self._blocks += [(number, block) for block in index.blocks if block.place.offset >= after]
+        try:
+            for number, index in enumerate(self.indexes):
+                after = self._leave_out_repeats(number, index) if number not in first else 0
+                self._blocks += [(number, block) for block in index.blocks if block.place.offset >= after]
+        except BagError:
+            self.close()
+            raise
         self.spans: list[Span] = [Span(block.begin, block.end) for _, block in self._blocks]
         self._cache = Cache(self._load)
 

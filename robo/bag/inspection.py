@@ -96,7 +96,7 @@ def check(path: str | Path, find: Find) -> Report:
         DamagedBag: it is no recording at all.
     """
     files = Files(files_of(path), scan=True)
-    with Bag.of(str(path), files, find) as bag:
+    with Bag(str(path), files, find) as bag:
         look = _Look(bag)
         for fault in bag.faults:
             look.fault(fault)

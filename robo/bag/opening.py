@@ -4,6 +4,7 @@ from pathlib import Path
 
 from robo.bag import comparison, inspection, summary
 from robo.bag.comparison import Diff
+from robo.bag.files import Files, files_of
 from robo.bag.inspection import Report
 from robo.bag.reader import Bag
 from robo.bag.summary import Info
@@ -25,7 +26,7 @@ def open_bag(path: str | Path, find: Find = of_robo, *, scan: bool = False) -> B
     Raises:
         BagError: it cannot be read, or is no recording.
     """
-    return Bag(path, find, scan=scan)
+    return Bag(str(path), Files(files_of(path), scan=scan), find)
 
 
 def info(path: str | Path, *, quick: bool = False, find: Find = of_robo) -> Info:
@@ -36,10 +37,10 @@ def info(path: str | Path, *, quick: bool = False, find: Find = of_robo) -> Info
         DamagedBag: it is no recording at all.
     """
     try:
-        with Bag(path, find) as bag:
+        with open_bag(path, find) as bag:
             return summary.info(bag, quick=quick)
     except DamagedBag:
-        with Bag(path, find, scan=True) as bag:
+        with open_bag(path, find, scan=True) as bag:
             return summary.info(bag, quick=quick)
 
 
@@ -60,5 +61,5 @@ def diff(first: str | Path, second: str | Path, find: Find = of_robo) -> Diff:
         BagError: one of them cannot be read.
         DamagedBag: a part of one is damaged.
     """
-    with Bag(first, find) as one, Bag(second, find) as other:
+    with open_bag(first, find) as one, open_bag(second, find) as other:
         return comparison.diff(one, other)

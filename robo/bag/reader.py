@@ -1,11 +1,10 @@
 """Reading recordings: their topics, and their messages, lazily, in the order of their times."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal
 
-from robo.bag.files import Files, files_of
+from robo.bag.files import Files
 from robo.bag.format import ATTACHMENT, Attachment, Malformed, Metadata, Row, attachment, rows
 from robo.bag.index import COUNTS, REPEATED
 from robo.bag.order import Data, Span, in_order
@@ -22,35 +21,26 @@ Order = Literal["arrived", "published"]
 class Bag:
     """A recording: one file, or the files of a folder as one. Also a context manager that closes it."""
 
-    def __init__(self, path: str | Path, find: Find, *, scan: bool = False) -> None:
+    def __init__(self, path: str, files: Files, find: Find) -> None:
         """
         Args:
-            path: of a file or a folder.
+            path: what it is called in messages.
+            files: of the recording; they are closed with it.
             find: types by their names in ROS.
-            scan: look at every byte first, so that parts that are damaged are left out.
-
-        Raises:
-            BagError: it cannot be read, or is no recording.
         """
-        self._start(str(path), Files(files_of(path), scan=scan), find)
-
-    @classmethod
-    def of(cls, path: str, files: Files, find: Find) -> "Bag":
-        """A recording whose files are open already."""
-        found = cls.__new__(cls)
-        found._start(path, files, find)
-        return found
-
-    def _start(self, path: str, files: Files, find: Find) -> None:
         self.path = path
         self.files = files
         self._by_channel: dict[ChannelOf, Topic] = {}
         self.topics: dict[str, Topic] = {}
         """By name."""
-        for topic in topics_of(files.indexes, files.counts, find):
-            self.topics[topic.name] = topic
-            self._by_channel.update(dict.fromkeys(topic.channels, topic))
-        spans = [Span(index.begin, index.end) for index in files.indexes if index.blocks]
+        try:
+            for topic in topics_of(files.indexes, files.counts, find):
+                self.topics[topic.name] = topic
+                self._by_channel.update(dict.fromkeys(topic.channels, topic))
+        except BaseException:
+            files.close()
+            raise
+        spans = [Span(index.begin, index.end) for index in files.indexes if any(index.counts.values())]
         self.begin = min((span.begin for span in spans), default=0)
         """The first arrival, ns since the epoch; 0 where there is no message."""
         self.end = max((span.end for span in spans), default=0)

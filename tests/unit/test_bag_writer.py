@@ -382,6 +382,8 @@ def test_files_end_when_somebody_says_so(tmp_path: Path) -> None:
             recording.split(START + step)
     assert [file.name for file in recording.files] == [f"run_{number}.mcap" for number in range(4)]
     assert count_of(path) == 3
+    with bag.open(path) as opened:  # the last one is empty
+        assert (opened.begin, opened.end) == (START, START + 2)
 
 
 def test_a_message_that_nobody_could_read_again_is_not_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
