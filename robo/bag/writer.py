@@ -194,7 +194,9 @@ class Recording:
         if not self._options.splits:
             raise BagError("it is one file; one with split_size, split_duration or split_by_hand is several", self.path)
         self._finish_part()
+        self._ended = BagError  # should there be no next file
         self._part = self._next_part(at)
+        self._ended = None
         self._disk.keep_newest()
 
     def close(self) -> None:

@@ -1,6 +1,7 @@
 """Writing recordings: what is in the file when, splits, latched topics, counts, and disks that fill."""
 
 import errno
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -396,3 +397,55 @@ def test_a_message_that_nobody_could_read_again_is_not_written(tmp_path: Path, m
         with pytest.raises(BagError, match=r"map\.png has 1,001 bytes, and at most 1,000"):
             recording.attach("map.png", bytes(1_001), "image/png", START)
     assert count_of(tmp_path / "drive.mcap") == 0
+
+
+def test_a_recording_whose_next_file_cannot_be_made_has_ended(tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    recording = bag.Recording(path, plain(split_by_hand=True))
+    number = recording.topic(TWIST)
+    recording.write(number, bags.twist(0), START, START, 1)
+    (path / "run_1.mcap").write_text("of somebody else")
+    with pytest.raises(BagError, match=r"run_1\.mcap: it cannot be made: File exists"):
+        recording.split(START)
+    with pytest.raises(BagError, match="the recording has ended"):
+        recording.write(number, bags.twist(0), START, START, 1)
+    recording.close()
+    assert bag.check(path / "run_0.mcap").findings == []
+
+
+MESSAGES = st.lists(
+    st.tuples(st.integers(0, 2), st.integers(0, 50), st.integers(0, 50), st.binary(max_size=40)), max_size=60
+)
+"""Topic, arrival, publish time, data."""
+
+
+@given(
+    messages=MESSAGES,
+    chunk_size=st.integers(1, 500),
+    split_size=st.none() | st.integers(1, 3_000),
+    split_duration=st.none() | st.sampled_from([1e-9, 7e-9, 30e-9]),
+)
+def test_whatever_is_written_is_read_in_the_order_of_its_times(
+    messages: list[tuple[int, int, int, bytes]], chunk_size: int, split_size: int | None, split_duration: float | None
+) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run"
+        options = plain(chunk_size=chunk_size, split_size=split_size, split_duration=split_duration)
+        with bag.Recording(path, options) as recording:
+            topics = [
+                recording.topic(bag.TopicInFile(f"t{name}", "a/msg/B", "byte[] c", qos=qos))
+                for name, qos in enumerate((QoS.DEFAULT, QoS.LATCHED, QoS(depth=3, latched=True)))
+            ]
+            for topic, arrived, published, data in messages:
+                recording.write(topics[topic], data, START + arrived, START + published)
+        with bag.open(path) as opened:
+            for order, key in (("arrived", 1), ("published", 2)):
+                found = [
+                    (int(one.topic.name[1:]), one.arrived - START, one.published - START, one.data)
+                    for one in opened.messages(order="arrived" if order == "arrived" else "published")
+                ]
+                assert found == sorted(messages, key=lambda message: message[key])
+            assert opened.count == len(messages)
+            if messages:
+                assert opened.begin == START + min(message[1] for message in messages)
+        assert not [found for found in bag.check(path).findings if found.kind in (bag.Kind.INDEX, bag.Kind.DAMAGED)]
