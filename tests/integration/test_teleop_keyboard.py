@@ -106,7 +106,7 @@ def test_keys_set_parameters_and_parameters_show(robo_session: zenoh.Session, ke
         node.set_parameters(speed_limit=0.2)
         eventually(lambda: base.commands[-1][0].linear.x == pytest.approx(0.2), "no faster than its limit")
         events.close()
-    assert stood(base), "the end of the node is that of the key"
+    eventually(lambda: stood(base), "the end of the node is that of the key")
 
 
 def test_it_may_start_again(robo_session: zenoh.Session, keys: Keys, base: Base) -> None:
