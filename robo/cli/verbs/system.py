@@ -18,6 +18,7 @@ verbs.group("service", "Services")
 verbs.group("action", "Actions: goals with feedback and a result")
 verbs.group("lifecycle", "States of managed nodes")
 verbs.group("tf", "Coordinate frames: where they stand, and who says so")
+verbs.group("bag", "Recordings: made, played, looked at, changed")
 verbs.group("interface", "Types of messages, services and actions")
 verbs.group("pkg", "Packages of nodes, messages and manifests")
 

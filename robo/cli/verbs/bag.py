@@ -1,0 +1,5 @@
+"""`robo bag`: recordings."""
+
+from robo.cli.tree import group
+
+verbs = group()

@@ -1,0 +1,1 @@
+"""Recordings of a robot that runs: what its topics say, written down, and said again."""
