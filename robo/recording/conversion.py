@@ -1,0 +1,114 @@
+"""Messages as they come from the network, and as a recording holds them."""
+
+from collections import Counter
+from collections.abc import Callable
+from typing import NamedTuple
+
+import zenoh
+
+from robo.bag.options import TopicInFile
+from robo.bag.writer import MOST_MESSAGE
+from robo.recording.forms import Form, form_of
+from robo.text.brief import brief
+from robo.wire.codec import Malformed, unpack_attachment
+from robo.wire.keys import source_id
+from robo.wire.qos import QoS
+
+_MOST_FORMS = 10_000
+"""That are remembered: topics and encodings that a stranger makes up fill no memory."""
+
+
+class Offer(NamedTuple):
+    """What the publishers of a topic say of it."""
+
+    qos: QoS = QoS.DEFAULT
+    type: str = ""
+    """Empty where nobody says it, or not all the same."""
+
+
+class Converted(NamedTuple):
+    """A message as a recording holds it: what `robo.bag.Recording.write` wants."""
+
+    topic: TopicInFile
+    data: bytes
+    arrived: int
+    """ns since the epoch, by this machine's clock."""
+    published: int
+    """ns since the epoch, by the publisher's; when it came, where that is not said."""
+    sequence: int | None
+    """None where its publisher does not count."""
+    source: str | None
+    """Zenoh's id of its publisher; None where that is not said."""
+
+
+def nothing_known(_: str) -> Offer:
+    """Of no topic anything is known."""
+    return Offer()
+
+
+class Conversion:
+    """Turns messages into what a recording holds. Used by one thread at a time."""
+
+    def __init__(self, tell: Callable[[str], None], offer_of: Callable[[str], Offer] = nothing_known) -> None:
+        """
+        Args:
+            tell: is told once, for each topic, what is not written down, or only as its bytes, and why.
+            offer_of: what is known of a topic's publishers; asked when its first message comes, and after `forget`.
+        """
+        self.malformed: Counter[str] = Counter()
+        """Messages that could not be written down, by topic."""
+        self._tell = tell
+        self._offer_of = offer_of
+        self._forms: dict[tuple[str, str], Form] = {}
+        self._told: set[str] = set()
+
+    def convert(self, key: str, arrived: int, sample: zenoh.Sample) -> Converted | None:
+        """A message; None where it is malformed, which is counted.
+
+        Args:
+            key: its topic.
+            arrived: ns since the epoch.
+            sample: as it came.
+        """
+        encoding = str(sample.encoding)
+        form = self._forms.get((key, encoding))
+        if form is None:
+            form = self._new_form(key, encoding)
+        payload = sample.payload.to_bytes()
+        try:
+            data = form.write(payload)
+            if len(data) > MOST_MESSAGE:
+                raise Malformed(f"it has {len(data):,} bytes, and at most {MOST_MESSAGE:,} go into a file")
+        except Malformed as reason:
+            self._refuse(key, str(reason))
+            return None
+        attachment = sample.attachment
+        stamp = unpack_attachment(attachment.to_bytes()) if attachment is not None else None
+        sequence, published = stamp if stamp is not None else (None, arrived)
+        source = sample.source_info
+        whose = source_id(source.source_id) if source is not None else None
+        return Converted(form.topic, data, arrived, published, sequence, whose)
+
+    def forget(self, key: str) -> None:
+        """What is known of a topic's publishers has changed: it is asked again."""
+        for known in [one for one in self._forms if one[0] == key]:
+            del self._forms[known]
+
+    def _new_form(self, key: str, encoding: str) -> Form:
+        offer = self._offer_of(key)
+        form = form_of(key, encoding, offer.qos, offer.type)
+        if len(self._forms) >= _MOST_FORMS:
+            del self._forms[next(iter(self._forms))]
+        self._forms[key, encoding] = form
+        if form.unknown:
+            self._once(f"{key} is recorded as bytes", f"{key} is recorded as the bytes that came: {form.unknown}")
+        return form
+
+    def _refuse(self, key: str, reason: str) -> None:
+        self.malformed[key] += 1
+        self._once(f"{key} malformed", f"{key}: a message cannot be written down, and is counted: {reason}")
+
+    def _once(self, what: str, text: str) -> None:
+        if what not in self._told and len(self._told) < _MOST_FORMS:
+            self._told.add(what)
+            self._tell(brief(text))
