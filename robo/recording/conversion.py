@@ -18,6 +18,16 @@ _MOST_FORMS = 10_000
 """That are remembered: topics and encodings that a stranger makes up fill no memory."""
 
 
+class Came(NamedTuple):
+    """A message as it came."""
+
+    key: str
+    """Its topic."""
+    arrived: int
+    """By this machine's clock, ns since the epoch."""
+    sample: zenoh.Sample
+
+
 class Offer(NamedTuple):
     """What the publishers of a topic say of it."""
 
@@ -62,14 +72,9 @@ class Conversion:
         self._forms: dict[tuple[str, str], Form] = {}
         self._told: set[str] = set()
 
-    def convert(self, key: str, arrived: int, sample: zenoh.Sample) -> Converted | None:
-        """A message; None where it is malformed, which is counted.
-
-        Args:
-            key: its topic.
-            arrived: ns since the epoch.
-            sample: as it came.
-        """
+    def convert(self, came: Came) -> Converted | None:
+        """A message as a recording holds it; None where it is malformed, which is counted."""
+        key, arrived, sample = came
         encoding = str(sample.encoding)
         form = self._forms.get((key, encoding))
         if form is None:

@@ -1,0 +1,209 @@
+"""Receiving what is recorded, without ever holding up who publishes.
+
+Zenoh's own threads put each message with the time of its arrival into a row, which costs some microseconds; whoever
+records takes out all that has come, some twenty times a second. That is a third of what it costs to be woken for each
+message, and the times are exact. What waits has a limit in bytes; beyond it new messages are left out and counted.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import zenoh
+
+from robo.recording.conversion import Came
+from robo.recording.latched import LatchedFirst
+from robo.recording.offers import Offers
+from robo.recording.selection import Selection
+from robo.wire import keys
+from robo.wire.keys import EndpointToken
+from robo.wire.latched import ASK_TIMEOUT, kept
+from robo.wire.qos import KEEP_ALL
+
+MOST_BYTES = 256_000_000
+"""What may wait to be written down."""
+
+LONGEST_LOOK = 0.5
+"""How long to wait, at first, for a latched publisher that does not say what it keeps, s."""
+
+ASK_AGAIN = (1.0, 5.0)
+"""After how long all latched publishers are asked once more, s: a token that is announced while two routers are
+linking may be lost (zenoh 1.10.2, about one in three)."""
+
+_LIVE, _KEPT, _DONE, _PUBLISHER, _KEEPER = range(5)
+
+
+class Intake:
+    """The messages of a selection. `take` is called by one thread at a time."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        selection: Selection,
+        most_bytes: int = MOST_BYTES,
+        offer_changed: Callable[[str], object] = lambda _: None,
+    ) -> None:
+        """
+        Args:
+            session: the network.
+            selection: what is wanted.
+            most_bytes: what may wait.
+            offer_changed: is told, by the thread that takes, of each topic of which publishers say another thing now.
+        """
+        self.left_out = 0
+        """Messages that were not handed out, as too many waited. Who counts sequence numbers finds them missing."""
+        self.offers = Offers()
+        """What publishers say of their topics."""
+        self._session = session
+        self._selection = selection
+        self._most_bytes = most_bytes
+        self._offer_changed = offer_changed
+        self._row: deque[tuple[int, int, Any]] = deque()
+        self._bytes = 0
+        self._taken = 0
+        self._latched = LatchedFirst()
+        self._latched_topics: set[str] = set()
+        self._closed = False
+        self._begin()
+        begun = time.monotonic()
+        self._ask_at = [begun + pause for pause in ASK_AGAIN]
+
+    def take(self) -> list[Came]:
+        """All that has come since it was called last, in order; at first what latched topics have said before."""
+        found = self._take_first()
+        if self._ask_at and time.monotonic() >= self._ask_at[0] and not self._closed:
+            del self._ask_at[0]
+            for key in self._selection.keys:
+                self._ask(key, "", whole=True)
+        row, latched_topics = self._row, self._latched_topics
+        source_of = self._selection.source
+        for _ in range(len(row)):
+            arrived, kind, news = row.popleft()
+            if kind != _LIVE:
+                found += self._learn(arrived, kind, news)
+                continue
+            number, sample = news
+            self._taken += len(sample.payload)
+            key = str(sample.key_expr)
+            if source_of(key) != number or sample.kind != zenoh.SampleKind.PUT:
+                continue
+            came = Came(key, arrived, sample)
+            if key in latched_topics:
+                found += self._latched.live(came)
+            else:
+                found.append(came)
+        if self._closed:
+            found += self._latched.all_held()
+        if not row:  # what threads have added at the same moment may have been lost
+            self._bytes = self._taken = 0
+        return found
+
+    def close(self) -> None:
+        """Receive no more; what has come may still be taken."""
+        self._closed = True
+        for end in self._ends:
+            end.undeclare()
+
+    def _begin(self) -> None:
+        """Listen; tokens first, so that publishers are known before they speak."""
+        listen = self._session.liveliness().declare_subscriber
+        expressions = self._selection.keys
+        begin = time.time_ns()
+        tokens = keys.tokens_of_publishers("*")
+        self._ends: list[Any] = [listen(tokens, _at_once(partial(self._post, _PUBLISHER)), history=True)]
+        self._ends += [
+            self._session.declare_subscriber(key, _at_once(partial(self._receive, number)))
+            for number, key in enumerate(expressions)
+        ]
+        # What was said before has come, as a recording has it, before all that is said from now on.
+        self._first = [
+            (begin, sample) for key in expressions for sample in kept(self._session, key, KEEP_ALL, LONGEST_LOOK)
+        ]
+        keepers = partial(self._post, _KEEPER)
+        self._ends += [listen(keys.tokens_of_latched(key), _at_once(keepers), history=True) for key in expressions]
+
+    def _take_first(self) -> list[Came]:
+        first, self._first = self._first, []
+        if not first:
+            return []
+        # Publishers are known first: what they offer stands in the file before what they say.
+        for arrived, kind, news in [one for one in list(self._row) if one[1] == _PUBLISHER]:
+            self._learn(arrived, kind, news)
+        return [came for arrived, sample in first for came in self._learn(arrived, _KEPT, sample)]
+
+    def _receive(self, number: int, sample: zenoh.Sample) -> None:
+        """Called by Zenoh's threads."""
+        size = len(sample.payload)
+        if self._bytes - self._taken + size > self._most_bytes and self._row:
+            self.left_out += 1
+            return
+        self._bytes += size
+        self._row.append((time.time_ns(), _LIVE, (number, sample)))
+
+    def _post(self, kind: int, news: Any = None) -> None:
+        """Called by Zenoh's threads."""
+        if len(self._row) < _MOST_NEWS:
+            self._row.append((time.time_ns(), kind, news))
+
+    def _learn(self, arrived: int, kind: int, news: Any) -> list[Came]:
+        """What follows of a token, a reply, or the end of the replies of a publisher."""
+        if kind == _DONE:
+            return self._latched.done(news)
+        key = str(news.key_expr)
+        if kind == _KEPT:
+            if self._selection.source(key) < 0:
+                return []
+            self._latched_topics.add(key)
+            return self._latched.kept(Came(key, arrived, news))
+        is_there = news.kind == zenoh.SampleKind.PUT
+        if kind == _PUBLISHER:
+            self._meet(keys.parse_token(key), is_there=is_there)
+        elif is_there and (publisher := keys.latched_id(key)):
+            topic = key.rpartition("/@adv/pub/")[0]
+            if self._selection.source(topic) >= 0 and len(self._latched_topics) < _MOST_TOPICS:
+                self._latched_topics.add(topic)
+                if not self._closed and self._latched.keeper(publisher):
+                    self._ask(key, publisher, whole=False)
+        return []
+
+    def _meet(self, token: keys.Token | None, *, is_there: bool) -> None:
+        if not isinstance(token, EndpointToken) or self._selection.source(token.topic) < 0:
+            return
+        if is_there:
+            self._latched.meet(token)
+            if self.offers.put(token):
+                self._offer_changed(token.topic)
+        else:
+            self._latched.part(token)
+            self.offers.delete(token)
+
+    def _ask(self, key: str, publisher: str, *, whole: bool) -> None:
+        """Ask one publisher for what it has said, by the key of its token; or all of a topic."""
+
+        def tell(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                self._post(_KEPT, reply.ok)
+
+        done = partial(self._post, _DONE, publisher)
+        handler = zenoh.handlers.Callback(tell, done, indirect=False)
+        self._session.get(
+            keys.latched_key(key, KEEP_ALL, whole=whole),
+            handler,
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            accept_replies=zenoh.ReplyKeyExpr.ANY,
+            timeout=ASK_TIMEOUT,
+        )
+
+
+_MOST_NEWS = 1_000_000
+"""Tokens and replies that may wait."""
+_MOST_TOPICS = 20_000
+"""Latched ones."""
+
+
+def _at_once(act: Callable[[Any], None]) -> Any:
+    """A handler on Zenoh's own thread: no thread more has to be woken."""
+    return zenoh.handlers.Callback(act, indirect=False)

@@ -1,0 +1,84 @@
+"""What latched publishers have said before comes before what they say now, and nothing twice. Pure."""
+
+import zenoh
+
+from robo.recording.conversion import Came
+from robo.wire import codec, keys
+from robo.wire.keys import EndpointToken
+from robo.wire.latched import Order
+
+
+class LatchedFirst:
+    """Puts the messages of latched publishers in order."""
+
+    def __init__(self) -> None:
+        self._order = Order()
+        self._known: set[str] = set()
+        self._held: dict[str, list[Came]] = {}
+        """By publishers that are being asked, what they have said meanwhile."""
+
+    def meet(self, token: EndpointToken) -> None:
+        """A publisher of a node is there."""
+        if token.id:
+            self._order.meet(token.id, token.full_name)
+
+    def part(self, token: EndpointToken) -> None:
+        """A publisher of a node is gone."""
+        if token.id:
+            self._order.part(token.id)
+
+    def keeper(self, publisher: str) -> bool:
+        """A latched publisher is there: whether it is to be asked for what it has said; its news are held until `done`.
+
+        Args:
+            publisher: Zenoh's id of it, as `keys.source_id` makes it.
+        """
+        if publisher in self._known or len(self._known) >= _MOST_PUBLISHERS:
+            return False
+        self._known.add(publisher)
+        self._order.follow(publisher)
+        self._held[publisher] = []
+        return True
+
+    def kept(self, came: Came) -> list[Came]:
+        """What a publisher has said before: what of it is to be written down."""
+        publisher = _publisher(came.sample)
+        if publisher:
+            self._known.add(publisher)
+            self._order.follow(publisher)
+        return [came] if self._admits(came, publisher) else []
+
+    def live(self, came: Came) -> list[Came]:
+        """What somebody says now on a topic that has latched publishers: what is to be written down."""
+        publisher = _publisher(came.sample)
+        held = self._held.get(publisher)
+        if held is not None:
+            held.append(came)
+            return []
+        return [came] if self._admits(came, publisher) else []
+
+    def done(self, publisher: str) -> list[Came]:
+        """All has come that a publisher has said before: what it has said meanwhile."""
+        return [came for came in self._held.pop(publisher, ()) if self._admits(came, publisher)]
+
+    def all_held(self) -> list[Came]:
+        """No more answers come: what all have said meanwhile."""
+        return [came for publisher in list(self._held) for came in self.done(publisher)]
+
+    def _admits(self, came: Came, publisher: str) -> bool:
+        if not publisher:
+            return True
+        sample = came.sample
+        source, attachment = sample.source_info, sample.attachment
+        stamp = codec.unpack_attachment(attachment.to_bytes()) if attachment is not None else None
+        if stamp is None:
+            return source is None or self._order.admits(publisher, source.source_sn, 0)
+        return self._order.admits(publisher, stamp.sequence_number, stamp.source_time)
+
+
+_MOST_PUBLISHERS = 10_000
+
+
+def _publisher(sample: zenoh.Sample) -> str:
+    source = sample.source_info
+    return keys.source_id(source.source_id) if source is not None else ""
