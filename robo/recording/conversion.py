@@ -9,6 +9,7 @@ import zenoh
 from robo.bag.options import TopicInFile
 from robo.bag.writer import MOST_MESSAGE
 from robo.recording.forms import Form, form_of
+from robo.recording.senders import Senders
 from robo.text.brief import brief
 from robo.wire.codec import Malformed, unpack_attachment
 from robo.wire.keys import source_id
@@ -34,6 +35,8 @@ class Offer(NamedTuple):
     qos: QoS = QoS.DEFAULT
     type: str = ""
     """Empty where nobody says it, or not all the same."""
+    publishers: tuple[str, ...] = ()
+    """Zenoh's ids of them, as `keys.source_id` makes them."""
 
 
 class Converted(NamedTuple):
@@ -48,7 +51,8 @@ class Converted(NamedTuple):
     sequence: int | None
     """None where its publisher does not count."""
     source: str | None
-    """Zenoh's id of its publisher; None where that is not said."""
+    """Which publisher has sent it: Zenoh's id of that, or another word where it is not said; None where it does not
+    count."""
 
 
 def nothing_known(_: str) -> Offer:
@@ -59,11 +63,11 @@ def nothing_known(_: str) -> Offer:
 class Conversion:
     """Turns messages into what a recording holds. Used by one thread at a time."""
 
-    def __init__(self, tell: Callable[[str], None], offer_of: Callable[[str], Offer] = nothing_known) -> None:
+    def __init__(self, tell: Callable[[str], object], offer_of: Callable[[str], Offer] = nothing_known) -> None:
         """
         Args:
             tell: is told once, for each topic, what is not written down, or only as its bytes, and why.
-            offer_of: what is known of a topic's publishers; asked when its first message comes, and after `forget`.
+            offer_of: what is known of a topic's publishers.
         """
         self.malformed: Counter[str] = Counter()
         """Messages that could not be written down, by topic."""
@@ -71,6 +75,7 @@ class Conversion:
         self._offer_of = offer_of
         self._forms: dict[tuple[str, str], Form] = {}
         self._told: set[str] = set()
+        self._senders = Senders(lambda key: offer_of(key).publishers)
 
     def convert(self, came: Came) -> Converted | None:
         """A message as a recording holds it; None where it is malformed, which is counted."""
@@ -85,19 +90,26 @@ class Conversion:
             if len(data) > MOST_MESSAGE:
                 raise Malformed(f"it has {len(data):,} bytes, and at most {MOST_MESSAGE:,} go into a file")
         except Malformed as reason:
-            self._refuse(key, str(reason))
+            self.refuse(key, str(reason))
             return None
         attachment = sample.attachment
         stamp = unpack_attachment(attachment.to_bytes()) if attachment is not None else None
-        sequence, published = stamp if stamp is not None else (None, arrived)
-        source = sample.source_info
-        whose = source_id(source.source_id) if source is not None else None
-        return Converted(form.topic, data, arrived, published, sequence, whose)
+        if stamp is None:
+            return Converted(form.topic, data, arrived, arrived, None, None)
+        source, (sequence, published) = sample.source_info, stamp
+        signed = source_id(source.source_id) if source is not None else None
+        sender = self._senders.sender(key, signed, sequence)
+        return Converted(form.topic, data, arrived, published, sequence, sender)
 
     def forget(self, key: str) -> None:
         """What is known of a topic's publishers has changed: it is asked again."""
         for known in [one for one in self._forms if one[0] == key]:
             del self._forms[known]
+
+    def refuse(self, key: str, reason: str) -> None:
+        """A message of a topic is not written down: it is counted, and the reason told where it is the first."""
+        self.malformed[key] += 1
+        self._once(f"{key} malformed", f"{key}: a message cannot be written down, and is counted: {reason}")
 
     def _new_form(self, key: str, encoding: str) -> Form:
         offer = self._offer_of(key)
@@ -108,10 +120,6 @@ class Conversion:
         if form.unknown:
             self._once(f"{key} is recorded as bytes", f"{key} is recorded as the bytes that came: {form.unknown}")
         return form
-
-    def _refuse(self, key: str, reason: str) -> None:
-        self.malformed[key] += 1
-        self._once(f"{key} malformed", f"{key}: a message cannot be written down, and is counted: {reason}")
 
     def _once(self, what: str, text: str) -> None:
         if what not in self._told and len(self._told) < _MOST_FORMS:

@@ -4,8 +4,10 @@ Pure but for types of users, whose modules are imported when one of them is met 
 """
 
 from collections.abc import Callable
+from importlib.util import find_spec
 from typing import NamedTuple
 
+import robo_messages
 from robo.bag.options import CDR, TopicInFile
 from robo.bag.types import topic_of
 from robo.errors import ContractError, MessageError
@@ -106,7 +108,42 @@ def _to_cdr(type_: type[Message], encoding: str) -> Write:
             except UNREADABLE:
                 message = decoder.decode_other(payload, encoding)
             return encode(message)
+        except Malformed:
+            raise
         except MessageError as error:
             raise Malformed(f"ROS cannot have it: {error}") from None
+        except Exception as error:  # a user's class of messages may raise anything
+            raise Malformed(brief(f"{type(error).__name__}: {error}", _MOST_NAME)) from None
 
-    return write
+    return _scans(write) if robo_messages.type_name(type_) == _SCAN else write
+
+
+def _scans(write: Write) -> Write:
+    """Scans of many rays, where there is numpy, without a number of Python's for each ray: in a fifth of the time."""
+    swift: Write | None = None
+    has_numpy = find_spec("numpy") is not None
+
+    def write_scan(payload: bytes) -> bytes:
+        nonlocal swift
+        if len(payload) < _LONG_SCAN or not has_numpy:
+            return write(payload)
+        if swift is None:
+            swift = _swift_scans()
+        try:
+            return swift(payload)
+        except (ValueError, MessageError, *UNREADABLE):
+            return write(payload)  # JSON, or it is told what is wrong
+
+    return write_scan
+
+
+def _swift_scans() -> Write:
+    from robo_messages.scans import LaserScanArray  # whoever has no such scans does without numpy
+
+    decode, encode = robo_messages.decoder_of(LaserScanArray).decode, cdr.encoder(LaserScanArray)
+    return lambda payload: encode(decode(payload))
+
+
+_SCAN = "sensor/LaserScan"
+_LONG_SCAN = 4_000
+"""Bytes: 400 rays. For fewer numpy is not worth its memory."""

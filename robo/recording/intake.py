@@ -64,7 +64,6 @@ class Intake:
         self._bytes = 0
         self._taken = 0
         self._latched = LatchedFirst()
-        self._latched_topics: set[str] = set()
         self._closed = False
         self._begin()
         begun = time.monotonic()
@@ -77,7 +76,7 @@ class Intake:
             del self._ask_at[0]
             for key in self._selection.keys:
                 self._ask(key, "", whole=True)
-        row, latched_topics = self._row, self._latched_topics
+        row, latched = self._row, self._latched
         source_of = self._selection.source
         for _ in range(len(row)):
             arrived, kind, news = row.popleft()
@@ -90,8 +89,8 @@ class Intake:
             if source_of(key) != number or sample.kind != zenoh.SampleKind.PUT:
                 continue
             came = Came(key, arrived, sample)
-            if key in latched_topics:
-                found += self._latched.live(came)
+            if key in latched:
+                found += latched.live(came)
             else:
                 found.append(came)
         if self._closed:
@@ -155,17 +154,14 @@ class Intake:
         if kind == _KEPT:
             if self._selection.source(key) < 0:
                 return []
-            self._latched_topics.add(key)
             return self._latched.kept(Came(key, arrived, news))
         is_there = news.kind == zenoh.SampleKind.PUT
         if kind == _PUBLISHER:
             self._meet(keys.parse_token(key), is_there=is_there)
         elif is_there and (publisher := keys.latched_id(key)):
             topic = key.rpartition("/@adv/pub/")[0]
-            if self._selection.source(topic) >= 0 and len(self._latched_topics) < _MOST_TOPICS:
-                self._latched_topics.add(topic)
-                if not self._closed and self._latched.keeper(publisher):
-                    self._ask(key, publisher, whole=False)
+            if self._selection.source(topic) >= 0 and not self._closed and self._latched.keeper(topic, publisher):
+                self._ask(key, publisher, whole=False)
         return []
 
     def _meet(self, token: keys.Token | None, *, is_there: bool) -> None:
@@ -200,8 +196,6 @@ class Intake:
 
 _MOST_NEWS = 1_000_000
 """Tokens and replies that may wait."""
-_MOST_TOPICS = 20_000
-"""Latched ones."""
 
 
 def _at_once(act: Callable[[Any], None]) -> Any:

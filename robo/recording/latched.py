@@ -7,45 +7,56 @@ from robo.wire import codec, keys
 from robo.wire.keys import EndpointToken
 from robo.wire.latched import Order
 
+_MOST_PUBLISHERS = 10_000
+_MOST_TOPICS = 10_000
+
 
 class LatchedFirst:
     """Puts the messages of latched publishers in order."""
 
     def __init__(self) -> None:
-        self._order = Order()
+        self._orders: dict[str, Order] = {}
+        """By topic."""
         self._known: set[str] = set()
         self._held: dict[str, list[Came]] = {}
         """By publishers that are being asked, what they have said meanwhile."""
 
+    def __contains__(self, topic: str) -> bool:
+        """Whether a topic has latched publishers, as far as is known."""
+        return topic in self._orders
+
     def meet(self, token: EndpointToken) -> None:
         """A publisher of a node is there."""
-        if token.id:
-            self._order.meet(token.id, token.full_name)
+        if token.id and token.qos.latched:
+            self._order(token.topic).meet(token.id, token.full_name)
 
     def part(self, token: EndpointToken) -> None:
         """A publisher of a node is gone."""
-        if token.id:
-            self._order.part(token.id)
+        if token.id and token.topic in self._orders:
+            self._orders[token.topic].part(token.id)
 
-    def keeper(self, publisher: str) -> bool:
+    def keeper(self, topic: str, publisher: str) -> bool:
         """A latched publisher is there: whether it is to be asked for what it has said; its news are held until `done`.
 
         Args:
+            topic: its topic.
             publisher: Zenoh's id of it, as `keys.source_id` makes it.
         """
+        order = self._order(topic)
         if publisher in self._known or len(self._known) >= _MOST_PUBLISHERS:
             return False
         self._known.add(publisher)
-        self._order.follow(publisher)
+        order.follow(publisher)
         self._held[publisher] = []
         return True
 
     def kept(self, came: Came) -> list[Came]:
         """What a publisher has said before: what of it is to be written down."""
         publisher = _publisher(came.sample)
+        order = self._order(came.key)
         if publisher:
             self._known.add(publisher)
-            self._order.follow(publisher)
+            order.follow(publisher)
         return [came] if self._admits(came, publisher) else []
 
     def live(self, came: Came) -> list[Came]:
@@ -65,18 +76,24 @@ class LatchedFirst:
         """No more answers come: what all have said meanwhile."""
         return [came for publisher in list(self._held) for came in self.done(publisher)]
 
+    def _order(self, topic: str) -> Order:
+        order = self._orders.get(topic)
+        if order is None:
+            if len(self._orders) >= _MOST_TOPICS:
+                del self._orders[next(iter(self._orders))]
+            order = self._orders[topic] = Order()
+        return order
+
     def _admits(self, came: Came, publisher: str) -> bool:
         if not publisher:
             return True
         sample = came.sample
         source, attachment = sample.source_info, sample.attachment
         stamp = codec.unpack_attachment(attachment.to_bytes()) if attachment is not None else None
+        order = self._order(came.key)
         if stamp is None:
-            return source is None or self._order.admits(publisher, source.source_sn, 0)
-        return self._order.admits(publisher, stamp.sequence_number, stamp.source_time)
-
-
-_MOST_PUBLISHERS = 10_000
+            return source is None or order.admits(publisher, source.source_sn, 0)
+        return order.admits(publisher, stamp.sequence_number, stamp.source_time)
 
 
 def _publisher(sample: zenoh.Sample) -> str:

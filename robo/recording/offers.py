@@ -13,32 +13,50 @@ class Offers:
 
     def __init__(self) -> None:
         self._topics: dict[str, dict[str, EndpointToken]] = {}
+        self._offers: dict[str, Offer] = {}
+        self._gone: set[str] = set()
+        """Topics that nobody publishes any more; what was said last of them holds."""
         self._count = 0
 
     def put(self, token: EndpointToken) -> bool:
-        """A publisher is there; returns whether what is said of its topic is another thing now."""
-        before = self.of(token.topic)
-        publishers = self._topics.setdefault(token.topic, {})
-        if token.key() not in publishers:
-            if self._count >= _MOST_TOKENS:
-                return False
-            self._count += 1
+        """A publisher is there; returns whether type or QoS of its topic are other ones now."""
+        topic = token.topic
+        if topic in self._gone:
+            self._gone.remove(topic)
+            self._count -= len(self._topics.pop(topic))
+        if self._count >= _MOST_TOKENS:
+            return False
+        publishers = self._topics.setdefault(topic, {})
+        self._count += token.key() not in publishers
         publishers[token.key()] = token
-        return self.of(token.topic) != before
+        before, after = self.of(topic), _offer(list(publishers.values()))
+        self._offers[topic] = after
+        return (after.qos, after.type) != (before.qos, before.type)
 
     def delete(self, token: EndpointToken) -> None:
-        """A publisher is gone; what it has said of its topic holds until another one says something else."""
-        publishers = self._topics.get(token.topic)
-        if publishers is not None and len(publishers) > 1 and publishers.pop(token.key(), None) is not None:
-            self._count -= 1
+        """A publisher is gone."""
+        publishers = self._topics.get(token.topic, {})
+        if token.key() not in publishers:
+            return
+        if len(publishers) == 1:
+            self._gone.add(token.topic)
+            return
+        del publishers[token.key()]
+        self._count -= 1
+        self._offers[token.topic] = _offer(list(publishers.values()))
 
     def of(self, topic: str) -> Offer:
         """What is known of a topic: one latched publisher makes it latched, and the deepest says how deep."""
-        publishers = list(self._topics.get(topic, {}).values())
-        if not publishers:
-            return Offer()
-        types = {token.type_name for token in publishers}
-        return Offer(_together([token.qos for token in publishers]), types.pop() if len(types) == 1 else "")
+        return self._offers.get(topic, _NOTHING)
+
+
+_NOTHING = Offer()
+
+
+def _offer(publishers: list[EndpointToken]) -> Offer:
+    types = {token.type_name for token in publishers}
+    ids = tuple(token.id for token in publishers if token.id)
+    return Offer(_together([token.qos for token in publishers]), types.pop() if len(types) == 1 else "", ids)
 
 
 def _together(offered: list[QoS]) -> QoS:

@@ -8,7 +8,7 @@ from robo.interfaces import cdr
 from robo.recording.forms import form_of, zenoh_encoding
 from robo.wire.codec import Malformed, encoding_of
 from robo.wire.qos import QoS
-from robo_messages import Odometry, String, Twist, Vector3
+from robo_messages import Header, LaserScan, Odometry, String, Time, Twist, Vector3
 
 
 def test_known_types_become_cdr() -> None:
@@ -85,3 +85,17 @@ def test_every_type_that_ships_becomes_cdr() -> None:
         form = form_of("topic", encoding_of(type_))
         assert form.unknown == "", name
     assert form_of("odom", encoding_of(Odometry)).topic.schema == "nav_msgs/msg/Odometry"
+
+
+def test_long_scans_are_written_as_short_ones_are() -> None:
+    pytest.importorskip("numpy")
+    form = form_of("r1/scan", encoding_of(LaserScan))
+    for rays in (1, 100, 2_000):
+        scan = LaserScan(Header(Time(5, 6), "laser"), 0.5, ranges=[float(n) for n in range(rays - 1)] + [float("inf")])
+        assert form.write(robo_messages.encode(scan)) == cdr.encoder(LaserScan)(scan)
+        assert form.write(robo_messages.encode_json(scan)) == cdr.encoder(LaserScan)(scan)
+    broken = LaserScan(ranges=[1e300] * 2_000)
+    with pytest.raises(Malformed, match="ranges"):
+        form.write(robo_messages.encode(broken))
+    with pytest.raises(Malformed, match="not a sensor/LaserScan"):
+        form.write(robo_messages.encode(LaserScan(ranges=[0.0] * 2_000))[:-1])

@@ -1,0 +1,239 @@
+"""Recording what topics say, beside whoever has it done: on a thread of its own, with all that belongs into a file."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import msgspec
+import zenoh
+
+from robo.bag import Options, Recording, TopicInFile
+from robo.errors import BagError
+from robo.recording.about import About, Manifests, Watch, no_manifests
+from robo.recording.conversion import Conversion, Converted
+from robo.recording.intake import MOST_BYTES, Intake
+from robo.recording.odometry import TransformsOfOdometry
+from robo.recording.selection import Selection
+from robo.recording.tally import Tally, TopicFigures
+
+PERIOD = 0.05
+"""How often what has come is written down, s."""
+
+ABOUT = "robo.about"
+"""The metadata that say who recorded what, with which versions."""
+MADE = "robo.made"
+"""The metadata that say which topics nobody published, and of which they were made."""
+
+_MOST_TOPICS = 20_000
+"""Of one recording: a stranger that makes some up ends none."""
+
+
+class Status(msgspec.Struct, frozen=True):
+    """How a recording goes, or went."""
+
+    files: list[str]
+    """The oldest first."""
+    duration: float
+    """Since it began, s."""
+    size: int
+    """Of the files, bytes."""
+    topics: list[TopicFigures]
+    left_out: int
+    """Messages that were not written down because too many waited; those that are counted are among the lost."""
+    missing: list[str]
+    """What was asked for, and of which nothing came."""
+    ended: str
+    """Why it has ended by itself; empty where it has not."""
+
+    @property
+    def received(self) -> int:
+        """Messages of all topics that were published."""
+        return sum(topic.received for topic in self.topics if not topic.made_of)
+
+    @property
+    def lost(self) -> int:
+        """Messages of all topics that did not come."""
+        return sum(topic.lost for topic in self.topics)
+
+    @property
+    def malformed(self) -> int:
+        """Messages of all topics that came and could not be written down."""
+        return sum(topic.malformed for topic in self.topics)
+
+
+class Recorder:
+    """Records a selection of topics from when it is made until `stop`."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        path: str | Path,
+        selection: Selection,
+        options: Options | None = None,
+        *,
+        tell: Callable[[str], object],
+        make_tf: bool = True,
+        manifests: Manifests = no_manifests,
+        most_bytes: int = MOST_BYTES,
+    ) -> None:
+        """
+        Args:
+            session: the network.
+            path: of the file; of the folder where there are to be several.
+            selection: the topics.
+            options: how it is written.
+            tell: is told, by another thread, what is not written down as it should be, once for each topic.
+            make_tf: whether transforms are made of odometry where nobody publishes them.
+            manifests: has those of runs.
+            most_bytes: what may wait to be written down.
+
+        Raises:
+            BagError: the file cannot be made, is there already, or the library for its compression is not installed.
+        """
+        self._recording = Recording(path, options)
+        self._selection = selection
+        self._begin = time.monotonic()
+        self._duration: float | None = None
+        self._ended = ""
+        self._work = threading.RLock()
+        self._over = threading.Event()
+        self._news: deque[About] = deque()
+        self._numbers: dict[int, tuple[TopicInFile, int]] = {}
+        self._tally = Tally()
+        self._made = TransformsOfOdometry() if make_tf else None
+        self._told_made = 0
+        self._tell = tell
+        try:
+            self._intake = Intake(session, selection, most_bytes, self._offer_changed)
+            self._conversion = Conversion(tell, self._intake.offers.of)
+            self._watch = Watch(session, self._news.append, tell, manifests)
+        except BaseException:
+            self._recording.close()
+            raise
+        self._thread = threading.Thread(target=self._run, name="robo-record", daemon=True)
+        self._thread.start()
+
+    @property
+    def ended(self) -> str:
+        """Why it has ended by itself, as when the disk is full; empty where it has not."""
+        return self._ended
+
+    def wait(self, timeout: float) -> bool:
+        """Wait until it has ended by itself, or for some time, s; whether it has."""
+        self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    def status(self) -> Status:
+        """How it goes, or went. Rates are those since it was last asked, a second ago at the least."""
+        with self._work:
+            over = self._duration is not None
+            made = self._made.made if self._made is not None else {}
+            duration = time.monotonic() - self._begin if self._duration is None else self._duration
+            malformed = self._conversion.malformed
+            counts = self._recording.counts
+            figures = self._tally.figures(time.monotonic(), counts, malformed, made, over=over)
+            files = self._recording.files
+            missing = self._selection.missing([*self._tally.came, *malformed])
+            left_out = self._intake.left_out
+        return Status(list(map(str, files)), duration, _size(files), figures, left_out, missing, self._ended)
+
+    def split(self) -> None:
+        """Go on in another file.
+
+        Raises:
+            BagError: it is one file, has ended, or the next one cannot be made.
+        """
+        with self._work:
+            self._write_what_came()
+            self._recording.split(time.time_ns())
+
+    def stop(self) -> Status:
+        """End: what has come is written, and the file is whole. Once more only tells again how it went."""
+        if self._duration is None:
+            self._over.set()
+            self._thread.join()
+        return self.status()
+
+    def _run(self) -> None:
+        try:
+            while not self._over.wait(PERIOD):
+                self._write()
+            self._intake.close()
+            self._watch.close()
+            self._write()
+        except BagError as error:
+            self._ended = str(error)
+            self._intake.close()
+            self._watch.close()
+        finally:
+            self._close()
+
+    def _write(self) -> None:
+        with self._work:
+            self._write_what_came()
+            self._recording.tick()
+
+    def _close(self) -> None:
+        with self._work:
+            try:
+                self._recording.close()
+            except BagError as error:
+                self._ended = self._ended or str(error)
+            self._duration = time.monotonic() - self._begin
+
+    def _write_what_came(self) -> None:
+        convert, made = self._conversion.convert, self._made
+        for came in self._intake.take():
+            message = convert(came)
+            if message is None:
+                self._recording.malformed(came.key)
+                continue
+            self._put(message)
+            if made is not None and (transform := made.take(message)) is not None:
+                self._put(transform)
+        if made is not None and len(made.made) != self._told_made:
+            self._told_made = len(made.made)
+            self._recording.add_metadata(MADE, made.made)
+            self._tell(f"{', '.join(made.made)}: nobody publishes these transforms, so they are made of odometry")
+        while self._news:
+            self._say(self._news.popleft())
+
+    def _put(self, message: Converted) -> None:
+        known = self._numbers.get(id(message.topic))
+        if known is None:
+            known = self._new_topic(message.topic)
+            if known is None:
+                return
+        self._recording.write(
+            known[1], message.data, message.arrived, message.published, message.sequence, message.source
+        )
+        self._tally.add(message)
+
+    def _new_topic(self, topic: TopicInFile) -> tuple[TopicInFile, int] | None:
+        if len(self._numbers) >= _MOST_TOPICS:
+            self._recording.malformed(topic.name)
+            self._conversion.refuse(topic.name, f"more than {_MOST_TOPICS:,} topics go into no recording")
+            return None
+        # It is kept, so that no other one gets its place in memory.
+        known = self._numbers[id(topic)] = topic, self._recording.topic(topic)
+        return known
+
+    def _offer_changed(self, topic: str) -> None:
+        self._conversion.forget(topic)
+
+    def _say(self, about: About) -> None:
+        now = time.time_ns()
+        for one in about.attachments:
+            self._recording.attach(one.name, one.data, one.media_type, now)
+        self._recording.add_metadata(ABOUT, about.metadata)
+
+
+def _size(files: list[Path]) -> int:
+    size = 0
+    for file in files:
+        with suppress(OSError):  # the oldest is just being deleted
+            size += file.stat().st_size
+    return size
