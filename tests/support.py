@@ -197,6 +197,7 @@ _ENDLESS = (
     (r"robo tf (echo|monitor)\b", r"--once|--duration"),
     (r"robo action echo\b", ""),
     (r"robo events\b", ""),
+    (r"robo bag record\b", r"--duration"),
     (r"robo logs\b.* -f\b", ""),
     (r"robo\b.* --watch\b", ""),
 )
