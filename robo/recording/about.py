@@ -105,7 +105,7 @@ def parameters_yaml(by_node: Mapping[str, Mapping[str, object]]) -> str:
     for node, values in sorted(by_node.items()):
         try:
             tree[node] = {ROS_KEY: nested({str(name): codec.jsonable(value) for name, value in values.items()}, ".")}
-        except AssertionError:  # a stranger's: a name that is a value and a group of values too
+        except (AssertionError, TypeError):  # a stranger's: a name that is a value and a group of values too
             continue
     return as_yaml(tree)
 

@@ -1,5 +1,7 @@
 """Transforms made of odometry, where nobody publishes them: viewers draw robots by transforms alone. Pure."""
 
+from collections.abc import Callable
+
 from robo.bag.options import TopicInFile
 from robo.bag.types import topic_of
 from robo.errors import RoboError
@@ -27,14 +29,14 @@ _Link = tuple[str, str]
 class TransformsOfOdometry:
     """Makes a `tf` of each odometry that has none."""
 
-    def __init__(self) -> None:
+    def __init__(self, is_published: Callable[[str], bool] = lambda _: False) -> None:
+        """`is_published` says whether a node tells that it publishes a topic which is recorded."""
+        self._is_published = is_published
         self.made: dict[str, str] = {}
         """Topics of transforms that were made, with the odometry that they were made of."""
         self._of: dict[_Link, str] = {}
         """The topic that tells where a frame stands: several odometries may tell of one."""
         self._published: set[_Link] = set()
-        self._others: set[str] = set()
-        """Namespaces in which somebody publishes transforms."""
         self._begin: dict[_Link, int] = {}
         self._topics: dict[str, TopicInFile] = {}
         self._numbers: dict[str, int] = {}
@@ -56,7 +58,6 @@ class TransformsOfOdometry:
         namespace, _, name = message.topic.name.rpartition("/")
         if name != _TF:
             return
-        self._others.add(namespace)
         if not any(link[0] == namespace and link not in self._published for link in self._begin):
             return
         for transform in self._decode_transforms(message.data).transforms:
@@ -76,9 +77,10 @@ class TransformsOfOdometry:
         if not parent or not child or link in self._published or not self._tells(link, topic):
             return None
         begin = self._begin.setdefault(link, message.arrived)
-        if namespace in self._others and message.arrived - begin < PATIENCE:
+        tf = names.join(namespace, _TF)
+        if message.arrived - begin < PATIENCE and self._is_published(tf):
             return None
-        return self._made(names.join(namespace, _TF), odometry, message)
+        return self._made(tf, odometry, message)
 
     def _tells(self, link: _Link, topic: str) -> bool:
         """Whether this odometry says where a frame stands: the first one of several, or the one that is called odom."""

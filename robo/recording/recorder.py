@@ -103,7 +103,7 @@ class Recorder:
         self._news: deque[About] = deque()
         self._numbers: dict[int, tuple[TopicInFile, int]] = {}
         self._tally = Tally()
-        self._made = TransformsOfOdometry() if make_tf else None
+        self._made = TransformsOfOdometry(self._is_published) if make_tf else None
         self._told_made = 0
         self._tell = tell
         try:
@@ -220,6 +220,9 @@ class Recorder:
         # It is kept, so that no other one gets its place in memory.
         known = self._numbers[id(topic)] = topic, self._recording.topic(topic)
         return known
+
+    def _is_published(self, topic: str) -> bool:
+        return bool(self._intake.offers.of(topic).publishers)
 
     def _offer_changed(self, topic: str) -> None:
         self._conversion.forget(topic)

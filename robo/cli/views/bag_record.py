@@ -57,8 +57,7 @@ def record(names: list[str] | None, reach: Reach, words: RecordWords, *, json: b
         RoboError: the words make no sense, the file cannot be made, or no robot can be reached.
     """
     keys = keys_of(names, words, reach)
-    beside = [] if words.no_tf else static_transforms_beside(keys)
-    selection = Selection(keys, [reach.key(name) for name in words.exclude or ()], beside)
+    selection = _selection(keys, words, reach)
     options = _options(words)
     path = path_of(words, time.time())
     with connect_to_robot(reach) as session, _ended_by_signals():
@@ -78,6 +77,14 @@ def record(names: list[str] | None, reach: Reach, words: RecordWords, *, json: b
     return _tell_end(status, path, json=json, everything=words.everything)
 
 
+def _selection(keys: Sequence[str], words: RecordWords, reach: Reach) -> Selection:
+    beside = [] if words.no_tf else static_transforms_beside(keys)
+    try:
+        return Selection(keys, [reach.key(name) for name in words.exclude or ()], beside)
+    except BagError as error:
+        raise UsageError(str(error)) from None
+
+
 def _options(words: RecordWords) -> Options:
     size = size_of(words.split_size, "--split-size") if words.split_size is not None else None
     try:
@@ -95,10 +102,13 @@ def _options(words: RecordWords) -> Options:
 
 @contextmanager
 def _ended_by_signals() -> Iterator[None]:
-    """SIGTERM, and a terminal that is closed, end a recording as Ctrl-C does: its file is whole."""
+    """SIGTERM, and a terminal that is closed, end a recording as Ctrl-C does: its file is whole.
+
+    So does SIGINT for one that a script has started in the background, where it is ignored at first.
+    """
     before = {}
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it
             before[number] = signal.signal(number, signal.default_int_handler)
     try:
         yield

@@ -1,0 +1,246 @@
+"""What decides what is recorded, and what it is: without a network."""
+
+import random
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robo.bag.types import topic_of
+from robo.cli.reach import Reach
+from robo.cli.record_words import RecordWords, keys_of, path_of, size_of
+from robo.errors import BagError, UsageError
+from robo.interfaces import cdr
+from robo.machine.log_files import RunInfo
+from robo.machine.manifests import manifests_of
+from robo.recording.about import parameters_yaml
+from robo.recording.conversion import Converted
+from robo.recording.odometry import PATIENCE, TransformsOfOdometry
+from robo.recording.offers import Offers
+from robo.recording.selection import EVERYTHING, Selection, static_transforms_beside
+from robo.recording.senders import Senders
+from robo.wire.keys import EndpointToken
+from robo.wire.qos import KEEP_ALL, QoS
+from robo_messages import Header, Odometry, TFMessage, Time, TransformStamped
+
+# -- selection -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("asked", "exclude", "wanted", "unwanted"),
+    [
+        ([EVERYTHING], [], ["odom", "r1/arm/joint_states"], ["r1/dock/_action/feedback", "@robo/x", "a/@adv/b"]),
+        ([EVERYTHING], ["**/image", "r2/**"], ["r1/odom"], ["r1/camera/image", "r2/odom"]),
+        (["r1/odom", "r*/scan"], [], ["r1/odom"], ["r2/odom", "r1/odom/more"]),
+        (["*/cmd_$*"], [], ["r1/cmd_vel", "r2/cmd_vel_raw"], ["cmd_vel", "r1/arm/cmd_vel"]),
+        (["r1/dock/_action/feedback"], [], ["r1/dock/_action/feedback"], ["r1/dock/_action/status"]),
+        (["r1/**", "r1/dock/_action/*"], [], ["r1/dock/_action/status", "r1/odom"], ["r1/_hidden"]),
+    ],
+)  # fmt: skip
+def test_what_is_wanted(asked: list[str], exclude: list[str], wanted: list[str], unwanted: list[str]) -> None:
+    selection = Selection([key.replace("r*", "r$*") for key in asked], exclude)
+    assert [key for key in wanted if selection.source(key) < 0] == []
+    assert [key for key in unwanted if selection.source(key) >= 0] == []
+
+
+def test_of_expressions_that_overlap_each_topic_is_taken_once() -> None:
+    selection = Selection(["r1/odom", "r1/*", "r1/**", "*/odom"])
+    assert selection.keys == ["r1/**", "*/odom"]
+    assert [selection.source(key) for key in ("r1/odom", "r2/odom", "r1/scan")] == [0, 1, 0]
+
+
+def test_what_is_missing_is_what_was_asked_for() -> None:
+    selection = Selection(["r1/odom", "r2/**", "r3/scan"], beside=["r1/tf_static"])
+    assert selection.missing(["r1/odom", "r2/arm/joint_states"]) == ["r3/scan"]
+
+
+@pytest.mark.parametrize("asked", [[], ["@robo/**"], ["r1/@adv/x"], ["r1//odom"]])
+def test_what_is_no_topic_is_refused(asked: list[str]) -> None:
+    with pytest.raises(BagError):
+        Selection(asked)
+
+
+def test_static_transforms_are_looked_for_beside_topics() -> None:
+    assert static_transforms_beside(["r1/arm/joint_states"]) == ["r1/arm/tf_static", "r1/tf_static", "tf_static"]
+    assert static_transforms_beside(["odom"]) == ["tf_static"]
+    assert static_transforms_beside(["*/odom", "r1/scan"]) == ["*/tf_static", "tf_static", "r1/tf_static"]
+
+
+# -- publishers ------------------------------------------------------------------------------------
+
+
+def publisher(
+    node: str, qos: QoS = QoS.DEFAULT, type_name: str = "geometry/Twist", topic: str = "r1/cmd"
+) -> EndpointToken:
+    return EndpointToken("r1", node, "pub", type_name, qos, topic, f"session:{node}")
+
+
+def test_of_several_publishers_the_latched_and_the_deepest_count() -> None:
+    offers = Offers()
+    assert offers.put(publisher("a", QoS(depth=3, latched=True)))
+    assert not offers.put(publisher("b", QoS(depth=1, latched=True)))
+    assert not offers.put(publisher("c", QoS(depth=KEEP_ALL)))
+    assert offers.of("r1/cmd").qos == QoS(depth=3, latched=True)
+    assert offers.of("r1/cmd").type == "geometry/Twist"
+    assert offers.put(publisher("d", type_name="std/String"))
+    assert offers.of("r1/cmd").type == ""
+    assert offers.of("r1/other").publishers == ()
+
+
+def test_what_was_offered_last_holds_until_somebody_offers_something_else() -> None:
+    offers = Offers()
+    offers.put(publisher("a", QoS.LATCHED))
+    offers.delete(publisher("a", QoS.LATCHED))
+    assert offers.of("r1/cmd").qos == QoS.LATCHED
+    assert offers.put(publisher("b"))
+    assert offers.of("r1/cmd").publishers == ("session:b",)
+    offers.delete(publisher("nobody"))
+    assert offers.of("r1/cmd").qos == QoS.DEFAULT
+
+
+def test_messages_without_a_name_are_of_the_publisher_whose_numbers_they_go_on() -> None:
+    senders = Senders(lambda _: ["a", "b"])
+    came = [("a", 5), ("b", 100), (None, 6), (None, 101)]
+    assert [senders.sender("t", signed, number) for signed, number in came] == ["a", "b", "a", "b"]
+    assert senders.sender("t", None, 9) == "a"  # 7 and 8 are lost
+    assert senders.sender("u", None, 3) != senders.sender("u", None, 1)  # of two that nobody has named
+
+
+def test_a_flood_of_the_only_publisher_is_its_own() -> None:
+    senders = Senders(lambda _: ["a"])
+    assert [senders.sender("t", None, number) for number in (7, 8, 12)] == ["a", "a", "a"]
+    assert senders.sender("t", "a", 13) == "a"
+
+
+@given(
+    st.lists(st.booleans(), min_size=2, max_size=60),
+    st.sets(st.integers(2, 59)),
+    st.integers(0, 50),
+)
+def test_what_one_publisher_loses_is_counted_whether_it_signs_or_not(
+    signs: list[bool], lost: set[int], begin: int
+) -> None:
+    senders = Senders(lambda _: ["a"])
+    came = [(number + begin, signed) for number, signed in enumerate(signs, 1) if number not in lost]
+    assert {senders.sender("t", "a" if signed else None, number) for number, signed in came} == {"a"}
+
+
+# -- tf of odometry --------------------------------------------------------------------------------
+
+ODOMETRY = {name: topic_of(f"r1/{name}", Odometry) for name in ("odom", "wheels")}
+TF = topic_of("r1/tf", TFMessage)
+
+
+def odometry(at: int, x: float = 0.0, name: str = "odom", frames: tuple[str, str] = ("odom", "base_link")) -> Converted:
+    message = Odometry(Header(Time(5, 6), frames[0]), frames[1])
+    message.pose.pose.position.x = x
+    message.pose.pose.orientation.z = 1.0
+    return Converted(ODOMETRY[name], cdr.encoder(Odometry)(message), at, at - 1, 1, "a")
+
+
+def transform(at: int, child: str = "base_link") -> Converted:
+    message = TFMessage([TransformStamped(Header(Time(5, 6), "odom"), child)])
+    return Converted(TF, cdr.encoder(TFMessage)(message), at, at, 1, "b")
+
+
+def test_a_transform_is_made_of_odometry() -> None:
+    made = TransformsOfOdometry()
+    found = made.take(odometry(1_000, 2.5))
+    assert found is not None
+    assert (found.topic.name, found.arrived, found.published, found.sequence) == ("r1/tf", 1_000, 999, 1)
+    (one,) = cdr.decoder(TFMessage)(found.data).transforms
+    assert (one.header, one.child_frame_id) == (Header(Time(5, 6), "odom"), "base_link")
+    assert (one.transform.translation.x, one.transform.rotation.z) == (2.5, 1.0)
+    second = made.take(odometry(2_000))
+    assert second is not None
+    assert second.sequence == 2
+    assert made.made == {"r1/tf": "r1/odom"}
+
+
+def test_none_is_made_where_frames_have_no_names_or_another_odometry_tells() -> None:
+    made = TransformsOfOdometry()
+    assert made.take(odometry(1, frames=("odom", ""))) is None
+    assert made.take(odometry(1, frames=("", "base_link"))) is None
+    assert made.take(odometry(1, name="wheels")) is not None
+    assert made.take(odometry(2, name="odom")) is not None  # it is called so
+    assert made.take(odometry(3, name="wheels")) is None
+
+
+def test_none_is_made_where_it_is_published() -> None:
+    made = TransformsOfOdometry(lambda topic: topic == "r1/tf")
+    assert made.take(odometry(0)) is None
+    assert made.take(transform(1)) is None
+    assert made.take(odometry(2 * PATIENCE)) is None
+    assert made.made == {}
+
+
+def test_one_is_made_where_those_who_publish_tell_of_other_frames() -> None:
+    made = TransformsOfOdometry(lambda _: True)
+    assert made.take(odometry(0)) is None
+    assert made.take(transform(1, child="arm")) is None
+    assert made.take(odometry(PATIENCE)) is not None
+    made.take(transform(PATIENCE + 1))
+    assert made.take(odometry(PATIENCE + 2)) is None  # by now somebody tells of it
+
+
+def test_odometry_that_makes_no_sense_makes_none() -> None:
+    made = TransformsOfOdometry()
+    assert made.take(odometry(1)._replace(data=random.Random(0).randbytes(20))) is None
+
+
+# -- the words of the command line -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [("1000", 1000), ("500MB", 500_000_000), ("2 GB", 2_000_000_000), ("1.5k", 1500), ("2MiB", 2_097_152), ("0", 0)],
+)
+def test_sizes(text: str, size: int) -> None:
+    assert size_of(text, "--split-size") == size
+
+
+@pytest.mark.parametrize("text", ["", "MB", "-1", "5 x", "1e9", "5MBs"])
+def test_what_is_no_size(text: str) -> None:
+    with pytest.raises(UsageError, match="--least-free"):
+        size_of(text, "--least-free")
+
+
+def test_topics_are_those_of_the_robot_that_is_named() -> None:
+    reach = Reach(robot="r1")
+    assert keys_of(["odom", "r1/scan", "/r2/odom", "cmd_*"], RecordWords(), reach) == [
+        "r1/odom", "r1/scan", "r2/odom", "r1/cmd_$*",
+    ]  # fmt: skip
+    assert keys_of(None, RecordWords(everything=True), reach) == ["r1/**"]
+    assert keys_of(None, RecordWords(everything=True), Reach()) == ["**"]
+
+
+def test_the_name_is_the_time_where_nobody_says_another() -> None:
+    assert path_of(RecordWords(), 0).name.startswith("robo_19")
+    assert path_of(RecordWords(), 0).suffix == ".mcap"
+    assert path_of(RecordWords(split_duration=5), 0).suffix == ""
+    assert path_of(RecordWords(output="a.mcap"), 0) == Path("a.mcap")
+
+
+# -- what stands beside messages -------------------------------------------------------------------
+
+
+def test_parameters_are_a_file_that_robo_reads() -> None:
+    text = parameters_yaml({"/r1/base": {"rate": 5.0, "pid.p": 1, "name": "x"}, "/r1/odd": {"a": 1, "a.b": 2}})
+    assert text == "/r1/base:\n  ros__parameters:\n    rate: 5.0\n    pid:\n      p: 1\n    name: x\n"
+
+
+def test_the_manifests_of_runs_are_found_by_their_logs(tmp_path: Path) -> None:
+    manifest = tmp_path / "robot.yaml"
+    manifest.write_text("nodes: []\n")
+    for number, where in enumerate((manifest, tmp_path / "gone.yaml", manifest)):
+        folder = tmp_path / "log" / "r1" / str(number)
+        folder.mkdir(parents=True)
+        info = RunInfo(run=f"run{number}", robot="r1", manifest=str(where), begin=0, pid=1, nodes=[])
+        (folder / "run.json").write_bytes(msgspec.json.encode(info))
+    (tmp_path / "log" / "r1" / "0" / "run.json").with_name("other.json").touch()
+    (tmp_path / "log" / "r1" / "3").mkdir()
+    (tmp_path / "log" / "r1" / "3" / "run.json").write_text("{")
+    assert manifests_of(["run0", "run1"], tmp_path / "log") == {"r1/robot.yaml": b"nodes: []\n"}
+    assert manifests_of([], tmp_path / "log") == {}
