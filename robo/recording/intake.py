@@ -60,7 +60,8 @@ class Intake:
         self._selection = selection
         self._most_bytes = most_bytes
         self._offer_changed = offer_changed
-        self._row: deque[tuple[int, int, Any]] = deque()
+        self._row: deque[tuple[int, int, Any, int, int]] = deque()
+        """Times of arrival, what it is, what has come; of messages their subscriber's number and their bytes."""
         self._bytes = 0
         self._taken = 0
         self._latched = LatchedFirst()
@@ -77,22 +78,23 @@ class Intake:
             for key in self._selection.keys:
                 self._ask(key, "", whole=True)
         row, latched = self._row, self._latched
-        source_of = self._selection.source
+        source_of, put = self._selection.source, zenoh.SampleKind.PUT
+        taken = 0
         for _ in range(len(row)):
-            arrived, kind, news = row.popleft()
+            arrived, kind, sample, number, size = row.popleft()
             if kind != _LIVE:
-                found += self._learn(arrived, kind, news)
+                found += self._learn(arrived, kind, sample)
                 continue
-            number, sample = news
-            self._taken += len(sample.payload)
+            taken += size
             key = str(sample.key_expr)
-            if source_of(key) != number or sample.kind != zenoh.SampleKind.PUT:
+            if source_of(key) != number or sample.kind != put:
                 continue
             came = Came(key, arrived, sample)
             if key in latched:
                 found += latched.live(came)
             else:
                 found.append(came)
+        self._taken += taken
         if self._closed:
             found += self._latched.all_held()
         if not row:  # what threads have added at the same moment may have been lost
@@ -128,7 +130,7 @@ class Intake:
         if not first:
             return []
         # Publishers are known first: what they offer stands in the file before what they say.
-        for arrived, kind, news in [one for one in list(self._row) if one[1] == _PUBLISHER]:
+        for arrived, kind, news, *_ in [one for one in list(self._row) if one[1] == _PUBLISHER]:
             self._learn(arrived, kind, news)
         return [came for arrived, sample in first for came in self._learn(arrived, _KEPT, sample)]
 
@@ -139,12 +141,12 @@ class Intake:
             self.left_out += 1
             return
         self._bytes += size
-        self._row.append((time.time_ns(), _LIVE, (number, sample)))
+        self._row.append((time.time_ns(), _LIVE, sample, number, size))
 
     def _post(self, kind: int, news: Any = None) -> None:
         """Called by Zenoh's threads."""
         if len(self._row) < _MOST_NEWS:
-            self._row.append((time.time_ns(), kind, news))
+            self._row.append((time.time_ns(), kind, news, 0, 0))
 
     def _learn(self, arrived: int, kind: int, news: Any) -> list[Came]:
         """What follows of a token, a reply, or the end of the replies of a publisher."""
