@@ -3,17 +3,14 @@
 import platform
 import threading
 from collections.abc import Callable, Iterable, Mapping
-from importlib.metadata import PackageNotFoundError, version
 from typing import NamedTuple
 
 import msgspec
 import zenoh
 
-from robo.parameters.files import ROS_KEY
 from robo.text import graph
 from robo.text.paths import nested
 from robo.text.unreadable import UNREADABLE
-from robo.text.yaml_tree import as_yaml
 from robo.wire import codec, discovery, names
 from robo.wire.keys import EndpointToken, NodeToken, parameters_key, parse_token
 
@@ -101,6 +98,9 @@ def graph_of(tokens: Iterable[NodeToken | EndpointToken]) -> graph.Graph:
 
 def parameters_yaml(by_node: Mapping[str, Mapping[str, object]]) -> str:
     """Parameters by node's full name as a file that `robo up` and ROS 2 read."""
+    from robo.parameters.files import ROS_KEY  # a node that may record carries YAML only if it does
+    from robo.text.yaml_tree import as_yaml
+
     tree: dict[str, object] = {}
     for node, values in sorted(by_node.items()):
         try:
@@ -129,6 +129,8 @@ def _parameters(session: zenoh.Session, timeout: float) -> dict[str, dict[str, o
 
 
 def _version(distribution: str) -> str:
+    from importlib.metadata import PackageNotFoundError, version  # 4 MB
+
     try:
         return version(distribution)
     except PackageNotFoundError:

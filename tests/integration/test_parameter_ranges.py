@@ -25,6 +25,7 @@ from robo_services.ld_lidar import LdLidar
 from robo_services.mujoco_sim import MujocoSim
 from robo_services.nmea_gps import NmeaGps
 from robo_services.position_tracker import PositionTracker
+from robo_services.recorder import Recorder
 from robo_services.robot_state_publisher import RobotStatePublisher
 from robo_services.safety_monitor import SafetyMonitor
 from robo_services.serial_base import SerialBase
@@ -52,6 +53,7 @@ SHIPPED = [
     MujocoSim,
     NmeaGps,
     PositionTracker,
+    Recorder,
     RobotStatePublisher,
     SafetyMonitor,
     SerialBase,
@@ -97,6 +99,7 @@ def given(tmp_path: Path) -> Iterator[dict[type[Node], dict[str, object]]]:
         Joy: {"device": str(pad)},
         LdLidar: {"port": str(tmp_path / "none")},
         NmeaGps: {"port": str(tmp_path / "none")},
+        Recorder: {"folder": str(tmp_path / "recordings"), "compression": "none"},
         RobotStatePublisher: {"robot_description": '<robot name="r"><link name="base_link"/></robot>'},
         SerialBase: {"port": str(tmp_path / "no_board")},
         TeleopKeyboard: {"terminal": os.ttyname(terminal)},

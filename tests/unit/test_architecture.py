@@ -52,6 +52,7 @@ def modules_after(code: str) -> set[str]:
         "import robo_services.ld_lidar, robo.process.node",
         "import robo_services.nmea_gps, robo.process.node",
         "import robo_services.mujoco_sim, robo.process.node",
+        "import robo_services.recorder, robo.process.node",
         "import robo.process.router",
     ],
 )
@@ -123,6 +124,7 @@ MAY_LOAD = {
     "create": {"yaml"},
     "interface": {"yaml"},
     "plot": {"rich"},
+    "bag_record": {"rich"},
     "screen": {"rich"},
     "top": {"rich", "psutil"},
     "doctor": {"psutil"},

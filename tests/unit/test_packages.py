@@ -301,6 +301,7 @@ def test_robo_announces_the_nodes_that_ship() -> None:
         "mujoco_sim",
         "nmea_gps",
         "position_tracker",
+        "recorder",
         "robot_state_publisher",
         "safety_monitor",
         "serial_base",

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from robo.bag.types import topic_of
 from robo.cli.reach import Reach
-from robo.cli.record_words import RecordWords, keys_of, path_of, size_of
+from robo.cli.record_words import RecordWords
+from robo.cli.views.bag_record import keys_of, path_of, size_of
 from robo.errors import BagError, UsageError
 from robo.interfaces import cdr
 from robo.machine.log_files import RunInfo

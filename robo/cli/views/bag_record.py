@@ -1,5 +1,6 @@
 """`robo bag record`: what is seen while it records, and what it has recorded."""
 
+import re
 import signal
 import sys
 import time
@@ -7,7 +8,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import zenoh
 from rich import box
@@ -21,17 +22,20 @@ from robo.cli.connection import connect_to_robot
 from robo.cli.link import Link
 from robo.cli.printing import amount, data_size, note, print_json, print_line, print_table
 from robo.cli.reach import Reach
-from robo.cli.record_words import RecordWords, keys_of, path_of, size_of
 from robo.cli.views.screen import Screen
 from robo.errors import BagError, UsageError
 from robo.machine.manifests import manifests_of
 from robo.recording.recorder import Recorder, Status
-from robo.recording.selection import Selection, static_transforms_beside
+from robo.recording.selection import EVERYTHING, Selection, static_transforms_beside
 from robo.recording.tally import TopicFigures
+from robo.text.brief import shown
 from robo.text.suggestions import suggest
 from robo.text.terminal import visible
 from robo.tools import topics
 from robo.wire.names import shown_key
+
+if TYPE_CHECKING:
+    from robo.cli.record_words import RecordWords
 
 _PERIOD = 0.5
 """How often it is drawn, s."""
@@ -44,10 +48,12 @@ _WIDE = 100
 """From how many columns on there is room for types."""
 _WIDEST = 140
 """Beyond it numbers would stand too far from their names."""
+_SIZE = re.compile(r"(\d+(?:\.\d+)?) ?([kKMGT]?)(i?)B?")
+_FACTORS = {"": 0, "k": 1, "K": 1, "M": 2, "G": 3, "T": 4}
 _COLUMNS = ("TOPIC", "TYPE", "MESSAGES", "RATE", "LOST", "MALFORMED", "SIZE")
 
 
-def record(names: list[str] | None, reach: Reach, words: RecordWords, *, json: bool) -> int:
+def record(names: list[str] | None, reach: Reach, words: "RecordWords", *, json: bool) -> int:
     """Record until Ctrl-C, SIGTERM, or the time is over.
 
     Returns:
@@ -77,7 +83,46 @@ def record(names: list[str] | None, reach: Reach, words: RecordWords, *, json: b
     return _tell_end(status, path, json=json, everything=words.everything)
 
 
-def _selection(keys: Sequence[str], words: RecordWords, reach: Reach) -> Selection:
+def keys_of(names: list[str] | None, words: "RecordWords", reach: Reach) -> list[str]:
+    """The key expressions of the topics that are meant.
+
+    Raises:
+        UsageError: none are named, or some beside all.
+        InvalidName: a word is no name.
+    """
+    if words.everything and names:
+        raise UsageError(f"--all has {', '.join(names)} too: say one of both; --exclude leaves topics out")
+    if words.everything:
+        return [f"{reach.namespace}/{EVERYTHING}" if reach.namespace else EVERYTHING]
+    if not names:
+        raise UsageError("say which topics are to be recorded, such as r1/odom or 'r1/**', or --all")
+    return [reach.key(name) for name in names]
+
+
+def path_of(words: "RecordWords", now: float) -> Path:
+    """Where the recording goes: what somebody says, or a name of the time of now, s since the epoch."""
+    if words.output is not None:
+        return Path(words.output)
+    name = time.strftime("robo_%Y_%m_%d-%H_%M_%S", time.localtime(now))
+    splits = words.split_size is not None or words.split_duration is not None
+    return Path(name if splits else f"{name}.mcap")
+
+
+def size_of(text: str, option: str) -> int:
+    """A number of bytes: `500MB`, `2GiB`, `1000`.
+
+    Raises:
+        UsageError: it is none.
+    """
+    match = _SIZE.fullmatch(text.strip())
+    if match is None:
+        raise UsageError(f"{option} {shown(text)}: use a size such as 500MB, 2GB or a number of bytes")
+    number, prefix, binary = match.groups()
+    factor: int = (1024 if binary else 1000) ** _FACTORS[prefix]
+    return round(float(number) * factor)
+
+
+def _selection(keys: Sequence[str], words: "RecordWords", reach: Reach) -> Selection:
     beside = [] if words.no_tf else static_transforms_beside(keys)
     try:
         return Selection(keys, [reach.key(name) for name in words.exclude or ()], beside)
@@ -85,7 +130,7 @@ def _selection(keys: Sequence[str], words: RecordWords, reach: Reach) -> Selecti
         raise UsageError(str(error)) from None
 
 
-def _options(words: RecordWords) -> Options:
+def _options(words: "RecordWords") -> Options:
     size = size_of(words.split_size, "--split-size") if words.split_size is not None else None
     try:
         return Options(
