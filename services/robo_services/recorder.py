@@ -133,7 +133,7 @@ class Recorder(Node):
         if status is None:
             return Health.ok("it does not record")
         if status.ended:
-            return Health.error(f"the recording has ended: {status.ended}")
+            return Health.error(status.ended)
         figures = {"received": status.received, "lost": status.lost, "malformed": status.malformed}
         if status.missing and status.duration > _PATIENCE:
             return Health.warn(f"nothing has come on {', '.join(map(names.shown_key, status.missing))}", **figures)
@@ -184,7 +184,7 @@ class Recorder(Node):
         recording = self._recording
         status = recording.status() if recording is not None else None
         if status is not None and status.ended and not (self._last is not None and self._last.ended):
-            self.logger.error("the recording has ended: %s", status.ended)
+            self.logger.error("%s", status.ended)
         self._last = status
         if status is None:
             self.state.publish(DiagnosticStatus(DiagnosticStatus.OK, self.full_name, "does not record"))
