@@ -5,6 +5,8 @@ from typing import Any
 
 import msgspec
 
+from robo.bag.pairing import Pair, Pairing
+from robo.bag.progress import Tell, counted, silent
 from robo.bag.reader import Bag
 from robo.bag.topics import BagMessage, Topic
 from robo.errors import BagError
@@ -61,38 +63,51 @@ class Diff(msgspec.Struct, frozen=True):
         return all(topic.same for topic in self.topics)
 
 
-def diff(first: Bag, second: Bag) -> Diff:
-    """Compare the messages of each topic in the order of their arrivals.
+def diff(first: Bag, second: Bag, tell: Tell = silent) -> Diff:
+    """Compare the messages of each topic in the order of their arrivals; `tell` is told how far that is.
+
+    Each recording is read once, and once more for topics that it has at quite another time than the other one.
 
     Raises:
         DamagedBag: a part of one of them is damaged.
     """
-    names = sorted(first.topics.keys() | second.topics.keys())
-    return Diff((first.path, second.path), [_topic(name, first, second) for name in names])
+    both = first.topics.keys() & second.topics.keys()
+    found = {name: _topic(first.topics.get(name), second.topics.get(name)) for name in first.topics | second.topics}
+    begins = first.begin, second.begin
+    pairing = Pairing(both)
+    total = sum(first.topics[name].count + second.topics[name].count for name in both)
+    one = counted(first.messages(both), total // 2, tell)
+    for pair in pairing.pairs(one, second.messages(both), begins):
+        if pair.topic not in pairing.left:
+            _compare(found[pair.topic], pair, begins)
+    for name in pairing.left:
+        found[name] = _topic(first.topics[name], second.topics[name])
+        counts = pairing.counts[name] = [0, 0]
+        for index, (mine, other) in enumerate(zip_longest(first.messages(name), second.messages(name))):
+            counts[0] += mine is not None
+            counts[1] += other is not None
+            if mine is not None and other is not None:
+                _compare(found[name], Pair(name, index, mine, other), begins)
+    for name, counts in pairing.counts.items():
+        found[name].counts = counts[0], counts[1]
+    return Diff((first.path, second.path), [found[name] for name in sorted(found)])
 
 
-def _topic(name: str, first: Bag, second: Bag) -> TopicDifference:
-    topics = first.topics.get(name), second.topics.get(name)
-    found = TopicDifference(
-        name=name,
-        types=(_type(topics[0]), _type(topics[1])),
-        counts=(_count(topics[0]), _count(topics[1])),
-    )
-    if topics[0] is None or topics[1] is None:
-        return found
-    counts = [0, 0]
-    for index, (one, other) in enumerate(zip_longest(first.messages(name), second.messages(name))):
-        counts = [counts[0] + (one is not None), counts[1] + (other is not None)]
-        if one is None or other is None:
-            continue
-        found.shift = max(found.shift, abs(one.published - other.published) * _NS)
-        found.delay = max(found.delay, abs((one.arrived - first.begin) - (other.arrived - second.begin)) * _NS)
-        if one.data != other.data:
-            found.differing += 1
-            if found.first is None:
-                found.first = _difference(index, one, other)
-    found.counts = (counts[0], counts[1])
-    return found
+def _topic(first: Topic | None, second: Topic | None) -> TopicDifference:
+    """A topic before its messages are compared."""
+    there = first or second
+    assert there is not None
+    return TopicDifference(name=there.name, types=(_type(first), _type(second)), counts=(_count(first), _count(second)))
+
+
+def _compare(found: TopicDifference, pair: Pair, begins: tuple[int, int]) -> None:
+    one, other = pair.first, pair.second
+    found.shift = max(found.shift, abs(one.published - other.published) * _NS)
+    found.delay = max(found.delay, abs((one.arrived - begins[0]) - (other.arrived - begins[1])) * _NS)
+    if one.data != other.data:
+        found.differing += 1
+        if found.first is None:
+            found.first = _difference(pair.number, one, other)
 
 
 def _type(topic: Topic | None) -> str:

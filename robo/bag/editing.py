@@ -5,6 +5,7 @@ What latched topics had said before a part begins stands at its beginning. Attac
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
@@ -14,6 +15,7 @@ from robo.bag.file_writer import FileWriter
 from robo.bag.files import Files, files_of
 from robo.bag.index import COUNTS, REPEATED
 from robo.bag.output import new_file
+from robo.bag.progress import Tell, counted, silent
 from robo.bag.reader import Bag
 from robo.bag.topics import Topic
 from robo.bag.types import nothing
@@ -36,46 +38,72 @@ def cut(
     begin: int | None = None,
     end: int | None = None,
     compression: Compression = "zstd",
+    *,
+    force: bool = False,
+    tell: Tell = silent,
 ) -> Edited:
     """A part of a recording: arrivals from `begin` on and before `end`, ns since the epoch.
+
+    `force` takes the place of a file of this name, and `tell` is told how far it is.
 
     Raises:
         BagError: it cannot be read, has nothing in that time, or `output` is there already or cannot be written.
     """
     if begin is not None and end is not None and begin >= end:
         raise BagError(f"nothing is from {begin} ns on and before {end} ns", str(path))
-    return _edit([path], output, lambda _: True, begin, end, compression)
+    return _edit([path], lambda _: True, begin, end, _New(output, compression, force), tell)
 
 
 def keep(
-    path: str | Path, output: str | Path, wanted: Callable[[str], bool], compression: Compression = "zstd"
+    path: str | Path,
+    output: str | Path,
+    wanted: Callable[[str], bool],
+    compression: Compression = "zstd",
+    *,
+    force: bool = False,
+    tell: Tell = silent,
 ) -> Edited:
-    """Some topics of a recording: those whose names are wanted.
+    """Some topics of a recording: those whose names are wanted; `force` and `tell` as in `cut`.
 
     Raises:
         BagError: it cannot be read, has no such topic, or `output` is there already or cannot be written.
     """
-    return _edit([path], output, wanted, None, None, compression)
+    return _edit([path], wanted, None, None, _New(output, compression, force), tell)
 
 
-def merge(paths: Sequence[str | Path], output: str | Path, compression: Compression = "zstd") -> Edited:
-    """Several recordings as one, in the order of arrivals.
+def merge(
+    paths: Sequence[str | Path],
+    output: str | Path,
+    compression: Compression = "zstd",
+    *,
+    force: bool = False,
+    tell: Tell = silent,
+) -> Edited:
+    """Several recordings as one, in the order of arrivals; `force` and `tell` as in `cut`.
 
     Raises:
         BagError: one cannot be read, or `output` is there already or cannot be written.
     """
     if not paths:
         raise BagError("there is nothing to merge: name two recordings or more")
-    return _edit(paths, output, lambda _: True, None, None, compression)
+    return _edit(paths, lambda _: True, None, None, _New(output, compression, force), tell)
+
+
+class _New(NamedTuple):
+    """The file that is made."""
+
+    path: str | Path
+    compression: Compression
+    force: bool
 
 
 def _edit(
     paths: Sequence[str | Path],
-    output: str | Path,
     wanted: Callable[[str], bool],
     begin: int | None,
     end: int | None,
-    compression: Compression,
+    new: _New,
+    tell: Tell,
 ) -> Edited:
     files = Files(*(files_of(path) for path in paths))
     with Bag(" ".join(map(str, paths)), files, nothing) as bag:
@@ -85,7 +113,9 @@ def _edit(
         topics = [topic for topic in bag.topics.values() if wanted(topic.name)]
         if not topics:
             raise BagError("it has none of these topics", bag.path)
-        with new_file(output, compression) as writer:
+        names = [topic.name for topic in topics]
+        total = sum(topic.count for topic in topics) if begin is None and end is None else 0
+        with new_file(new.path, new.compression, force=new.force) as writer:
             numbers = _say_topics(files, topics, writer)
             latched = 0
             if begin is not None:
@@ -95,14 +125,14 @@ def _edit(
                         writer.add_message(number, message.sequence, begin, message.published, message.data)
                         latched += 1
             count = 0
-            for message in bag.messages([topic.name for topic in topics], begin, end):
+            for message in counted(bag.messages(names, begin, end), total, tell):
                 number = numbers[message.topic]
                 writer.add_message(number, message.sequence, message.arrived, message.published, message.data)
                 count += 1
             _copy_what_is_beside(bag, writer)
             if not count:
                 raise BagError(f"no message came in that time; they came from {bag.begin} to {bag.end} ns", bag.path)
-        return Edited(str(output), len(topics), count + latched, latched)
+        return Edited(str(new.path), len(topics), count + latched, latched)
 
 
 def _say_topics(files: Files, topics: Sequence[Topic], writer: FileWriter) -> dict[Topic, int]:

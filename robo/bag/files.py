@@ -3,11 +3,13 @@
 import os
 import re
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from robo.bag.format import METADATA, Malformed, Metadata, MetadataIndex, metadata
 from robo.bag.index import Block, Index, index_of, scanned
 from robo.bag.order import Cache, Data, Span
+from robo.bag.progress import Tell, silent
 from robo.bag.source import Source
 from robo.errors import BagError, DamagedBag
 
@@ -41,11 +43,12 @@ def _natural(name: str) -> list[tuple[int, str]]:
 class Files:
     """Files that are read as one recording, with what is in each."""
 
-    def __init__(self, *recordings: Sequence[str | Path], scan: bool = False) -> None:
+    def __init__(self, *recordings: Sequence[str | Path], scan: bool = False, tell: Tell = silent) -> None:
         """
         Args:
             recordings: the files of each, in their order.
             scan: look at all of each file, whatever its summary says.
+            tell: is told how far that is with a file, in bytes.
 
         Raises:
             BagError: one of them cannot be read.
@@ -61,7 +64,7 @@ class Files:
         for paths in recordings:
             first.add(len(self.indexes))
             for path in paths:
-                self._add(path, scanned if scan else index_of)
+                self._add(path, partial(scanned, tell=tell) if scan else index_of)
         if not self.indexes:
             raise self.faults[0]
         self.counts = [dict(index.counts) for index in self.indexes]

@@ -10,6 +10,7 @@ import msgspec
 
 from robo.bag import format as mcap
 from robo.bag.format import Malformed
+from robo.bag.progress import Tell, silent
 from robo.bag.source import Place, Source
 from robo.errors import BagError, DamagedBag
 
@@ -183,8 +184,8 @@ def _check(source: Source, found: Index) -> None:
         raise source.damaged(found.data_end, "the summary counts messages of a channel that it does not know")
 
 
-def scanned(source: Source) -> Index:
-    """What is in a file, by looking at all of it.
+def scanned(source: Source, tell: Tell = silent) -> Index:
+    """What is in a file, by looking at all of it; `tell` is told how far that is, in bytes.
 
     Of its summary it takes only what helps behind a place that cannot be read: where chunks are, and of what topics.
 
@@ -202,6 +203,7 @@ def scanned(source: Source) -> Index:
             for place in source.places(offset):
                 scan.take(place)
                 offset = place.end
+                tell(offset, source.size)
             break
         except DamagedBag as fault:
             found.add_fault(fault)

@@ -11,6 +11,7 @@ import msgspec
 from robo.bag.files import Files, files_of
 from robo.bag.index import Index, index_of
 from robo.bag.losses import Losses
+from robo.bag.progress import Tell, counted, silent
 from robo.bag.reader import Bag
 from robo.bag.source import Place, Source
 from robo.bag.topics import BagMessage, Topic
@@ -88,14 +89,14 @@ class Report(msgspec.Struct, frozen=True):
         return not any(finding.kind in FATAL for finding in self.findings)
 
 
-def check(path: str | Path, find: Find) -> Report:
-    """Look at every byte of a recording.
+def check(path: str | Path, find: Find, tell: Tell = silent) -> Report:
+    """Look at every byte of a recording; `tell` is told how many bytes of each file, then how many messages.
 
     Raises:
         BagError: it cannot be read.
         DamagedBag: it is no recording at all.
     """
-    files = Files(files_of(path), scan=True)
+    files = Files(files_of(path), scan=True, tell=tell)
     with Bag(str(path), files, find) as bag:
         look = _Look(bag)
         for fault in bag.faults:
@@ -105,7 +106,7 @@ def check(path: str | Path, find: Find) -> Report:
         for topic in bag.topics.values():
             if topic.unknown and topic.count:
                 look.found(Kind.UNKNOWN, topic.name, None, topic.unknown, topic.count)
-        for message in bag.in_file_order():
+        for message in counted(bag.in_file_order(), bag.count, tell):
             look.message(message)
         return Report(str(path), look.messages, look.findings)
 

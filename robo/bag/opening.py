@@ -6,6 +6,7 @@ from robo.bag import comparison, inspection, summary
 from robo.bag.comparison import Diff
 from robo.bag.files import Files, files_of
 from robo.bag.inspection import Report
+from robo.bag.progress import Tell, silent
 from robo.bag.reader import Bag
 from robo.bag.summary import Info
 from robo.bag.types import Find, of_robo
@@ -29,8 +30,10 @@ def open_bag(path: str | Path, find: Find = of_robo, *, scan: bool = False) -> B
     return Bag(str(path), Files(files_of(path), scan=scan), find)
 
 
-def info(path: str | Path, *, quick: bool = False, find: Find = of_robo) -> Info:
+def info(path: str | Path, *, quick: bool = False, find: Find = of_robo, tell: Tell = silent) -> Info:
     """What is in a recording, in figures; `quick` looks at no message. Parts that are damaged are left out, and told.
+
+    `tell` is told how far it is, here and below.
 
     Raises:
         BagError: it cannot be read.
@@ -38,23 +41,23 @@ def info(path: str | Path, *, quick: bool = False, find: Find = of_robo) -> Info
     """
     try:
         with open_bag(path, find) as bag:
-            return summary.info(bag, quick=quick)
+            return summary.info(bag, quick=quick, tell=tell)
     except DamagedBag:
         with open_bag(path, find, scan=True) as bag:
-            return summary.info(bag, quick=quick)
+            return summary.info(bag, quick=quick, tell=tell)
 
 
-def check(path: str | Path, find: Find = of_robo) -> Report:
+def check(path: str | Path, find: Find = of_robo, tell: Tell = silent) -> Report:
     """What is wrong with a recording: every byte of it is looked at.
 
     Raises:
         BagError: it cannot be read.
         DamagedBag: it is no recording at all.
     """
-    return inspection.check(path, find)
+    return inspection.check(path, find, tell)
 
 
-def diff(first: str | Path, second: str | Path, find: Find = of_robo) -> Diff:
+def diff(first: str | Path, second: str | Path, find: Find = of_robo, tell: Tell = silent) -> Diff:
     """How two recordings differ.
 
     Raises:
@@ -62,4 +65,4 @@ def diff(first: str | Path, second: str | Path, find: Find = of_robo) -> Diff:
         DamagedBag: a part of one is damaged.
     """
     with open_bag(first, find) as one, open_bag(second, find) as other:
-        return comparison.diff(one, other)
+        return comparison.diff(one, other, tell)

@@ -10,6 +10,7 @@ from robo.bag.file_writer import FileWriter
 from robo.bag.format import Malformed, rows
 from robo.bag.index import Index, scanned
 from robo.bag.output import new_file
+from robo.bag.progress import Tell, silent
 from robo.bag.source import Place, Source
 from robo.errors import DamagedBag
 
@@ -34,26 +35,32 @@ class Recovered(msgspec.Struct, frozen=True):
     """Up to where it could be read, bytes."""
 
 
-def recover(path: str | Path, output: str | Path) -> Recovered:
+def recover(path: str | Path, output: str | Path, *, force: bool = False, tell: Tell = silent) -> Recovered:
     """Make a whole file of what can be read of another one, which stays as it is.
 
     Chunks are copied as they are; those that are damaged are left out. Where the file is cut, its tail is.
+
+    Args:
+        path: of the file.
+        output: of the new one.
+        force: take the place of a file of this name.
+        tell: is told how far it is, in bytes of twice the file: it is looked at, then copied.
 
     Raises:
         DamagedBag: it has not even a header.
         BagError: it cannot be read, or `output` is there already or cannot be written.
     """
     with Source(path) as source:
-        found = scanned(source)
-        with new_file(output, "none") as writer:
-            _copy(source, found, writer)
+        found = scanned(source, lambda done, _: tell(done, 2 * source.size))
+        with new_file(output, "none", force=force) as writer:
+            _copy(source, found, writer, lambda done, _: tell(source.size + done, 2 * source.size))
         messages = sum(found.counts.values())
         return Recovered(
             str(path), str(output), messages, found.begin, found.end, found.faults, source.size, found.data_end
         )
 
 
-def _copy(source: Source, found: Index, writer: FileWriter) -> None:
+def _copy(source: Source, found: Index, writer: FileWriter, tell: Tell) -> None:
     # First, so that they are there even if the chunk that said them is not.
     for schema in found.schemas.values():
         writer.add_schema(schema)
@@ -67,7 +74,8 @@ def _copy(source: Source, found: Index, writer: FileWriter) -> None:
         steps.append((attached.offset, _step(_copy_attachment, source, source.place(attached.offset), writer)))
     for words in found.metadata:
         steps.append((words.offset, _step(_copy_metadata, source, source.place(words.offset), writer)))
-    for _, step in sorted(steps, key=lambda step: step[0]):
+    for offset, step in sorted(steps, key=lambda step: step[0]):
+        tell(offset, source.size)
         try:
             step()
         except Malformed as error:  # a checksum that nobody has looked at before

@@ -5,6 +5,7 @@ import msgspec
 from robo.bag.counts import counts_of
 from robo.bag.index import COUNTS
 from robo.bag.losses import Losses
+from robo.bag.progress import Tell, counted, silent
 from robo.bag.reader import Bag
 from robo.bag.topics import Topic
 
@@ -62,8 +63,10 @@ class Info(msgspec.Struct, kw_only=True):
     """What is wrong with its files."""
 
 
-def info(bag: Bag, *, quick: bool = False) -> Info:
+def info(bag: Bag, *, quick: bool = False, tell: Tell = silent) -> Info:
     """What is in a recording. `quick` looks at no message: counts and times of the whole alone.
+
+    `tell` is told how many messages have been looked at.
 
     Raises:
         DamagedBag: a part of it is damaged.
@@ -79,7 +82,7 @@ def info(bag: Bag, *, quick: bool = False) -> Info:
         count=bag.count,
         profile=header.profile,
         library=header.library,
-        topics=_quick(bag) if quick else _whole(bag),
+        topics=_quick(bag) if quick else _whole(bag, tell),
         attachments=bag.attachments,
         metadata=bag.metadata,
         faults=[str(fault) for fault in bag.faults],
@@ -133,16 +136,16 @@ class _Tally:
         return found
 
 
-def _whole(bag: Bag) -> list[TopicInfo]:
+def _whole(bag: Bag, tell: Tell) -> list[TopicInfo]:
     tallies = {name: _Tally() for name in bag.topics}
     by_topic = {topic: tallies[name] for name, topic in bag.topics.items()}
-    for message in bag.messages():
+    for message in counted(bag.messages(), bag.count, tell):
         by_topic[message.topic].add(message.arrived, message.published, message.sequence, len(message.data))
-    counted = _counted(bag)
-    return [tallies[name].told(topic, counted.get(name)) for name, topic in bag.topics.items()]
+    lost = _lost(bag)
+    return [tallies[name].told(topic, lost.get(name)) for name, topic in bag.topics.items()]
 
 
-def _counted(bag: Bag) -> dict[str, int]:
+def _lost(bag: Bag) -> dict[str, int]:
     """What the recorder says is lost, by topic; nothing where a file does not say so."""
     found: dict[str, int] = {}
     files = 0

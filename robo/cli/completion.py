@@ -19,6 +19,8 @@ TIMEOUT = 0.3
 """How long whoever pressed Tab waits for a robot, s."""
 PATIENCE = 3.0
 """How long he waits for a module of his own, s."""
+_RECORDED = (".mcap", ".csv", ".jsonl", ".ndjson", ".log", ".log.gz")
+"""How names of recordings end, and of what can be made one."""
 
 
 def topics(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -133,6 +135,19 @@ def manifests(incomplete: str) -> list[str]:
         found += [f"{one.name}:{path.name}" for one in there for path in manifests_of(one)]
     matching = [name for name in found if name.startswith(typed)]
     return matching if typed == incomplete else [_Behind(name[len(package) + 1 :]) for name in matching]
+
+
+def recordings(incomplete: str) -> list[str]:
+    """Recordings, what can be made one, and folders, which may hold such."""
+    folder, slash, begin = incomplete.rpartition("/")
+    found = []
+    with suppress(OSError):
+        for entry in os.scandir(f"{folder}{slash}" or "."):
+            name = f"{entry.name}/" if entry.is_dir() else entry.name
+            fits = name.startswith(begin) and (begin.startswith(".") or not name.startswith("."))
+            if fits and name.endswith(("/", *_RECORDED)):
+                found.append(f"{folder}{slash}{name}")
+    return sorted(found)
 
 
 def packages(incomplete: str) -> list[str]:

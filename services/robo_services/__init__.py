@@ -4,5 +4,5 @@ Each module is a service: `robo run robo_services.position_tracker`, or `service
 Pure logic stands beside the nodes and works without Zenoh: `limits`, `smoothing`, `mux`, `kinematics`, `drives`,
 `wheel_odometry`, `uncertainty`, `planar`, `world`, `simulated_base`, `odometry_check`, `contact`, `obstacles`,
 `collision`, `zones`, `safety`, `routes`, `pursuit`, `urdf_model`, `robot_state`, `teleop`, `joystick`,
-`joy_driving`, `carmen`.
+`joy_driving`.
 """

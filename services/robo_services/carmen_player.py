@@ -8,9 +8,9 @@ from msgspec import Meta
 
 import robo
 from robo import KEEP_ALL, READ_ONLY, Node, ParameterError, Publisher, Unit
+from robo.bag.forms import carmen
 from robo.tf import StaticTransformBroadcaster, Transform3
 from robo_messages import Clock, Header, LaserScan, Odometry, TFMessage, Time
-from robo_services import carmen
 
 MOST_NAMED = 20
 """Malformed lines named one by one while playing; the summary names the lines of all."""

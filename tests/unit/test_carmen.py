@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robo_services import carmen
-from robo_services.carmen import LaserOffset, LogError, MalformedLog, Motion, Record, Rewritten, Scan
+from robo.bag.forms import carmen
+from robo.bag.forms.carmen import LaserOffset, LogError, MalformedLog, Motion, Record, Rewritten, Scan
 from robo_services.carmen_player import line_ranges
 from robo_services.planar import yaw_from_quaternion
 from tests import room_log

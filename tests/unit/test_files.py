@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from robo.bag.forms import carmen
 from robo.cli.launch.network import router_network
 from robo.errors import ManifestError, ParameterFileError, RoboError, UnreadableFile, UsageError
 from robo.launch import resolve
@@ -15,7 +16,7 @@ from robo.launch.find import find_manifest
 from robo.parameters import files as parameter_files
 from robo.text.brief import brief, brief_lines, marked, shown
 from robo.text.files import read_bytes, read_text
-from robo_services import carmen, world
+from robo_services import world
 
 # `/dev/zero` never ends and a pipe never begins: where one of them is read, this file does not come to its end.
 pytestmark = pytest.mark.timeout(120)

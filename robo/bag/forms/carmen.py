@@ -15,8 +15,7 @@ from typing import Literal
 
 import msgspec
 
-from robo import RoboError
-from robo.errors import UnreadableFile
+from robo.errors import RoboError, UnreadableFile
 from robo.text.brief import shown
 from robo.text.files import open_regular
 from robo_messages import (
@@ -26,12 +25,12 @@ from robo_messages import (
     Point,
     Pose,
     PoseWithCovariance,
+    Quaternion,
     Time,
     Twist,
     TwistWithCovariance,
     Vector3,
 )
-from robo_services.planar import quaternion_from_yaw
 
 _NANO = 10**9
 _MOST_SECONDS = 2**31
@@ -147,7 +146,7 @@ def odometry(motion: Motion, odom_frame: str, base_frame: str) -> Odometry:
     return Odometry(
         Header(Time.from_nanoseconds(motion.time), odom_frame),
         base_frame,
-        PoseWithCovariance(Pose(Point(motion.x, motion.y), quaternion_from_yaw(motion.theta))),
+        PoseWithCovariance(Pose(Point(motion.x, motion.y), turn(motion.theta))),
         TwistWithCovariance(Twist(Vector3(x=motion.linear), Vector3(z=motion.angular))),
     )
 
@@ -163,6 +162,13 @@ def laser_scan(scan: Scan, frame: str, range_max: float) -> LaserScan:
         range_max=range_max,
         ranges=scan.ranges,
     )
+
+
+def turn(yaw: float) -> Quaternion:
+    """A turn about z, which may be many times around, as a unit quaternion."""
+    half = math.remainder(yaw, math.tau) / 2
+    half = math.pi / 2 if half == -math.pi / 2 else half  # from (-π, π], so that each turn is written in one way
+    return Quaternion(0.0, 0.0, math.sin(half), math.cos(half))
 
 
 class _Bad(Exception):
