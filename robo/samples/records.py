@@ -1,7 +1,6 @@
 """Messages as records of data, to print, to store, and to publish again byte for byte. Pure but for the clock."""
 
 import base64
-import binascii
 from typing import Any
 
 import msgspec
@@ -119,7 +118,7 @@ def sample_of(record: Record) -> tuple[bytes, str]:
     if record.payload or record.error:
         try:
             payload = base64.b64decode(record.payload, validate=True)
-        except binascii.Error as error:
+        except ValueError as error:  # also where it is not ASCII
             raise MessageError(f"{record.key}: payload is no base64: {error}") from None
         if record.message is None or _tells(payload, record.message):
             return payload, encoding

@@ -5,7 +5,6 @@ written `NaN` and `Infinity` there, which Python's `json` and so pandas read as 
 """
 
 import base64
-import binascii
 import functools
 import json
 from collections.abc import Mapping, Sequence
@@ -116,7 +115,7 @@ def message_from(type_: type[Message], columns: Sequence[Column], cells: Sequenc
     for column, cell in zip(columns, cells, strict=True):
         try:
             value = _value(cell, column.kind)
-        except (ValueError, KeyError, RecursionError, binascii.Error):
+        except (ValueError, KeyError, RecursionError):
             raise MessageError(f"{column.name}: {shown(cell, 40)} is no {_WORDS[column.kind]}") from None
         *path, last = column.fields
         part = data

@@ -90,7 +90,7 @@ def _rows_of(path: str | Path, tell: Tell) -> Iterator[_Row]:
     csv.field_size_limit(max(csv.field_size_limit(), MOST_LINE))  # of this process: a cell may hold a picture
     table = csv.reader(_decoded(path, tell), strict=True)
     file: _Table | None = None
-    names: list[str] = []
+    names: list[str] | None = None
     while True:
         try:
             row = next(table, None)
@@ -98,7 +98,7 @@ def _rows_of(path: str | Path, tell: Tell) -> Iterator[_Row]:
             raise BagError(f"line {table.line_num:,}: {error}", str(path)) from None
         if row is None:
             return
-        if not names:
+        if names is None:
             names = _head(row, path)
         elif row:
             try:

@@ -5,7 +5,6 @@ when it arrived, what its topic is (in the first line of each), and the bytes wh
 """
 
 import base64
-import binascii
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -271,7 +270,7 @@ def _topic(key: str, words: TopicWords, type_: type[Message] | None, line: Line,
 def _bytes(text: str) -> bytes:
     try:
         return base64.b64decode(text, validate=True)
-    except (binascii.Error, ValueError) as error:
+    except ValueError as error:
         raise MessageError(f"its bytes are no base64: {error}") from None
 
 

@@ -67,9 +67,9 @@ def _from_mcap(asked: Conversion, target: Form, tell: Tell) -> Converted:
 
 def _to_mcap(asked: Conversion, source: Form, tell: Tell) -> Converted:
     wanted: Wanted = matcher(asked.topics, asked.exclude)
-    words = {"wanted": wanted, "force": asked.force, "tell": tell}
+    path, output, force = asked.source, asked.output, asked.force
     if source == "carmen":
         setting = Setting(namespace=asked.namespace)
-        return from_carmen(asked.source, asked.output, setting, asked.compression, **words)
+        return from_carmen(path, output, setting, asked.compression, wanted=wanted, force=force, tell=tell)
     read = from_csv if source == "csv" else from_json_lines
-    return read(asked.source, asked.output, asked.compression, **words)
+    return read(path, output, asked.compression, wanted=wanted, force=force, tell=tell)

@@ -25,9 +25,8 @@ def print_diff(first: str, second: str, *, json: bool) -> int:
         topics = [{**msgspec.to_builtins(topic), "same": topic.same} for topic in found.topics]
         print_json({"paths": found.paths, "same": found.same, "topics": topics})
         return 0 if found.same else 1
-    rows = [("", "TOPIC", "COUNTS", "DIFFER", "PUBLISHED", "ARRIVED", "WHAT")]
-    rows += [_row(topic) for topic in found.topics]
-    print_table(rows, ("ARRIVED", "PUBLISHED"))
+    head = ("", "TOPIC", "COUNTS", "DIFFER", "PUBLISHED", "ARRIVED", "WHAT")
+    print_table([head, *map(_row, found.topics)], ("ARRIVED", "PUBLISHED"))
     differing = sum(not topic.same for topic in found.topics)
     same = f"{amount(len(found.topics), 'topic')}, all the same"
     print_line(same if found.same else f"{differing} of {amount(len(found.topics), 'topic')} differ")
