@@ -12,6 +12,7 @@ from typer.main import get_command
 from robo.cli.app import app
 from robo.cli.launch import run
 from robo.process import health
+from tests import bags
 from tests.pages import ROOT
 from tests.support import INTERRUPTED, Desk, Running, eventually, is_endless
 
@@ -36,7 +37,8 @@ NOT_RUN = {("keeper",): "it needs a container engine; tests/integration/test_kee
 ALONE = {("up",), ("router",), ("run",)}
 """Verbs that are tried where no robot runs."""
 NO_MATTER = {
-    ("check",), ("create",), ("schema",), ("test",), ("export", "compose"), ("export", "dockerfile"), ("node", "show")
+    ("check",), ("create",), ("schema",), ("test",), ("export", "compose"), ("export", "dockerfile"), ("node", "show"),
+    *(("bag", verb) for verb in ("info", "check", "cut", "filter", "merge", "diff", "recover", "convert")),
 }  # fmt: skip
 """Verbs that look at no network."""
 
@@ -125,6 +127,10 @@ class Lab:
         }.items():
             (folder / name).parent.mkdir(exist_ok=True, parents=True)
             (folder / name).write_text(text)
+        for file in ("drive.mcap", "again.mcap", "other.mcap", "recordings/drive.mcap"):
+            (folder / file).parent.mkdir(exist_ok=True)
+            bags.drive(folder / file)
+        (folder / "cut.mcap").write_bytes((folder / "drive.mcap").read_bytes()[:-1000])
         (folder / "bin").mkdir()
         for program in ("jq", "dot"):  # where there is none, one that passes on what it reads
             if shutil.which(program) is None:

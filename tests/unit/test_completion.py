@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -90,3 +91,15 @@ def test_types_need_no_network() -> None:
         *("geometry/Twist", "geometry/TwistStamped", "geometry/TwistWithCovariance"),
         "geometry/TwistWithCovarianceStamped",
     ]
+
+
+def test_recordings_are_files_and_folders_that_may_hold_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("drive.mcap", "log.jsonl", "run.log.gz", "notes.txt", ".hidden.mcap", "parts/one.mcap"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    assert completion.recordings("") == ["drive.mcap", "log.jsonl", "parts/", "run.log.gz"]
+    assert completion.recordings("d") == ["drive.mcap"]
+    assert completion.recordings("parts/") == ["parts/one.mcap"]
+    assert completion.recordings(f"{tmp_path}/.h") == [f"{tmp_path}/.hidden.mcap"]
+    assert completion.recordings("nowhere/") == []

@@ -128,9 +128,9 @@ def _columns(topic: Topic) -> tuple[Column, ...]:
 
 
 def _text(row: Sequence[str]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(row)
-    return text.getvalue()
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\r\n").writerow(row)  # so that a cell with one of these is quoted
+    return f"{text.getvalue()[:-2]}\n"
 
 
 @contextlib.contextmanager
