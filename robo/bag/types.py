@@ -48,10 +48,13 @@ def of_robo(name: str) -> Known | None:
     here = (one for one in robo_messages.type_names() if full_name(one) == name)
     found = next(here, None) or _all().get(name)
     type_ = catalogue.find_here(found) if found is not None else None
-    if found is None or type_ is None:
-        return None
+    return _known(found, type_) if found is not None and type_ is not None else None
+
+
+@functools.lru_cache(1024)
+def _known(name: str, type_: type[Message]) -> Known | None:
     try:
-        return Known(found, whole_text(found), cdr.decoder(type_))
+        return Known(name, whole_text(name), cdr.decoder(type_))
     except (ContractError, UnknownType):
         return None  # ROS cannot have it, so that it is another one of the same name
 
@@ -63,8 +66,14 @@ def topic_of(name: str, type_: type[Message], qos: QoS = QoS.DEFAULT) -> TopicIn
         ContractError: ROS cannot have this type; names the field.
         UnknownType: it was never registered.
     """
-    own = robo_messages.type_name(type_)
-    return TopicInFile(name, full_name(own), whole_text(own), type_hash(own), qos)
+    return TopicInFile(name, *_said(robo_messages.type_name(type_), type_), qos)
+
+
+@functools.lru_cache(1024)
+def _said(name: str, type_: type[Message]) -> tuple[str, str, str]:
+    """What ROS calls a type, its definition and its hash."""
+    del type_  # another class of this name is another type
+    return full_name(name), whole_text(name), type_hash(name)
 
 
 @functools.cache
