@@ -15,7 +15,7 @@ import math
 import os
 import re
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple, get_origin, get_type_hints
 
@@ -212,7 +212,7 @@ def parts(name: str) -> list[str]:
 
 def describe(type_: type[Message]) -> Interface:
     """All that is known of a message type."""
-    docs = attribute_docs(type_)
+    docs = _docs(type_)
     types = field_types(type_)
     fields = [
         FieldInfo(field.encode_name, types[field.encode_name], _default(field), docs.get(field.name, ""))
@@ -220,6 +220,11 @@ def describe(type_: type[Message]) -> Interface:
     ]
     about = inspect.cleandoc(type_.__doc__ or "")
     return Interface(robo_messages.type_name(type_), about, fields, constants(type_), type_.__module__)
+
+
+@functools.lru_cache(1024)  # to read and to parse source takes 8 ms, and a type that is within many is asked for often
+def _docs(type_: type[Message]) -> Mapping[str, str]:
+    return attribute_docs(type_)
 
 
 def constants(type_: type[Message]) -> dict[str, int]:

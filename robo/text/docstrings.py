@@ -1,16 +1,14 @@
 """What source code says of its names: the strings below assignments, which Python reads and forgets."""
 
 import ast
-import functools
 import inspect
 import re
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 
-@functools.lru_cache(1024)  # to read and to parse source takes 8 ms, and a class within many is asked for often
-def attribute_docs(cls: type[object]) -> Mapping[str, str]:
+def attribute_docs(cls: type[object]) -> dict[str, str]:
     """The strings below the attributes of a class, by attribute; none where its source is not there."""
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(cls)))

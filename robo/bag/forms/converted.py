@@ -7,6 +7,7 @@ import msgspec
 from robo.bag import format as mcap
 from robo.bag.contents import Contents
 from robo.bag.file_writer import FileWriter
+from robo.bag.index import COUNTS, REPEATED
 from robo.bag.options import TopicInFile
 from robo.bag.packing import U32
 from robo.bag.reader import Bag
@@ -91,11 +92,12 @@ def schema_of(bag: Bag, topic: Topic) -> mcap.Schema | None:
 
 
 def left_behind(bag: Bag, form: str) -> list[str]:
-    """What a form other than MCAP has no room for, in words."""
+    """What a form other than MCAP has no room for, in words; nothing of it is read."""
     found = []
     if names := list(bag.attachments):
         found.append(f"attachments stay behind, {form} has no place for them: {_listed(names)}")
-    if names := list(bag.metadata):
+    words = dict.fromkeys(one.name for index in bag.files.indexes for one in index.metadata)
+    if names := [name for name in words if name not in (COUNTS, REPEATED)]:
         found.append(f"metadata stay behind, {form} has no place for them: {_listed(names)}")
     return found
 
