@@ -29,6 +29,7 @@ VERBS: dict[str, str] = {
 GROUP_VERBS: dict[tuple[str, str], str] = {
     ("action", "send_goal"): "robo action send-goal ACTION GOAL, with --feedback for what is told meanwhile",
     ("action", "find"): "robo action list shows the type of each",
+    ("bag", "reindex"): "robo bag recover CUT -o WHOLE writes index and summary anew",
     ("interface", "package"): "robo interface list shows the types of all packages",
     ("interface", "packages"): "robo interface list shows the types of all packages",
     ("interface", "proto"): "robo interface show TYPE --json shows the defaults",
@@ -82,6 +83,12 @@ OPTIONS: dict[tuple[str, str], dict[str, str]] = {
         "--qos-profile-overrides-path": "no quality of service has to match: everything is received",
     },
     ("node", "list"): {"-a": "all nodes are always shown", "--all": "all nodes are always shown"},
+    ("bag", "info"): {"-v": "everything is always shown", "--verbose": "everything is always shown"},
+    ("bag", "convert"): {
+        "-i": "write robo bag convert FROM -o TO",
+        "--input": "write robo bag convert FROM -o TO",
+        "--output-options": "write robo bag convert FROM -o TO; robo bag cut, filter and merge make parts",
+    },
     ("param", "dump"): {"--output-dir": "write -o FILE", "--print": "it is printed unless -o FILE is said"},
 }
 """Options of `ros2` that robo's verbs of the same name have not."""

@@ -6,6 +6,7 @@ import msgspec
 import pytest
 
 from robo import bag
+from robo.bag import format as mcap
 from robo.bag.types import topic_of
 from robo.errors import BagError, DamagedBag
 from robo.wire.qos import QoS
@@ -226,3 +227,58 @@ def test_differences_are_told_with_the_field(tmp_path: Path) -> None:
 def test_a_recording_does_not_differ_from_itself(tmp_path: Path) -> None:
     bags.drive(tmp_path / "a.mcap")
     assert bag.diff(tmp_path / "a.mcap", tmp_path / "a.mcap").same
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_what_is_interrupted_leaves_no_half_file(force: bool, tmp_path: Path) -> None:
+    path, part = tmp_path / "drive.mcap", tmp_path / "part.mcap"
+    bags.drive(path)
+    if force:
+        part.write_bytes(b"before")
+
+    def interrupt(done: int, total: int) -> None:
+        assert (done, total) == (50, 122)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        bag.keep(path, part, lambda _: True, "none", force=force, tell=interrupt)
+    assert sorted(file.name for file in tmp_path.iterdir()) == (
+        ["drive.mcap", "part.mcap"] if force else ["drive.mcap"]
+    )
+    assert not force or part.read_bytes() == b"before"
+
+
+def test_how_far_things_are_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    bags.drive(path, bag.Options(compression="none", sync=False, chunk_size=2_000))
+    size = path.stat().st_size
+    told: list[tuple[int, int]] = []
+
+    def tell(done: int, total: int) -> None:
+        told.append((done, total))
+
+    def taken() -> list[tuple[int, int]]:
+        found = list(told)
+        told.clear()
+        return found
+
+    bag.info(path, tell=tell)
+    assert taken() == [(50, 122), (100, 122)]
+    bag.check(path, tell=tell)
+    assert taken()[-3:] == [(size - _after_data(path), size), (50, 122), (100, 122)]
+    bag.merge([path, path], tmp_path / "both.mcap", "none", tell=tell)
+    assert taken() == [(done, 244) for done in (50, 100, 150, 200)]
+    bag.cut(path, tmp_path / "part.mcap", START, compression="none", tell=tell)
+    assert taken() == [(50, 0), (100, 0)], "of how much is not known"
+    bag.diff(path, path, tell=tell)
+    assert taken() == [(50, 122), (100, 122)]
+    bag.recover(path, tmp_path / "whole.mcap", tell=tell)
+    found = taken()
+    assert {total for _, total in found} == {2 * size}
+    assert [done for done, _ in found] == sorted(done for done, _ in found)
+
+
+def _after_data(path: Path) -> int:
+    """Bytes behind the end of the data."""
+    data = path.read_bytes()
+    return len(data) - next(end for kind, _, end in bags.records_of(data) if kind == mcap.DATA_END)

@@ -5,7 +5,7 @@ import io
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import BinaryIO, Final, Protocol
 
 from robo.bag.output import new_output
 from robo.bag.progress import Tell, silent
@@ -57,15 +57,22 @@ def _lines(file: BinaryIO, path: str, size: int, tell: Tell) -> Iterator[bytes]:
             tell(done, size)
 
 
+class Text(Protocol):
+    """What text is written to, as UTF-8."""
+
+    def write(self, data: bytes, /) -> int:
+        """Write it."""
+
+
 @contextlib.contextmanager
-def new_text(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
+def new_text(path: str | Path, *, force: bool = False) -> Iterator[Text]:
     """A new file for text, that is deleted where its end is not reached; or standard output.
 
     Raises:
         BagError: there is something of this name already, or it cannot be written.
     """
     if str(path) == STANDARD:
-        yield sys.stdout.buffer
+        yield _Terminal() if sys.stdout.isatty() else sys.stdout.buffer
         sys.stdout.flush()
         return
     with new_output(path, force=force) as output:
@@ -76,3 +83,10 @@ def new_text(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
         finally:
             with contextlib.suppress(OSError, ValueError):
                 buffered.detach()  # whoever opened the file closes it
+
+
+class _Terminal:
+    """Standard output, where people read: control characters are shown there."""
+
+    def write(self, data: bytes) -> int:
+        return sys.stdout.write(data.decode())

@@ -1,13 +1,12 @@
 """`robo bag check`: what is wrong with a recording."""
 
-import time
-
 import msgspec
 
 from robo import bag
 from robo.bag.inspection import FATAL, Report
 from robo.cli.printing import amount, hint, paint, print_json, print_line, print_table
 from robo.cli.views.bag_progress import progress
+from robo.cli.views.bag_times import date
 from robo.text import colours
 from robo.text.brief import brief
 
@@ -48,11 +47,4 @@ def _print(report: Report) -> None:
 
 
 def _when(nanoseconds: int | None) -> str:
-    """By the clock here, with the day: a recording may be old."""
-    if nanoseconds is None:
-        return "-"
-    try:
-        day = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(nanoseconds // 10**9))
-    except (ValueError, OverflowError, OSError):
-        return f"{nanoseconds} ns"
-    return f"{day}.{nanoseconds // 10**6 % 1000:03d}"
+    return "-" if nanoseconds is None else date(nanoseconds)

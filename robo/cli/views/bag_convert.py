@@ -17,6 +17,7 @@ from robo.bag.progress import Tell
 from robo.cli.printing import amount, note, print_line
 from robo.cli.views.bag_progress import progress
 from robo.errors import UsageError
+from robo.text.terminal import visible
 
 
 class Conversion(NamedTuple):
@@ -51,7 +52,7 @@ def convert(asked: Conversion) -> None:
     with progress(f"converting {asked.source}") as tell:
         done = _from_mcap(asked, target, tell) if source == "mcap" else _to_mcap(asked, source, tell)
     for text in done.notes:
-        note(text)
+        note(visible(text))
     told = f"{done.output}: {amount(done.messages, 'message')} on {amount(done.topics, 'topic')}"
     if asked.output == STANDARD:
         return

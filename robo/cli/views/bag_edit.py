@@ -10,7 +10,9 @@ from robo.bag.moments import moment
 from robo.bag.patterns import chosen
 from robo.cli.printing import amount, data_size, note, print_line
 from robo.cli.views.bag_progress import progress
-from robo.errors import UsageError
+from robo.cli.views.bag_times import date, duration
+from robo.errors import BagError, UsageError
+from robo.text.terminal import visible
 
 
 def cut(path: str, output: str, start: str | None, end: str | None, compression: Compression, *, force: bool) -> None:
@@ -24,9 +26,14 @@ def cut(path: str, output: str, start: str | None, end: str | None, compression:
         raise UsageError("say from when or up to when: --start, --end or both")
     with progress(f"cutting {path}") as tell:
         with bag.open(path) as opened:
-            span = opened.begin, opened.end
-        begin = moment(start, *span) if start is not None else None
-        until = moment(end, *span) if end is not None else None
+            first, last = opened.begin, opened.end
+        begin = moment(start, first, last) if start is not None else None
+        until = moment(end, first, last) if end is not None else None
+        if begin is not None and until is not None and begin >= until:
+            raise UsageError(f"--end {end} is not after --start {start}")
+        if (begin is not None and begin > last) or (until is not None and until <= first):
+            there = f"it begins {date(first)} and lasts {duration(last - first)}"
+            raise BagError(f"nothing is there at that time: {there}", path)
         _tell(bag.cut(path, output, begin, until, compression, force=force, tell=tell))
 
 
@@ -73,7 +80,7 @@ def recover(path: str, output: str, *, force: bool) -> None:
     with progress(f"recovering {path}") as tell:
         found = bag.recover(path, output, force=force, tell=tell)
     for fault in found.faults[:20]:
-        note(str(fault))
+        note(visible(str(fault)))
     if len(found.faults) > 20:
         note(f"… and {len(found.faults) - 20:,} faults more")
     left = found.size - found.read

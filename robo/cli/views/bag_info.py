@@ -1,14 +1,15 @@
 """`robo bag info`: what is in recordings."""
 
 from collections.abc import Sequence
-from datetime import datetime
 
 from robo import bag
 from robo.bag.summary import Info, TopicInfo
 from robo.cli.printing import amount, data_size, note, paint, print_json, print_line, print_table
 from robo.cli.views.bag_progress import progress
+from robo.cli.views.bag_times import date, duration
 from robo.text import colours
 from robo.text.brief import brief
+from robo.text.terminal import visible
 
 _MOST_LISTED = 50
 """Attachments, words and faults of a recording that are printed; --json has all."""
@@ -35,8 +36,8 @@ def _print(info: Info, *, quick: bool) -> None:
     files = "" if len(info.files) == 1 else f", {amount(len(info.files), 'file')}"
     print_line(paint(f"{info.path}: {data_size(info.size)}{files}", colours.BOLD))
     if info.count:
-        print_line(f"from        {_date(info.begin)}")
-        print_line(f"to          {_date(info.end)}, {_duration(info.duration)}")
+        print_line(f"from        {date(info.begin)}")
+        print_line(f"to          {date(info.end)}, {duration(info.end - info.begin)}")
     print_line(f"messages    {info.count:,} on {amount(len(info.topics), 'topic')}{_lost(info)}")
     profile = f", profile {info.profile}" if info.profile else ""
     print_line(f"written by  {info.library or 'nobody says'}{profile}")
@@ -46,9 +47,9 @@ def _print(info: Info, *, quick: bool) -> None:
     _print_beside(info)
     for topic in info.topics:
         if topic.unknown:
-            note(f"{topic.name} stays bytes: {topic.unknown}")
+            note(visible(f"{topic.name} stays bytes: {topic.unknown}"))
     for fault in info.faults[:_MOST_LISTED]:
-        note(fault)
+        note(visible(fault))
     if info.faults:
         note(f"`robo bag check {info.path}` tells more, and `robo bag recover` makes a whole file of what can be read")
 
@@ -98,23 +99,3 @@ def _print_beside(info: Info) -> None:
         print_line(line)
     if len(lines) > _MOST_LISTED:
         print_line(f"… and {len(lines) - _MOST_LISTED:,} more; --json has all")
-
-
-def _date(nanoseconds: int) -> str:
-    """`2026-11-23 18:30:00.123 +0100`, by the clock here."""
-    try:
-        time = datetime.fromtimestamp(nanoseconds // 10**9).astimezone()
-    except (ValueError, OverflowError, OSError):
-        return f"{nanoseconds} ns"
-    return f"{time:%Y-%m-%d %H:%M:%S}.{nanoseconds // 10**6 % 1000:03d} {time:%z}"
-
-
-def _duration(seconds: float) -> str:
-    """`0.991 s`, or `1:02:03` where it is long."""
-    if seconds < 60:
-        return f"{seconds:.3f} s"
-    hours, rest = divmod(round(seconds), 3600)
-    minutes, left = divmod(rest, 60)
-    return (
-        f"{hours}:{minutes:02d}:{left:02d} ({seconds:,.1f} s)" if hours else f"{minutes}:{left:02d} ({seconds:.1f} s)"
-    )
