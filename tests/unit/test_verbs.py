@@ -133,7 +133,7 @@ def test_a_command_of_ros_2_is_answered_with_what_robo_has(words: tuple[str, ...
 @pytest.mark.parametrize(
     ("word", "meant"),
     [("echo", "topic echo or robo action echo or robo tf echo"), ("call", "service call"),
-     ("info", "topic info or robo node info or robo service info or robo action info"),
+     ("info", "topic info or robo node info or robo service info or robo action info or robo bag info"),
      ("tpoic", "topic"), ("restrat", "restart")],
 )  # fmt: skip
 def test_a_verb_that_there_is_not_brings_to_mind_what_was_meant(word: str, meant: str) -> None:
