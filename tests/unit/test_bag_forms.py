@@ -362,6 +362,14 @@ def test_a_log_becomes_what_its_player_says(packed: bool, tmp_path: Path) -> Non
     assert (scan.header.frame_id, scan.range_max) == ("base_laser", 80.0)
 
 
+def test_a_range_that_no_recording_can_hold_is_left_out(tmp_path: Path) -> None:
+    log = carmen(tmp_path, FLASER.format(time=1).replace("2.5", "2e46"), FLASER.format(time=2))
+    done = from_carmen(log, tmp_path / "a.mcap", None, "none")
+    assert done.notes == ["what makes no sense is left out: line 1; the first: "
+                          "sensor/LaserScan.ranges[1]: float 2e+46 is beyond float32"]  # fmt: skip
+    assert [row[0] for row in rows(tmp_path / "a.mcap")] == ["tf_static", "scan"]
+
+
 def test_some_topics_of_a_log(tmp_path: Path) -> None:
     log = carmen(tmp_path, ODOM.format(x=1, time=1), FLASER.format(time=2))
     done = from_carmen(log, tmp_path / "a.mcap", None, "none", wanted="scan".__eq__)

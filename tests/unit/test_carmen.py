@@ -125,6 +125,15 @@ def test_a_gzip_file_that_is_cut_short_plays_up_to_the_cut(tmp_path: Path) -> No
     assert sum(isinstance(record, MalformedLog) for record in good) <= 1
 
 
+def test_a_line_that_is_far_too_long_is_passed_over(tmp_path: Path) -> None:
+    path = tmp_path / "long.log.gz"
+    path.write_bytes(gzip.compress(b"ODOM " + bytes(5_000_000) + b"\n" + ODOM.encode()))
+    long, motion = carmen.read(path)
+    assert long == MalformedLog(1, "the line has more than 1,048,576 bytes")
+    assert isinstance(motion, Motion)
+    assert motion.line == 2
+
+
 def test_a_log_that_is_not_there() -> None:
     with pytest.raises(LogError, match=r"nope\.log cannot be opened: No such file"):
         list(carmen.read("nope.log"))

@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
-from typing import Literal
+from typing import BinaryIO, Literal
 
 import msgspec
 
@@ -34,6 +34,8 @@ from robo_messages import (
 
 _NANO = 10**9
 _MOST_SECONDS = 2**31
+_MOST_LINE = 2**20
+"""Bytes: a scan of 360 rays has 3,000."""
 
 
 class LogError(RoboError):
@@ -175,12 +177,17 @@ class _Bad(Exception):
     pass
 
 
-def _lines(stream: Iterable[bytes]) -> Iterator[bytes | MalformedLog]:
+def _lines(stream: BinaryIO | gzip.GzipFile) -> Iterator[bytes | MalformedLog]:
     number = 0
     try:
-        for line in stream:
+        while line := stream.readline(_MOST_LINE):
             number += 1
-            yield line
+            if len(line) < _MOST_LINE or line.endswith(b"\n"):
+                yield line
+                continue
+            while (rest := stream.readline(_MOST_LINE)) and not rest.endswith(b"\n"):
+                pass  # a small file may unfold to a line without end
+            yield MalformedLog(number, f"the line has more than {_MOST_LINE:,} bytes")
     except (EOFError, zlib.error, gzip.BadGzipFile, OSError) as error:
         yield MalformedLog(number + 1, f"the file is cut short or damaged here ({error})")
 

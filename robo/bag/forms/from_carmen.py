@@ -11,6 +11,7 @@ from robo.bag.options import TopicInFile
 from robo.bag.output import new_file
 from robo.bag.progress import Tell, silent
 from robo.bag.types import topic_of
+from robo.errors import MessageError
 from robo.interfaces import cdr
 from robo.wire import names
 from robo.wire.qos import KEEP_ALL, QoS
@@ -97,6 +98,12 @@ class _Log:
 
     def take(self, record: carmen.Record) -> None:
         """One more."""
+        try:
+            self._take(record)
+        except MessageError as error:  # a range that no float32 can be
+            self._malformed.add(record.line, str(error))
+
+    def _take(self, record: carmen.Record) -> None:
         setting = self._setting
         match record:
             case carmen.Rewritten(line):
@@ -148,8 +155,8 @@ class _Log:
         if self._wanted is not None and not self._wanted(topic.name):
             return
         assert self._arrived is not None
-        sequence = self._numbers[name] = self._numbers.get(name, 0) + 1
         data = cdr.encoder(type(message))(message)
+        sequence = self._numbers[name] = self._numbers.get(name, 0) + 1
         self.added.add(self.added.topic(topic), data, self._arrived, max(time, 0), sequence)
 
     def _topic(self, name: str, type_: type[Message]) -> TopicInFile:

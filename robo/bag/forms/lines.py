@@ -14,8 +14,8 @@ from robo.text.files import open_regular
 
 STANDARD: Final = "-"
 """In place of a file: standard input, or standard output."""
-MOST_LINE: Final = 2**29
-"""Of a line that is read, bytes: a picture as text has a few millions."""
+MOST_LINE: Final = 2**27
+"""Of a line that is read, bytes: 134 MB. A picture as text has a few millions."""
 _EACH = 50
 
 
