@@ -56,7 +56,12 @@ class Added:
             BagError: there are too many.
         """
         number = self._contents.number(topic)
-        return number if number is not None else self._contents.add_topic(topic, self._writer)
+        if number is None:
+            try:
+                number = self._contents.add_topic(topic, self._writer)
+            except BagError as error:
+                raise BagError(error.reason, self._path) from None
+        return number
 
     def add(self, topic: int, data: bytes, arrived: int, published: int, sequence: int) -> None:
         """A message: times in ns since the epoch; a whole sequence number, 0 where there is none.

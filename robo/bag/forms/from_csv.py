@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from robo.bag.compression import Compression
 from robo.bag.forms.columns import HEAD, columns_of, message_from
-from robo.bag.forms.converted import Added, Converted, Wanted
+from robo.bag.forms.converted import LAST_TIME, Added, Converted, Wanted
 from robo.bag.forms.lines import MOST_LINE, STANDARD, lines_of
 from robo.bag.output import new_file
 from robo.bag.progress import Tell, silent
@@ -183,6 +183,6 @@ def _order(names: list[str], wanted: list[str], type_name: str) -> list[int]:
 
 
 def _whole(cell: str, name: str) -> int:
-    if not (cell.isascii() and cell.isdecimal() and len(cell) < 20):
-        raise MessageError(f"{name}: {shown(cell, 40)} is no whole number")
+    if not (cell.isascii() and cell.isdecimal() and len(cell) < 20 and int(cell) <= LAST_TIME):
+        raise MessageError(f"{name}: {shown(cell, 40)} is no whole number of 63 bits")
     return int(cell)
