@@ -1,8 +1,6 @@
 """`robo bag` on files: each verb as it is typed, what it prints, how it ends, and what it leaves."""
 
 import json
-import os
-import pty
 import subprocess
 import sys
 from pathlib import Path
@@ -222,26 +220,3 @@ def test_what_cannot_be_converted_is_told(words: tuple[str, ...], code: int, tex
     found, _, said = run(folder, "convert", *words)
     assert (found, text in said) == (code, True), said
     assert sorted(folder.iterdir()) == before
-
-
-def test_how_far_it_is_is_told_on_a_terminal_alone(tmp_path: Path) -> None:
-    bags.drive(tmp_path / "long.mcap", SMALL, count=40_000)
-    control, side = pty.openpty()
-    command = [sys.executable, "-m", "robo", "bag", "check", "long.mcap"]
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=side)
-    os.close(side)
-    said = b""
-    while True:
-        try:
-            part = os.read(control, 10_000)
-        except OSError:  # the end of a terminal
-            break
-        if not part:
-            break
-        said += part
-    os.close(control)
-    out, _ = process.communicate(timeout=60)
-    assert process.returncode == 0
-    assert out == b"long.mcap: 48002 messages, nothing is wrong\n"
-    assert b"checking long.mcap: " in said
-    assert said.endswith(b"\r\x1b[K"), "nothing is left of it"
