@@ -95,6 +95,7 @@ if TYPE_CHECKING:
         TransitionEvent,
     )
     from robo_messages.nav2 import FollowWaypoints, WaypointStatus
+    from robo_messages.rosbag2 import GetRate, IsPaused, Seek, SetRate
     from robo_messages.sensor_more import CameraInfo, RegionOfInterest, TimeReference
     from robo_messages.std_arrays import (
         ByteMultiArray,
@@ -162,6 +163,7 @@ _PARTS_LATER = {
     ("_Request", "_Response"): {
         "robo_messages.action": "CancelGoal",
         "robo_messages.lifecycle": "ChangeState GetAvailableStates GetAvailableTransitions GetState",
+        "robo_messages.rosbag2": "GetRate IsPaused Seek SetRate",
     },
     ("_Goal", "_Result", "_Feedback"): {
         "robo_messages.example": "Fibonacci",
@@ -197,6 +199,7 @@ __all__ = [
     "FollowWaypoints",
     "GetAvailableStates",
     "GetAvailableTransitions",
+    "GetRate",
     "GetState",
     "GoalInfo",
     "GoalStatus",
@@ -212,6 +215,7 @@ __all__ = [
     "Int32MultiArray",
     "Int64",
     "Int64MultiArray",
+    "IsPaused",
     "JointState",
     "Joy",
     "KeyValue",
@@ -248,7 +252,9 @@ __all__ = [
     "QuaternionStamped",
     "Range",
     "RegionOfInterest",
+    "Seek",
     "SetBool",
+    "SetRate",
     "State",
     "String",
     "TFMessage",

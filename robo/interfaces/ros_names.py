@@ -12,6 +12,7 @@ _PACKAGES = {
     "sensor": "sensor_msgs",
     "diagnostic": "diagnostic_msgs",
     "lifecycle": "lifecycle_msgs",
+    "rosbag2": "rosbag2_interfaces",
     "tf2": "tf2_msgs",
     "visualization": "visualization_msgs",
     "system": "rcl_interfaces",

@@ -4,7 +4,8 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -16,6 +17,7 @@ from robo.text.unreadable import UNREADABLE
 from robo.wire import codec, sources
 from robo.wire.keys import EndpointToken, source_id
 from robo.wire.latched import LatchedPublisher
+from robo.wire.names import split
 from robo.wire.qos import QoS, zenoh_priority
 
 _REMEMBERED = 10_000
@@ -36,8 +38,18 @@ class Line(msgspec.Struct, frozen=True):
 class Sender:
     """Publishes on one topic."""
 
-    def __init__(self, session: zenoh.Session, key: str, type_name: str, qos: QoS = QoS.DEFAULT) -> None:
-        """Announces itself as nodes do, so that tools show it; `qos` says what it latches, and what goes first."""
+    def __init__(
+        self, session: zenoh.Session, key: str, type_name: str, qos: QoS = QoS.DEFAULT, node: str = ""
+    ) -> None:
+        """Announces itself as nodes do, so that tools show it.
+
+        Args:
+            session: the network.
+            key: of the topic.
+            type_name: of its messages; empty where each says its own.
+            qos: what it latches, and what goes first.
+            node: the full name by which it is announced; by default one that tells this process.
+        """
         encoding = f"{codec.MSGPACK};{type_name}" if type_name else codec.MSGPACK
         # What a person or a file says is to arrive: nothing is dropped on the way out.
         control, priority = zenoh.CongestionControl.BLOCK, zenoh_priority(qos.priority)
@@ -50,8 +62,7 @@ class Sender:
                 key, encoding=encoding, congestion_control=control, priority=priority
             )
         self._key = key
-        namespace, _, _ = key.rpartition("/")
-        name = f"topic_pub_{os.getpid()}"
+        namespace, name = split(node) if node else (key.rpartition("/")[0], f"topic_pub_{os.getpid()}")
         known_type = type_name if _is_key(type_name) else ""
         id_ = source_id(self._publisher.id)
         token = EndpointToken(namespace, name, "pub", known_type, qos, key, id_)
@@ -77,24 +88,49 @@ class Sender:
 
     def wait_for_subscriber(self) -> None:
         """Wait until somebody subscribes."""
-        present = threading.Event()
-
-        def notice(status: Any) -> None:
-            if status.matching:
-                present.set()
-
-        asking = self._session.declare_publisher(self._key)  # one that latches cannot tell
-        listener = asking.declare_matching_listener(notice)
-        status: Any = asking.matching_status  # zenoh's stub says bool, it is an object
-        notice(status)
-        present.wait()
-        listener.undeclare()
-        asking.undeclare()
+        audience = Audience(self._session, [self._key])
+        audience.wait()
+        audience.close()
 
     def close(self) -> None:
         """Withdraw the announcement and stop publishing."""
         self._token.undeclare()
         self._publisher.undeclare()
+
+
+class Audience:
+    """Whether somebody listens to each of some topics, or has."""
+
+    def __init__(self, session: zenoh.Session, keys: Iterable[str]) -> None:
+        self._missing = dict.fromkeys(keys)
+        self._changed = threading.Condition()
+        self._ends: list[Any] = []
+        for key in list(self._missing):
+            asking = session.declare_publisher(key)  # one that latches cannot tell
+            notice = partial(self._notice, key)
+            self._ends += [asking.declare_matching_listener(notice), asking]
+            notice(asking.matching_status)
+
+    @property
+    def missing(self) -> list[str]:
+        """The topics to which nobody has listened."""
+        return list(self._missing)
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait until none is missing, for at most so long, s. Returns whether none is."""
+        with self._changed:
+            return self._changed.wait_for(lambda: not self._missing, timeout)
+
+    def close(self) -> None:
+        """Look no more."""
+        for end in self._ends:
+            end.undeclare()
+
+    def _notice(self, key: str, status: Any) -> None:  # zenoh's stub says bool, it is an object
+        if status.matching:
+            with self._changed:
+                self._missing.pop(key, None)
+                self._changed.notify_all()
 
 
 def flush(session: zenoh.Session, timeout: float = 5.0) -> None:
