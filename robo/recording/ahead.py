@@ -79,7 +79,8 @@ class Ahead(Generic[T]):
         done = 0
         while True:
             with self._changed:
-                self._changed.wait_for(lambda done=done: self._closed or self._run != done)
+                while not self._closed and self._run == done:
+                    self._changed.wait()
                 if self._closed:
                     return
                 done, at = self._run, self._at

@@ -6,7 +6,6 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 from robo.recording.timeline import Timeline
 
 T = TypeVar("T")
-S = TypeVar("S", covariant=True)
 
 
 class Item(NamedTuple, Generic[T]):
@@ -19,7 +18,7 @@ class Item(NamedTuple, Generic[T]):
     what: T
 
 
-class Tape(Protocol[S]):
+class Tape(Protocol[T]):
     """A recording, as far as playing it goes."""
 
     @property
@@ -30,7 +29,7 @@ class Tape(Protocol[S]):
     def end(self) -> int:
         """The time of the last message that is played, ns since the epoch."""
 
-    def run(self, at: int) -> "Iterator[Item[S]]":
+    def run(self, at: int) -> "Iterator[Item[T]]":
         """What latched topics had said last before a time, then all messages from it on, by their times."""
 
 
@@ -73,6 +72,8 @@ class Playback(Generic[T]):
         self._tape = tape
         self._loop = loop
         self._steps = 0
+        self._item: Item[T] | None = None
+        self._ended = self._said = self._jumped = False
         self._time = Timeline(tape.begin, now, rate, paused=paused)
         self._begin_at(tape.begin, now)
 
@@ -162,7 +163,7 @@ class Playback(Generic[T]):
         self._time.jump(at, now)
         self._first = at
         self._coming = self._tape.run(at)
-        self._item: Item[T] | None = None
+        self._item = None
         self._ended = self._said = False
         self._jumped = True
 

@@ -1,6 +1,6 @@
 """Which topics there are, what they carry, and who is at their ends."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import msgspec
 import zenoh
@@ -188,15 +188,46 @@ def check_unpublished(session: zenoh.Session, key: str, timeout: float = 1.0) ->
     Raises:
         TopicTaken: names who publishes it.
     """
-    there = list_topics(session, timeout, (key,))
-    publishers = next((topic.publishers for topic in there if topic.key == key), [])
+    for topic in among(session, (key,), timeout):
+        refuse_taken(topic)
+
+
+def among(session: zenoh.Session, keys: Collection[str], timeout: float = 1.0) -> list[Topic]:
+    """Those of some topics that somebody publishes or subscribes."""
+    return [topic for topic in list_topics(session, timeout, list(keys)) if topic.key in keys]
+
+
+def refuse_type(topic: Topic, type_name: str) -> None:
+    """Refuse a type that a topic does not have.
+
+    Raises:
+        MessageError: nodes that publish or subscribe the topic know it as something else.
+    """
+    types = [one for one in topic.types if one]
+    if types and type_name not in types:
+        who = visible(", ".join([*topic.publishers, *topic.subscribers]))
+        raise MessageError(f"{topic.key} is no {type_name}: {who} know it as {visible(types[0])}; --force to insist")
+
+
+def refuse_taken(topic: Topic, otherwise: str = "") -> None:
+    """Refuse a topic that somebody publishes already.
+
+    Args:
+        topic: which.
+        otherwise: what else there is to do, in words.
+
+    Raises:
+        TopicTaken: names who publishes it.
+    """
+    publishers = topic.publishers
     if publishers:
         nodes = [name for name in publishers if not name.startswith("zenoh:")]
         how = f" (robo stop {' '.join(nodes)})" if nodes else ""
         verb = "publishes" if len(publishers) == 1 else "publish"
+        more = f"; {otherwise}" if otherwise else ""
         raise TopicTaken(
-            f"{', '.join(publishers)} {verb} {key} already, and receivers would get both in turns: "
-            f"stop it first{how}, or add --beside"
+            f"{', '.join(publishers)} {verb} {topic.key} already, and receivers would get both in turns: "
+            f"stop it first{how}, or add --beside{more}"
         )
 
 

@@ -14,9 +14,9 @@ from robo import READ_ONLY, MessageInfo, Node, ParameterError, Publisher, QoS, U
 from robo.errors import RunError
 from robo.node import log
 from robo.text import colours
+from robo.text.keyboard import KeyboardTerminal, NoTerminal
 from robo_messages import DiagnosticStatus, LaserScan, Message, Odometry, Twist
 from robo_services.arrivals import Arrivals, Newest
-from robo_services.keyboard_terminal import KeyboardTerminal, NoTerminal
 from robo_services.teleop import SPEEDS, Decoder, Kind, Operator, Speeds, Timing, adjusted, kind_of
 from robo_services.teleop_screen import View, drawn, lines_of, nearest_of
 

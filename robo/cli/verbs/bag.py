@@ -5,7 +5,8 @@ from typing import Annotated
 import typer
 
 from robo.cli import completion
-from robo.cli.options import Json
+from robo.cli.options import Json, JsonLines
+from robo.cli.play_words import PlayWords
 from robo.cli.reach import Reach
 from robo.cli.record_words import RecordWords
 from robo.cli.tree import group
@@ -45,6 +46,36 @@ def bag_record(
     from robo.cli.views.bag_record import record
 
     return record(names, reach, words, json=json)
+
+
+@verb(
+    verbs,
+    "play",
+    "robo bag play drive.mcap --robot-name r2",
+    "robo bag play drive.mcap --topics scan --remap scan:=scan_before --rate 0",
+    "robo bag play drive.mcap --robot-name r2 --start 0.2 --duration 0.5 --clock",
+    "robo bag play drive.mcap --robot-name r2 --loop --rate 2 --exclude 'cmd_*'",
+)
+def bag_play(
+    reach: Reach,
+    file: Annotated[str, typer.Argument(metavar="FILE", help="A recording in MCAP, or a folder of its files.")],
+    words: PlayWords,
+    json: JsonLines = False,
+) -> int:
+    """Publish what a recording holds, as it came: as robo's messages where their types are known, else as bytes.
+
+    Messages have the time of now beside them and the stamps of then within. What was latched is latched again, and said
+    first, after each jump too. With --robot-name the recorded robot's topics become those of that robot; topics may
+    be named without it. A topic that somebody publishes already is refused, unless --beside is said.
+
+    On a terminal: space pauses, . steps, arrows and pages jump, + and - change the rate, q ends. The same as services:
+    bag_player/pause, resume, toggle_paused, step, seek, set_rate, get_rate, is_paused, stop.
+
+    Exit code: 0 played, 1 something could not be read or a topic has a publisher, 2 words that make no sense.
+    """
+    from robo.cli.views.bag_play import play
+
+    return play(file, reach, words, json=json)
 
 
 verbs.registered_commands += bag_files.verbs.registered_commands

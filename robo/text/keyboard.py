@@ -1,4 +1,4 @@
-"""A terminal whose keys come one by one and whose screen is drawn anew: set up, and always given back as it was."""
+"""A terminal whose keys come one by one, with a screen or a line that is drawn anew; always given back as it was."""
 
 import os
 import select
@@ -51,11 +51,13 @@ class KeyboardTerminal:
     that takes nothing holds up nobody, and other programs keep it as it is.
     """
 
-    def __init__(self, path: str = "") -> None:
+    def __init__(self, path: str = "", *, screen: bool = True) -> None:
         """Open it; it stays as it is until `enter`.
 
         Args:
             path: of its device; by default the one that this process was started in.
+            screen: whether it has all of the screen; else it draws among lines of others, and in the background of a
+                shell neither draws nor reads.
 
         Raises:
             NoTerminal: there is none.
@@ -74,6 +76,7 @@ class KeyboardTerminal:
             os.set_blocking(end, False)
         self._handlers: dict[int, Any] = {}
         self._former_wakeup = -1
+        self._screen = screen
         self._entered = False
         self._closed = threading.Lock()
 
@@ -86,11 +89,24 @@ class KeyboardTerminal:
                 return size
         return os.terminal_size((80, 24))
 
+    @property
+    def is_ours(self) -> bool:
+        """Whether it may be drawn on and read from; not by what a shell runs in the background."""
+        if self._screen:
+            return True
+        try:
+            return os.tcgetpgrp(self._fd) == os.getpgrp()
+        except OSError:  # it is not this process's own, but was named; or it has gone, which reading tells
+            return True
+
     def enter(self) -> None:
-        """Take the terminal: keys come at once, nothing is echoed, the second screen shows."""
+        """Take the terminal: keys come at once, nothing is echoed, the second screen shows if there is to be one."""
+        if not self.is_ours:
+            return
         self._entered = True
         self._set_mode()
-        self.write(_ENTER)
+        if self._screen:
+            self.write(_ENTER)
 
     def leave(self) -> None:
         """Give it back as it was; keys that nobody has read are dropped, so that no shell takes them as words."""
@@ -98,7 +114,10 @@ class KeyboardTerminal:
             return
         self._entered = False
         select.select([], [self._fd], [], 0.2)  # where it has taken nothing for a while
-        self.write(_LEAVE)
+        if self._screen:
+            self.write(_LEAVE)
+        elif not self.is_ours:
+            return  # it is the shell's, which has set it as it wants it
         with suppress(termios.error, OSError):  # it has gone
             termios.tcflush(self._fd, termios.TCIFLUSH)
             termios.tcsetattr(self._fd, termios.TCSANOW, self._before)
@@ -132,7 +151,8 @@ class KeyboardTerminal:
 
     def wait(self, timeout: float) -> Heard:
         """Wait until a key is pressed or something else happens, for at most so long, s."""
-        ready = select.select([self._fd, self._wake_reader], [], [], max(0.0, timeout))[0]
+        ends = [self._fd, self._wake_reader] if self.is_ours else [self._wake_reader]
+        ready = select.select(ends, [], [], max(0.0, timeout))[0]
         told = self._drain() if self._wake_reader in ready else b""
         if signal.SIGCONT in told:
             self._resume()

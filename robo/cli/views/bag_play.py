@@ -1,0 +1,353 @@
+"""`robo bag play`: what is told before, while and after a recording is played, and who steers it."""
+
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager, suppress
+from types import FrameType
+from typing import NoReturn
+
+import zenoh
+
+from robo import bag
+from robo.bag.reader import Bag
+from robo.cli.connection import connect_to_robot
+from robo.cli.link import Link
+from robo.cli.play_words import PlayWords
+from robo.cli.printing import amount, hint, note, print_json, print_line
+from robo.cli.reach import Reach
+from robo.cli.views.bag_keys import FAR, SEEK, Decoder, Key, next_rate, status_line
+from robo.errors import RoboError
+from robo.recording.outputs import ClockOutput, Outputs
+from robo.recording.player import Player
+from robo.recording.player_services import PlayerServices
+from robo.recording.played import CLOCK, Choice, Played, Selection, select
+from robo.recording.tape import BagTape, Window
+from robo.samples.publishing import Audience
+from robo.text.keyboard import KeyboardTerminal, NoTerminal
+from robo.tools import topics
+from robo.wire import names
+from robo.wire.discovery import tokens
+from robo.wire.keys import SYSTEM_TOPICS, EndpointToken
+
+NAME = "bag_player"
+"""Of the player, within the robot's namespace; a second one has a number."""
+
+_LOOK = 0.1
+"""How often it is looked what to draw, s."""
+_LATE = 0.1
+"""From how late it is told, s."""
+_MOST_TOLD = 10
+"""Notes of one kind."""
+
+
+def play(path: str, reach: Reach, words: PlayWords, *, json: bool) -> int:
+    """Play a recording.
+
+    Returns:
+        1 where something could not be read; the rest was played.
+
+    Raises:
+        UsageError: the words make no sense, or nothing in the recording fits them.
+        BagError: it cannot be read, or nothing in it can be played.
+        DamagedBag: a part of it is damaged; what comes before it was played.
+        TopicTaken: somebody publishes a topic already.
+        RoboError: nothing runs.
+    """
+    with bag.open(path) as recording, ExitStack() as ends:
+        _tell_all(f"{fault}; what can be read is played, and `robo bag recover` mends it" for fault in recording.faults)
+        selection = select(recording.topics, _choice(words, reach), recording.path, _robot_of(recording))
+        tape = BagTape(recording, selection.played, words.order, Window(words.start, words.end, words.duration))
+        session = ends.enter_context(connect_to_robot(reach))
+        played = _allowed(session, selection, words, reach)
+        run = _Run(session, recording, tape, selection._replace(played=played), words, reach, json=json)
+        run.play()
+    return 1 if recording.faults or tape.converter.unreadable else 0
+
+
+def _choice(words: PlayWords, reach: Reach) -> Choice:
+    return Choice(words.topics or (), words.exclude or (), words.remap or (), reach.namespace)
+
+
+def _robot_of(recording: Bag) -> str | None:
+    """The robot that was recorded, where the recording says so."""
+    with suppress(RoboError):
+        return recording.metadata.get("robo", {}).get("robot")
+    return None
+
+
+def _allowed(session: zenoh.Session, selection: Selection, words: PlayWords, reach: Reach) -> list[Played]:
+    """The topics that may be published.
+
+    Raises:
+        MessageError: nodes know one as another type.
+        TopicTaken: somebody publishes one already.
+    """
+    wanted = {one.key: one.type for one in selection.played}
+    if _tells_time(selection.played, words):
+        wanted[CLOCK] = "system/Clock"
+    there = topics.among(session, wanted, reach.timeout)
+    left_out: set[str] = set()
+    for topic in there:
+        # What every node says by itself is said by those that are there: the recorded ones' would be in its place.
+        own = topic.key.rpartition("/")[2] in SYSTEM_TOPICS
+        if own and topic.publishers and not words.topics and not words.beside:
+            left_out.add(topic.key)
+    if left_out:
+        note(f"not played, for nodes that run say it themselves: {', '.join(sorted(left_out))}; --beside plays it too")
+    for topic in there:
+        if wanted[topic.key] and not words.force:
+            topics.refuse_type(topic, wanted[topic.key])
+        if topic.key not in left_out and not words.beside:
+            topics.refuse_taken(topic, "--exclude leaves it out, --remap and --robot-name play it elsewhere")
+    return [one for one in selection.played if one.key not in left_out]
+
+
+def _tells_time(played: list[Played], words: PlayWords) -> bool:
+    """Whether to tell the time: a recording that has a clock tells it itself."""
+    return (words.clock or words.clock_rate is not None) and all(one.key != CLOCK for one in played)
+
+
+def _free_name(session: zenoh.Session, namespace: str, timeout: float) -> str:
+    """A full name that no other player has."""
+    there = {token.full_name for token in tokens(session, timeout) if isinstance(token, EndpointToken)}
+    wanted = names.absolute(NAME, namespace)
+    number = 1
+    while (name := f"{wanted}_{number}" if number > 1 else wanted) in there:
+        number += 1
+    return name
+
+
+class _Run:
+    """One recording that is played."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        recording: Bag,
+        tape: BagTape,
+        selection: Selection,
+        words: PlayWords,
+        reach: Reach,
+        *,
+        json: bool,
+    ) -> None:
+        self._session = session
+        self._recording = recording
+        self._tape = tape
+        self._selection = selection
+        self._words = words
+        self._reach = reach
+        self._json = json
+        self._link = Link(session, reach)
+        self._link_due = 0.0
+        self._terminal: KeyboardTerminal | None = None
+        self._over = threading.Event()
+        self._complete = False
+        self._error: BaseException | None = None
+
+    def play(self) -> None:
+        """Play it, and tell of it."""
+        words, session, played = self._words, self._session, self._selection.played
+        namespace = self._reach.namespace or self._selection.robot
+        with ExitStack() as ends:
+            ends.enter_context(_ends_on_sigterm())
+            node = _free_name(session, namespace, self._reach.timeout)
+            self._tell_beginning(node)
+            outputs = ends.enter_context(closing(Outputs(session, played, node)))
+            clock = None
+            if _tells_time(played, words):
+                clock = ends.enter_context(closing(ClockOutput(session, node)))
+            elif words.clock or words.clock_rate is not None:
+                note("the recording has a /clock of its own, which is played: --clock adds none")
+            if words.wait_for_subscribers:
+                self._wait_for_subscribers()
+            player = Player(
+                self._tape,
+                outputs,
+                rate=words.rate,
+                paused=words.start_paused,
+                loop=words.loop,
+                clock=clock,
+                clock_period=1.0 / words.clock_rate if words.clock_rate else None,
+                on_change=self._wake,
+            )
+            ends.enter_context(closing(player))
+            ends.enter_context(closing(PlayerServices(session, player, node, player.stop)))
+            begin = time.monotonic()
+            try:
+                self._run(player)
+                if self._error is None:
+                    outputs.arrive()
+            finally:
+                self._tell_end(player, outputs, time.monotonic() - begin)
+            if self._error is not None:
+                raise self._error
+
+    def _run(self, player: Player) -> None:
+        """Play in a thread of its own, and look after keys and the link meanwhile."""
+        thread = threading.Thread(target=self._play, args=(player,), name="robo-play", daemon=True)
+        try:
+            with self._keys() as self._terminal:
+                thread.start()
+                while not self._over.is_set():
+                    self._attend(player)
+        finally:
+            player.stop()
+        thread.join()
+
+    def _play(self, player: Player) -> None:
+        try:
+            self._complete = player.run()
+        except BaseException as error:  # it is told by whoever waits
+            self._error = error
+        self._over.set()
+        self._wake()
+
+    def _wake(self) -> None:
+        if self._terminal is not None:
+            self._terminal.wake()
+
+    @contextmanager
+    def _keys(self) -> Iterator[KeyboardTerminal | None]:
+        """The terminal, where there is one and its keys are wanted; whatever happens, it is given back."""
+        terminal = None
+        if not (self._words.no_keys or self._json):
+            with suppress(NoTerminal):
+                terminal = KeyboardTerminal(screen=False)
+        if terminal is None:
+            yield None
+            return
+        self._decoder = Decoder()
+        try:
+            terminal.watch_signals()
+            terminal.enter()
+            yield terminal
+        finally:
+            self._terminal = None
+            _draw(terminal, "")
+            terminal.close()
+
+    def _attend(self, player: Player) -> None:
+        terminal = self._terminal
+        if time.monotonic() >= self._link_due:
+            self._link_due = time.monotonic() + 3 * _LOOK
+            if changed := self._link.look():
+                self._note(changed)
+        if terminal is None:
+            self._over.wait(_LOOK)
+            return
+        _draw(terminal, status_line(player.state, self._tape.first, self._tape.end, terminal.size.columns))
+        heard = terminal.wait(_LOOK)
+        if heard.closed:
+            player.stop()
+            self._over.wait(_LOOK)
+        elif heard.suspend:
+            _draw(terminal, "")
+            terminal.suspend()
+        for key in self._decoder.keys(heard.data):
+            _press(key, player)
+
+    def _note(self, text: str) -> None:
+        if self._terminal is not None:
+            _draw(self._terminal, "")
+        note(text)
+
+    def _wait_for_subscribers(self) -> None:
+        keys = dict.fromkeys(one.key for one in self._selection.played)
+        with closing(Audience(self._session, keys)) as audience:
+            told: list[str] = []
+            while not audience.wait(_LOOK):
+                if told != audience.missing:
+                    told = audience.missing
+                    hint(
+                        f"waiting for a subscriber of {', '.join(told)} … (--topics and --exclude say which are played)"
+                    )
+
+    def _tell_beginning(self, node: str) -> None:
+        played, tape = self._selection.played, self._tape
+        for one in self._selection.nameless[:_MOST_TOLD]:
+            note(f"{one} is not played: it is no name of a topic; --remap OLD:=NEW gives another one")
+        _tell_all(f"{one.key} is published as {one.encoding}: {one.topic.unknown}" for one in played if one.encoding)
+        if self._json:
+            about = [
+                {"topic": one.topic.name, "key": one.key, "type": one.topic.type, "encoding": one.encoding}
+                for one in played
+            ]
+            begin, end = tape.begin, tape.end
+            path = self._recording.path
+            print_json({"event": "begin", "path": path, "node": node, "begin": begin, "end": end, "topics": about})
+            return
+        recorded, robot = self._selection.robot, self._reach.namespace
+        renamed = f", {recorded} as {robot}" if recorded and robot and recorded != robot else ""
+        window = f"{(tape.begin - tape.first) * 1e-9:.1f} to {(tape.end - tape.first) * 1e-9:.1f} s"
+        print_line(f"playing {self._recording.path}: {amount(len(played), 'topic')}, {window}{renamed}; {node}")
+
+    def _tell_end(self, player: Player, outputs: Outputs, seconds: float) -> None:
+        unreadable = dict(self._tape.converter.unreadable)
+        if unreadable:
+            total = sum(unreadable.values())
+            note(f"{amount(total, 'message')} left out, which cannot be read; the first: {self._tape.converter.reason}")
+        if player.latest > _LATE and self._words.rate:
+            note(f"messages were up to {player.latest:.1f} s late: who wants all of them, or this machine, is slow")
+        if self._json:
+            counts: dict[str, int] = {}
+            for one, count in zip(outputs.played, outputs.counts, strict=True):
+                counts[one.key] = counts.get(one.key, 0) + count
+            facts = {"messages": player.played, "seconds": seconds, "complete": self._complete, "late": player.latest}
+            print_json({"event": "end", **facts, "unreadable": unreadable, "topics": counts})
+            return
+        how = "played" if self._complete else "stopped:"
+        print_line(f"{how} {player.played:,} messages in {seconds:.1f} s")
+
+
+def _press(key: Key, player: Player) -> None:
+    match key:
+        case "pause":
+            player.toggle()
+        case "step":
+            player.step()
+        case "ahead" if player.state.paused:
+            player.step()
+        case "ahead":
+            player.skip(SEEK)
+        case "back":
+            player.skip(-SEEK)
+        case "far ahead":
+            player.skip(FAR)
+        case "far back":
+            player.skip(-FAR)
+        case "faster" | "slower":
+            player.change_rate(next_rate(player.state.rate, faster=key == "faster"))
+        case "quit":
+            player.stop()
+
+
+def _draw(terminal: KeyboardTerminal, text: str) -> None:
+    """Show a line in the place of the former one."""
+    if terminal.is_ours:
+        terminal.write(f"\r\x1b[K{text}")
+
+
+def _tell_all(lines: Iterator[str]) -> None:
+    told = list(lines)
+    for line in told[:_MOST_TOLD]:
+        note(line)
+    if len(told) > _MOST_TOLD:
+        note(f"… and {len(told) - _MOST_TOLD} more")
+
+
+@contextmanager
+def _ends_on_sigterm() -> Iterator[None]:
+    """Whoever ends this program finds the terminal as it was, and topics given up."""
+
+    def leave(_number: int, _frame: FrameType | None) -> NoReturn:
+        sys.exit(128 + signal.SIGTERM)
+
+    before = signal.signal(signal.SIGTERM, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
