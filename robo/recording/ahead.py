@@ -97,14 +97,16 @@ class Ahead(Generic[T]):
     def _read_all(self, run: int, at: int) -> None:
         batch: list[Item[T]] = []
         size = 0
-        for item in self._read(at):
-            batch.append(item)
-            size += self._size_of(item.what)
-            if len(batch) >= _BATCH or size >= _BATCH_BYTES or not self._ready:
-                if not self._hand_over(run, batch, size):
-                    return
-                batch, size = [], 0
-        self._hand_over(run, batch, size)
+        try:
+            for item in self._read(at):
+                batch.append(item)
+                size += self._size_of(item.what)
+                if len(batch) >= _BATCH or size >= _BATCH_BYTES or not self._ready:
+                    if not self._hand_over(run, batch, size):
+                        return
+                    batch, size = [], 0
+        finally:
+            self._hand_over(run, batch, size)  # also what comes before a part that cannot be read
 
     def _hand_over(self, run: int, batch: list[Item[T]], size: int) -> bool:
         """Returns whether more is wanted, once there is room."""

@@ -73,7 +73,7 @@ class Playback(Generic[T]):
         self._loop = loop
         self._steps = 0
         self._item: Item[T] | None = None
-        self._ended = self._said = self._jumped = False
+        self._ended = self._said = self._jumped = self._waits = False
         self._time = Timeline(tape.begin, now, rate, paused=paused)
         self._begin_at(tape.begin, now)
 
@@ -92,18 +92,23 @@ class Playback(Generic[T]):
         at, item = self._time.at(now), self._peek()
         return min(at, self._tape.end if item is None else max(item.time, self._first))
 
+    def prepare(self) -> None:
+        """Look for what comes next. That may take a while; `next` takes none after it."""
+        self._peek()
+
     def next(self, now: int) -> Say[T] | Wait | Over:
         """What to do at this time; to be called again after it was done, or once anything was changed."""
         item = self._peek()
+        if self._waits:
+            self._waits = False
+            self._time.jump(self._first, now)  # time goes on from when there is something to be said
         if item is None:
             if self._time.paused:
                 return Wait(None)  # somebody may jump back
             if not self._loop or not self._said:
                 return Over()
             self._begin_at(self._tape.begin, now)
-            item = self._peek()
-            if item is None:
-                return Over()
+            return Wait(now)
         if item.before:
             return self._say(item, now)
         due = self._time.due(item.time)
@@ -165,7 +170,7 @@ class Playback(Generic[T]):
         self._coming = self._tape.run(at)
         self._item = None
         self._ended = self._said = False
-        self._jumped = True
+        self._jumped = self._waits = True
 
     def _peek(self) -> Item[T] | None:
         """The message that comes next; None at the end. It is looked for no sooner than it is wanted: that may wait."""

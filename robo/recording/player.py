@@ -107,6 +107,7 @@ class Player:
                 with self._changed:
                     if self._stopped:
                         return False
+                    self._playback.prepare()
                     now = time.monotonic_ns()
                     said = self._playback.next(now)
                     if isinstance(said, Over):

@@ -19,7 +19,7 @@ from robo.cli.play_words import PlayWords
 from robo.cli.printing import amount, hint, note, print_json, print_line
 from robo.cli.reach import Reach
 from robo.cli.views.bag_keys import FAR, SEEK, Decoder, Key, next_rate, status_line
-from robo.errors import RoboError
+from robo.errors import DamagedBag, RoboError
 from robo.recording.outputs import ClockOutput, Outputs
 from robo.recording.player import Player
 from robo.recording.player_services import PlayerServices
@@ -183,6 +183,8 @@ class _Run:
                     outputs.arrive()
             finally:
                 self._tell_end(player, outputs, time.monotonic() - begin)
+            if isinstance(self._error, DamagedBag):
+                hint("what comes before it was played; `robo bag recover` makes a recording of all that can be read")
             if self._error is not None:
                 raise self._error
 
