@@ -164,12 +164,12 @@ class _Rename:
         self.old, assign, new = text.partition(":=")
         self._all = self.old.endswith("/**") and new.endswith("/**")
         olds, news = (self.old[:-3], new[:-3]) if self._all else (self.old, new)
+        if not assign or "*" in olds + news:
+            raise UsageError(f"--remap {text}: write OLD:=NEW, or OLD/**:=NEW/** for all topics within")
         try:
             self._old, self._new = names.key_of(olds), names.key_of(news)
         except InvalidName as error:
             raise UsageError(f"--remap {text}: {error}") from None
-        if not assign or "*" in self._old or "*" in self._new:
-            raise UsageError(f"--remap {text}: write OLD:=NEW, or OLD/**:=NEW/** for all topics within")
         self._recorded = recorded
         self._home = "" if new.startswith("/") else robot or recorded
 

@@ -1,0 +1,308 @@
+"""Somebody types `robo bag play`, and presses keys while it goes on; the terminal is as it was afterwards."""
+
+import fcntl
+import json
+import os
+import pty
+import re
+import select
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import psutil
+import pytest
+import zenoh
+
+import robo_messages
+from robo import bag
+from robo.bag.types import topic_of
+from robo.interfaces import cdr
+from robo.testing import Launch
+from robo_messages import Odometry, Twist
+from robo_services import carmen
+from tests import bags
+from tests.bags import MS, START
+from tests.e2e.test_teleop import ALONE, SHELL
+from tests.plain import hear, samples
+from tests.support import INTERRUPTED, PATIENCE, eventually, robo, run_robo
+
+pytestmark = pytest.mark.timeout(180)
+
+
+def values(found: list[zenoh.Sample]) -> list[float]:
+    return [robo_messages.decode(sample.payload.to_bytes(), Twist).linear.x for sample in found]
+
+
+def commands(path: Path, count: int, step: int = 10 * MS, robot: str = "r1/") -> Path:
+    with bag.Recording(path, bag.Options(compression="none", sync=False)) as recording:
+        number = recording.topic(topic_of(f"{robot}cmd_vel", Twist))
+        for at in range(count):
+            recording.write(number, bags.twist(at), START + at * step, START + at * step, at + 1)
+    return path
+
+
+def test_a_recording_is_played_and_told_of(session: zenoh.Session, endpoint: str, tmp_path: Path) -> None:
+    path = commands(tmp_path / "drive.mcap", 20)
+    heard = hear(session, "**")
+    result = run_robo("bag", "play", str(path), "--connect", endpoint)
+    assert result.returncode == 0, result.stderr
+    assert "1 topic, 0.0 to 0.2 s; /r1/bag_player" in result.stdout
+    assert "played 20 messages in 0." in result.stdout
+    found = samples(heard, 20)
+    assert {str(sample.key_expr) for sample in found} == {"r1/cmd_vel"}
+    assert values(found) == list(range(20))
+
+
+def test_in_json_lines(session: zenoh.Session, endpoint: str, tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    bags.drive(path)
+    heard = hear(session, "r2/**")
+    words = ["--json", "--robot-name", "r2", "--rate", "0", "--exclude", "tf_*", "--remap", "odom:=odom_before"]
+    result = run_robo("bag", "play", str(path), "--connect", endpoint, *words)
+    assert result.returncode == 0, result.stderr
+    begin, end = map(json.loads, result.stdout.splitlines())
+    assert begin["event"] == "begin"
+    assert {one["key"] for one in begin["topics"]} == {"r2/cmd_vel", "r2/odom_before", "r2/scan"}
+    assert end["complete"]
+    assert end["topics"] == {"r2/cmd_vel": 100, "r2/odom_before": 10, "r2/scan": 10}
+    assert len(samples(heard, 120)) == 120
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "text"),
+    [
+        (["missing.mcap"], 1, "missing.mcap: "),
+        (["empty.mcap"], 1, "it is empty: there is no topic in it"),
+        (["text.mcap"], 1, "it is no MCAP file"),
+        (["drive.mcap", "--topics", "odm"], 2, "--topics odm: no topic matches; did you mean"),
+        (["drive.mcap", "--exclude", "**"], 1, "all topics are excluded"),
+        (["drive.mcap", "--remap", "odom"], 2, "write OLD:=NEW"),
+        (["drive.mcap", "--start", "5"], 2, "it cannot start at 5 s: the recording has 0.99"),
+        (["drive.mcap", "--rate", "nan"], 2, "rate"),
+        (["drive.mcap", "--start", "0.5", "--end", "0.2"], 2, "nothing is between"),
+    ],
+)
+def test_a_mistake_is_told(
+    session: zenoh.Session, endpoint: str, tmp_path: Path, words: list[str], code: int, text: str
+) -> None:
+    del session
+    bags.drive(tmp_path / "drive.mcap")
+    bag.Recording(tmp_path / "empty.mcap", bag.Options(compression="none", sync=False)).close()
+    (tmp_path / "text.mcap").write_text("hello, this is no recording")
+    result = run_robo("bag", "play", *words, "--connect", endpoint, cwd=str(tmp_path))
+    assert (result.returncode, "Traceback" in result.stderr) == (code, False), result.stderr
+    assert text in result.stderr
+
+
+def test_a_topic_that_somebody_publishes_is_left_to_him(session: zenoh.Session, endpoint: str, tmp_path: Path) -> None:
+    path = commands(tmp_path / "drive.mcap", 20)
+    heard = hear(session, "r1/cmd_vel")
+    with robo("bag", "play", str(path), "--start-paused", "--connect", endpoint) as first:
+        first.wait_for("playing")
+        second = ["bag", "play", str(path), "--connect", endpoint]
+        refused = run_robo(*second)
+        assert refused.returncode == 1
+        assert "/r1/bag_player publishes r1/cmd_vel already" in refused.stderr
+        assert "--exclude" in refused.stderr
+        played = run_robo(*second, "--beside")
+        assert played.returncode == 0, played.stderr
+        assert "/r1/bag_player_2" in played.stdout
+        assert len(samples(heard, 20)) == 20
+        other = run_robo("service", "call", "r1/bag_player/step", "--connect", endpoint)
+        assert other.returncode == 0, other.stderr + other.stdout
+        samples(heard, 1)
+        first.interrupt()
+        assert first.wait() in INTERRUPTED
+        assert "stopped: 1 messages" in first.output
+        assert "Traceback" not in first.output
+
+
+def test_a_cut_recording_is_played_as_far_as_it_goes(session: zenoh.Session, endpoint: str, tmp_path: Path) -> None:
+    whole, cut = tmp_path / "whole.mcap", tmp_path / "cut.mcap"
+    bags.drive(whole, bag.Options(compression="none", sync=False, chunk_size=1_000))
+    data = whole.read_bytes()
+    cut.write_bytes(data[: len(data) // 2])
+    heard = hear(session, "r2/**")
+    words = ["--connect", endpoint, "--rate", "0", "--robot-name", "r2"]
+    result = run_robo("bag", "play", str(cut), *words)
+    assert result.returncode == 1
+    assert "the file is cut" in result.stderr
+    assert "what can be read is played" in result.stderr
+    assert "Traceback" not in result.stderr
+    count = int(re.findall(r"played (\d+) messages", result.stdout)[0])
+    assert 10 < count < 122
+    assert len(samples(heard, count)) == count
+
+
+class Typist:
+    """Somebody at a terminal in which a recording is played, under a shell with job control."""
+
+    def __init__(self, *words: str) -> None:
+        self._leader, follower = pty.openpty()
+        fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 140, 0, 0))
+        self.mode = termios.tcgetattr(follower)
+        self._follower = follower
+        self.shell = subprocess.Popen(
+            [sys.executable, "-c", SHELL, sys.executable, "-m", "robo", "bag", "play", *words],
+            stdin=follower, stdout=follower, stderr=follower, start_new_session=True, env={**ALONE, "TERM": "xterm"},
+        )  # fmt: skip
+        self._data = b""
+        self._changed = threading.Condition()
+        self._over = threading.Event()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        while not self._over.is_set():
+            if select.select([self._leader], [], [], 0.05)[0]:
+                with suppress(OSError):
+                    data = os.read(self._leader, 65536)
+                    with self._changed:
+                        self._data += data
+                        self._changed.notify_all()
+
+    @property
+    def line(self) -> str:
+        """What stands in the line that is drawn anew."""
+        return self._data.decode(errors="replace").rpartition("\x1b[K")[2]
+
+    @property
+    def output(self) -> str:
+        return self._data.decode(errors="replace")
+
+    @property
+    def player(self) -> psutil.Process:
+        (found,) = psutil.Process(self.shell.pid).children()
+        return found
+
+    def sees(self, pattern: str) -> None:
+        with self._changed:
+            assert self._changed.wait_for(lambda: re.search(pattern, self.line), PATIENCE), self.output[-2000:]
+
+    def type(self, keys: bytes) -> None:
+        os.write(self._leader, keys)
+
+    @property
+    def has_its_mode_back(self) -> bool:
+        return termios.tcgetattr(self._follower) == self.mode
+
+    def close(self) -> None:
+        with suppress(psutil.Error):
+            for process in psutil.Process(self.shell.pid).children(recursive=True):
+                process.kill()
+        self.shell.kill()
+        self.shell.wait(PATIENCE)
+        self._over.set()
+        self._reader.join(PATIENCE)
+        os.close(self._leader)
+        os.close(self._follower)
+
+
+@contextmanager
+def typist(*words: str) -> Iterator[Typist]:
+    made = Typist(*words)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def test_keys_steer_it_and_the_terminal_is_given_back(session: zenoh.Session, endpoint: str, tmp_path: Path) -> None:
+    path = commands(tmp_path / "long.mcap", 30_000)  # 300 s
+    heard = hear(session, "r1/cmd_vel")
+    with typist(str(path), "--start-paused", "--connect", endpoint) as person:
+        person.sees(r"paused +0\.00 of 299\.99 s  x1  0 messages")
+        assert not person.has_its_mode_back
+        person.type(b".")
+        assert values(samples(heard)) == [0.0]
+        person.type(b"\x1b[C")
+        assert values(samples(heard)) == [1.0], "an arrow is a step while it stands"
+        person.type(b"\x1b[5~.")
+        assert values(samples(heard)) == [6001.0]
+        person.type(b"\x1b[")
+        person.type(b"D.")
+        assert values(samples(heard)) == [5501.0], "5 s back"
+        person.type(b"+")
+        person.sees("x2 ")
+        person.type(b"--")
+        person.sees(r"x0\.5 ")
+        person.type(b" ")
+        person.sees("playing")
+        assert values(samples(heard, 3)) == [5502.0, 5503.0, 5504.0]
+        person.type(b"q")
+        assert person.shell.wait(PATIENCE) == 0
+        assert person.has_its_mode_back
+        assert "stopped: " in person.output
+
+
+@pytest.mark.parametrize("how", ["Ctrl-C", "SIGTERM", "Ctrl-Z"])
+def test_however_it_is_left_the_terminal_is_as_it_was(
+    how: str, session: zenoh.Session, endpoint: str, tmp_path: Path
+) -> None:
+    del session
+    path = commands(tmp_path / "long.mcap", 30_000)
+    with typist(str(path), "--connect", endpoint) as person:
+        person.sees("playing +0\\.[1-9]")
+        player = person.player
+        if how == "Ctrl-C":
+            person.type(b"\x03")
+            assert person.shell.wait(PATIENCE) == 130
+        elif how == "SIGTERM":
+            player.send_signal(signal.SIGTERM)
+            assert person.shell.wait(PATIENCE) == 128 + signal.SIGTERM
+        else:
+            person.type(b"\x1a")
+            eventually(lambda: player.status() == psutil.STATUS_STOPPED, "it is stopped")
+            assert person.has_its_mode_back
+            player.send_signal(signal.SIGCONT)
+            person.sees("playing")
+            eventually(lambda: not person.has_its_mode_back, "keys are its own again")
+            person.type(b"q")
+            assert person.shell.wait(PATIENCE) == 0
+        assert person.has_its_mode_back
+        assert "Traceback" not in person.output
+
+
+def intel_recording(log: Path, path: Path) -> int:
+    """The odometry of a log as a recording, in the order of the log; returns how many messages.
+
+    Stamps of the log step back here and there: what came later has not arrived before.
+    """
+    encode = cdr.encoder(Odometry)
+    count = arrived = 0
+    with bag.Recording(path, bag.Options(compression="none", sync=False)) as recording:
+        number = recording.topic(topic_of("my_robot/odom", Odometry))
+        for record in carmen.read(str(log)):
+            if isinstance(record, carmen.Motion):
+                count += 1
+                arrived = max(arrived, record.time)
+                data = encode(carmen.odometry(record, "odom", "base_link"))
+                recording.write(number, data, arrived, record.time, count)
+    return count
+
+
+def test_a_real_log_is_tracked_to_the_millimetre_through_a_recording(
+    launch: Launch, intel_log: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "intel.mcap"
+    assert intel_recording(intel_log, path) == 13_700
+    (tmp_path / "tracker.yaml").write_text(
+        "groups:\n  tracking:\n    namespace: my_robot\n"
+        "    nodes: {position_tracker: {service: robo_services.position_tracker}}\n"
+    )
+    robot = launch("tracker.yaml", folder=tmp_path)
+    heard = hear(robot.session, "my_robot/current_position")
+    result = run_robo("bag", "play", str(path), "--rate", "0", "--connect", robot.endpoint)
+    assert result.returncode == 0, result.stderr
+    assert "played 13,700 messages" in result.stdout
+    positions = samples(heard, 13_700)
+    last = robo_messages.decode(positions[-1].payload.to_bytes(), robo_messages.Point)
+    assert last.z == pytest.approx(534.082, abs=0.01)
+    assert (last.x, last.y) == pytest.approx((-0.322783, -0.0967671), abs=1e-6)
