@@ -21,6 +21,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import zenoh
@@ -39,6 +40,7 @@ from robo_services import carmen
 RESULTS = Path(__file__).parent / "PLAYING.md"
 ROOM = Path(__file__).parents[1] / "robo" / "share" / "logs"
 START = 1_700_000_000_000_000_000
+_CARMEN: dict[str, type[Message]] = {"odom": Odometry, "tf": TFMessage, "scan": LaserScan}
 MOST = 5.0
 """What issue and documentation promise, ms."""
 
@@ -94,9 +96,8 @@ def convert(log: Path, path: Path) -> None:
     """Make a recording of a log, with all that the CARMEN player publishes, in the order of the log."""
     latest = 0
     with bag.Recording(path, bag.Options(compression="none", sync=False)) as recording:
-        numbers = {
-            type_: recording.topic(topic_of(f"my_robot/{name}", type_))
-            for name, type_ in (("odom", Odometry), ("tf", TFMessage), ("scan", LaserScan))
+        numbers: dict[type[Message], int] = {
+            type_: recording.topic(topic_of(f"my_robot/{name}", type_)) for name, type_ in _CARMEN.items()
         }
 
         def write(message: Message, stamp: int) -> None:
@@ -144,7 +145,7 @@ def standing(*words: str, sign: str) -> Iterator[str]:
 def lateness(play: Callable[[], int], session: zenoh.Session, times: list[int]) -> list[float]:
     """How late each message of a run arrived beyond the earliest, ms."""
     arrived: list[int] = []
-    handler = zenoh.handlers.Callback(lambda _: arrived.append(time.monotonic_ns()), indirect=False)
+    handler: Any = zenoh.handlers.Callback(lambda _: arrived.append(time.monotonic_ns()), indirect=False)
     heard = session.declare_subscriber("r1/**", handler)
     assert play() == 0
     end = time.monotonic() + 10

@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 
 VERBS: dict[str, str] = {
-    "bag": "robo topic echo '**' --json > log.jsonl records, robo topic pub - < log.jsonl publishes it again, as fast"
-    " as it is read; there is no player yet that keeps the time",
     "component": "nodes share a process where their manifest names one, process: NAME, with nothing to load; robo ps"
     " shows nodes under their process",
     "daemon": "robo needs no daemon: each tool asks the running system itself",
@@ -44,6 +42,25 @@ GROUP_VERBS: dict[tuple[str, str], str] = {
 
 _QUALITY = "nodes say it of their topics, and robo topic info shows it; echo begins with what is latched"
 OPTIONS: dict[tuple[str, str], dict[str, str]] = {
+    ("bag", "play"): {
+        "-i": "write the file alone: robo bag play FILE",
+        "--input": "write the file alone: robo bag play FILE",
+        "-s": "a recording is MCAP; nothing is to be said",
+        "--storage": "a recording is MCAP; nothing is to be said",
+        "-e": "write --topics with * and **",
+        "--regex": "write --topics with * and **",
+        "-x": "write --exclude with * and **",
+        "--exclude-regex": "write --exclude with * and **",
+        "--exclude-topics": "write --exclude KEY",
+        "--delay": "write --start-paused, or --wait-for-subscribers",
+        "--playback-duration": "write --duration S",
+        "--playback-until-sec": "write --end S, seconds from the beginning",
+        "--message-order": "write --order arrived, or published",
+        "--disable-keyboard-controls": "write --no-keys",
+        "--wait-for-all-acked": "nothing is lost where receivers want all; it ends once they have it",
+        "--read-ahead-queue-size": "it reads ahead as far as is needed",
+        "--qos-profile-overrides-path": "topics are latched as they were; a launch may say more of its subscriptions",
+    },
     ("topic", "list"): {"-t": "types are always shown", "--show-types": "types are always shown"},
     ("topic", "info"): {"-v": "everything is always shown", "--verbose": "everything is always shown"},
     ("topic", "echo"): {

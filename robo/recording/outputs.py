@@ -3,7 +3,7 @@
 import zenoh
 
 import robo_messages
-from robo.recording.played import CLOCK, Played
+from robo.recording.play_topics import CLOCK, Played
 from robo.recording.tape import Ready
 from robo.samples.publishing import Sender
 from robo.wire import keys, names

@@ -189,7 +189,6 @@ class Typist:
     def type(self, keys: bytes) -> None:
         os.write(self._leader, keys)
 
-    @property
     def has_its_mode_back(self) -> bool:
         return termios.tcgetattr(self._follower) == self.mode
 
@@ -219,7 +218,7 @@ def test_keys_steer_it_and_the_terminal_is_given_back(session: zenoh.Session, en
     heard = hear(session, "r1/cmd_vel")
     with typist(str(path), "--start-paused", "--connect", endpoint) as person:
         person.sees(r"paused +0\.00 of 299\.99 s  x1  0 messages")
-        assert not person.has_its_mode_back
+        assert not person.has_its_mode_back()
         person.type(b".")
         assert values(samples(heard)) == [0.0]
         person.type(b"\x1b[C")
@@ -238,7 +237,7 @@ def test_keys_steer_it_and_the_terminal_is_given_back(session: zenoh.Session, en
         assert values(samples(heard, 3)) == [5502.0, 5503.0, 5504.0]
         person.type(b"q")
         assert person.shell.wait(PATIENCE) == 0
-        assert person.has_its_mode_back
+        assert person.has_its_mode_back()
         assert "stopped: " in person.output
 
 
@@ -260,13 +259,13 @@ def test_however_it_is_left_the_terminal_is_as_it_was(
         else:
             person.type(b"\x1a")
             eventually(lambda: player.status() == psutil.STATUS_STOPPED, "it is stopped")
-            assert person.has_its_mode_back
+            assert person.has_its_mode_back()
             player.send_signal(signal.SIGCONT)
             person.sees("playing")
-            eventually(lambda: not person.has_its_mode_back, "keys are its own again")
+            eventually(lambda: not person.has_its_mode_back(), "keys are its own again")
             person.type(b"q")
             assert person.shell.wait(PATIENCE) == 0
-        assert person.has_its_mode_back
+        assert person.has_its_mode_back()
         assert "Traceback" not in person.output
 
 

@@ -17,9 +17,9 @@ from robo.errors import DamagedBag, ServiceError
 from robo.interfaces import cdr
 from robo.node.services import ServiceClient, service_token
 from robo.recording.outputs import ClockOutput, Outputs
+from robo.recording.play_topics import Choice, select
 from robo.recording.player import Player
 from robo.recording.player_services import PlayerServices
-from robo.recording.played import Choice, select
 from robo.recording.tape import BagTape, Window
 from robo.samples.publishing import Audience
 from robo.wire import codec

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from types import FrameType
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import zenoh
 
@@ -15,15 +15,14 @@ from robo import bag
 from robo.bag.reader import Bag
 from robo.cli.connection import connect_to_robot
 from robo.cli.link import Link
-from robo.cli.play_words import PlayWords
 from robo.cli.printing import amount, hint, note, print_json, print_line
 from robo.cli.reach import Reach
 from robo.cli.views.bag_keys import FAR, SEEK, Decoder, Key, next_rate, status_line
 from robo.errors import DamagedBag, RoboError
 from robo.recording.outputs import ClockOutput, Outputs
+from robo.recording.play_topics import CLOCK, Choice, Played, Selection, select
 from robo.recording.player import Player
 from robo.recording.player_services import PlayerServices
-from robo.recording.played import CLOCK, Choice, Played, Selection, select
 from robo.recording.tape import BagTape, Window
 from robo.samples.publishing import Audience
 from robo.text.keyboard import KeyboardTerminal, NoTerminal
@@ -31,6 +30,9 @@ from robo.tools import topics
 from robo.wire import names
 from robo.wire.discovery import tokens
 from robo.wire.keys import SYSTEM_TOPICS, EndpointToken
+
+if TYPE_CHECKING:  # what a verb does is apart from how it is called
+    from robo.cli.play_words import PlayWords
 
 NAME = "bag_player"
 """Of the player, within the robot's namespace; a second one has a number."""
@@ -43,7 +45,7 @@ _MOST_TOLD = 10
 """Notes of one kind."""
 
 
-def play(path: str, reach: Reach, words: PlayWords, *, json: bool) -> int:
+def play(path: str, reach: Reach, words: "PlayWords", *, json: bool) -> int:
     """Play a recording.
 
     Returns:
@@ -67,18 +69,21 @@ def play(path: str, reach: Reach, words: PlayWords, *, json: bool) -> int:
     return 1 if recording.faults or tape.converter.unreadable else 0
 
 
-def _choice(words: PlayWords, reach: Reach) -> Choice:
+def _choice(words: "PlayWords", reach: Reach) -> Choice:
     return Choice(words.topics or (), words.exclude or (), words.remap or (), reach.namespace)
 
 
 def _robot_of(recording: Bag) -> str | None:
-    """The robot that was recorded, where the recording says so."""
+    """The robot that was recorded, where the recording says so and it was one."""
+    words: dict[str, str] = {}
     with suppress(RoboError):
-        return recording.metadata.get("robo", {}).get("robot")
-    return None
+        words = recording.metadata.get("robo", {})
+    robots = words.get("robot", words.get("robots", "")).split()
+    first = min(robots, key=len, default="")
+    return first if all(f"{one}/".startswith(f"{first}/") for one in robots) else None
 
 
-def _allowed(session: zenoh.Session, selection: Selection, words: PlayWords, reach: Reach) -> list[Played]:
+def _allowed(session: zenoh.Session, selection: Selection, words: "PlayWords", reach: Reach) -> list[Played]:
     """The topics that may be published.
 
     Raises:
@@ -105,7 +110,7 @@ def _allowed(session: zenoh.Session, selection: Selection, words: PlayWords, rea
     return [one for one in selection.played if one.key not in left_out]
 
 
-def _tells_time(played: list[Played], words: PlayWords) -> bool:
+def _tells_time(played: list[Played], words: "PlayWords") -> bool:
     """Whether to tell the time: a recording that has a clock tells it itself."""
     return (words.clock or words.clock_rate is not None) and all(one.key != CLOCK for one in played)
 
@@ -129,7 +134,7 @@ class _Run:
         recording: Bag,
         tape: BagTape,
         selection: Selection,
-        words: PlayWords,
+        words: "PlayWords",
         reach: Reach,
         *,
         json: bool,

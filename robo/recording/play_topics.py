@@ -106,7 +106,7 @@ def _recorded(topics: Iterable[Topic], robot: str | None) -> str:
     It is what the recording says, else what all names have in common: a recording of ROS with `/odom` has none.
     """
     all_names = [own_name(topic) for topic in topics]
-    if robot is not None and any(name.startswith(f"{robot}/") for name in all_names):
+    if robot and any(name.startswith(f"{robot}/") for name in all_names):
         return robot
     first = {name.partition("/")[0] if "/" in name else "" for name in all_names if name != CLOCK}
     return first.pop() if len(first) == 1 else ""
