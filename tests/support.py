@@ -193,6 +193,7 @@ _ENDLESS = (
     (r"robo topic (echo|hz|bw|delay|loss|plot)\b", r"--once|--count|--duration"),
     (r"robo topic pub\b.* -r\b", r"--times"),
     (r"robo topic pub\b.* --latched", ""),
+    (r"robo bag play\b.* --loop", ""),
     (r"robo param watch\b", ""),
     (r"robo tf (echo|monitor)\b", r"--once|--duration"),
     (r"robo action echo\b", ""),
