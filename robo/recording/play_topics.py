@@ -16,6 +16,10 @@ from robo.wire.qos import KEEP_ALL, QoS
 CLOCK = "clock"
 """The topic that nodes with `use_sim_time` follow: it is one for all robots."""
 
+_LONGEST_NAME = 500
+"""Of a topic, characters."""
+_LONGEST_ENCODING = 200
+"""Characters. Zenoh 1.10.2 panics, and its session is of no use any more, where an encoding has more than 255 bytes."""
 _MOST_LATCHED = 1_000
 """Messages that are kept of a latched topic which keeps all."""
 
@@ -205,7 +209,7 @@ def _key(topic: Topic, recorded: str, robot: str, renames: Sequence[_Rename]) ->
             name = names.join(robot, name)
     try:
         key = names.key_of(name)
-        return key if "*" not in key and zenoh.KeyExpr(key) else None
+        return key if "*" not in key and len(key) <= _LONGEST_NAME and zenoh.KeyExpr(key) else None
     except (InvalidName, zenoh.ZError):
         return None
 
@@ -220,4 +224,16 @@ def _played(topic: Topic, key: str) -> Played:
         qos = QoS(depth=KEEP_ALL)
     if topic.known is not None:
         return Played(topic, key, topic.type, "", qos)
-    return Played(topic, key, "", f"application/{topic.encoding or 'octet-stream'};{topic.schema}", qos)
+    return Played(topic, key, "", _encoding_of(topic), qos)
+
+
+def _encoding_of(topic: Topic) -> str:
+    """What is said of bytes that robo cannot read, as far as it can be said."""
+    kind = f"application/{topic.encoding}" if topic.encoding else _BYTES
+    for encoding in (f"{kind};{topic.schema}" if topic.schema else kind, kind):
+        if len(encoding) <= _LONGEST_ENCODING and encoding.isascii() and encoding.isprintable():
+            return encoding
+    return _BYTES
+
+
+_BYTES = "application/octet-stream"

@@ -92,11 +92,28 @@ def test_nothing_to_play_is_an_error() -> None:
 
 
 def test_what_is_no_name_is_left_out() -> None:
-    found = select(topics("odom", "my topic", "a//b", "x*", ""), Choice(), "drive.mcap")
+    found = select(topics("odom", "my topic", "a//b", "x*", "", "y" * 1000), Choice(), "drive.mcap")
     assert [one.key for one in found.played] == ["odom"]
-    assert found.nameless == ["my topic", "a//b", "x*", ""]
+    assert found.nameless == ["my topic", "a//b", "x*", "", "y" * 1000]
     with pytest.raises(BagError, match="my topic is no name of a topic"):
         select(topics("my topic"), Choice(), "drive.mcap")
+
+
+@pytest.mark.parametrize(
+    ("encoding", "schema", "expected"),
+    [
+        ("cdr", "arm_msgs/msg/Grip", "application/cdr;arm_msgs/msg/Grip"),
+        ("json", "", "application/json"),
+        ("", "", "application/octet-stream"),
+        ("cdr", "x" * 1000, "application/cdr"),
+        ("cdr", "a\nb", "application/cdr"),
+        ("x" * 1000, "Grip", "application/octet-stream"),
+    ],
+)
+def test_what_is_said_of_bytes(encoding: str, schema: str, expected: str) -> None:
+    topic = Topic("a", schema, schema, "", encoding, 1, QoS.DEFAULT, "unknown", frozenset(), None)
+    (played,) = select({"a": topic}, Choice(), "drive.mcap").played
+    assert played.encoding == expected, "Zenoh ends where it is longer than 255 bytes"
 
 
 def test_two_topics_do_not_become_one_of_two_types(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ from robo.recording.player import Player
 from robo.recording.player_services import PlayerServices
 from robo.recording.tape import BagTape, Window
 from robo.samples.publishing import Audience
+from robo.text.brief import brief
 from robo.text.keyboard import KeyboardTerminal, NoTerminal
 from robo.tools import topics
 from robo.wire import names
@@ -276,7 +277,7 @@ class _Run:
     def _tell_beginning(self, node: str) -> None:
         played, tape = self._selection.played, self._tape
         for one in self._selection.nameless[:_MOST_TOLD]:
-            note(f"{one} is not played: it is no name of a topic; --remap OLD:=NEW gives another one")
+            note(f"{brief(one, 100)} is not played: it is no name of a topic; --remap OLD:=NEW gives another one")
         _tell_all(f"{one.key} is published as {one.encoding}: {one.topic.unknown}" for one in played if one.encoding)
         if self._json:
             about = [
