@@ -84,7 +84,7 @@ def select(topics: Mapping[str, Topic], choice: Choice, path: str, robot: str | 
         raise BagError(what, path)
     renames = [_Rename(text, recorded, choice.robot) for text in choice.remap]
     played, nameless = [], []
-    for topic in wanted:
+    for topic in filter(_has_messages, wanted):  # others are not even announced
         key = _key(topic, recorded, choice.robot, renames)
         if key is None:
             nameless.append(topic.name)
@@ -97,6 +97,10 @@ def select(topics: Mapping[str, Topic], choice: Choice, path: str, robot: str | 
         raise BagError(f"{brief(nameless[0], 100)} is no name of a topic: --remap OLD:=NEW gives another one", path)
     _check_apart(played)
     return Selection(played, nameless, recorded)
+
+
+def _has_messages(topic: Topic) -> bool:
+    return topic.count > 0
 
 
 def own_name(topic: Topic) -> str:
