@@ -18,6 +18,7 @@ from robo.wire.keys import SYSTEM_TOPICS
 from robo_messages import service_type_name, type_name
 
 WITHOUT_UNIT = {
+    "bag_player.rate",
     "camera.playback_rate",
     "carmen_player.rate",
     "diff_drive_controller.left_wheel_radius_multiplier",

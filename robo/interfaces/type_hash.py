@@ -1,6 +1,5 @@
 """The hashes by which ROS tells types apart: RIHS01, over names and types of fields (REP-2011, REP-2016)."""
 
-import hashlib
 import json
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -60,6 +59,8 @@ def type_hash(name: str) -> str:
     described = _described(name)
     referenced = [_plain(described.within[one]) for one in sorted(described.within)]
     whole = {"type_description": _plain(described), "referenced_type_descriptions": referenced}
+    import hashlib  # OpenSSL is 4 MB, and nodes that read recordings want no hashes
+
     return f"RIHS01_{hashlib.sha256(json.dumps(whole).encode()).hexdigest()}"
 
 

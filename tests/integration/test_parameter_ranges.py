@@ -11,6 +11,7 @@ import zenoh
 from robo import Node, ParameterError
 from robo.node.contract import contract_of
 from robo.parameters.hints import ParameterInfo
+from robo_services.bag_player import BagPlayer
 from robo_services.calibrate_base import CalibrateBase
 from robo_services.camera import Camera
 from robo_services.carmen_player import CarmenPlayer
@@ -36,9 +37,11 @@ from robo_services.twist_mux import TwistMux
 from robo_services.velocity_controller import VelocityController
 from robo_services.velocity_smoother import VelocitySmoother
 from robo_services.waypoint_follower import WaypointFollower
+from tests import bags
 from tests.support import eventually
 
 SHIPPED = [
+    BagPlayer,
     CalibrateBase,
     Camera,
     CarmenPlayer,
@@ -92,7 +95,9 @@ def given(tmp_path: Path) -> Iterator[dict[type[Node], dict[str, object]]]:
     pad = tmp_path / "pad"
     os.mkfifo(pad)
     (tmp_path / "log").write_text("ODOM 1 2 0 0 0 0 100.0 robot 0.1\nODOM 1 2 0 0 0 0 100.2 robot 0.2\n")
+    bags.drive(tmp_path / "drive.mcap", count=10)
     yield {
+        BagPlayer: {"file": str(tmp_path / "drive.mcap"), "delay": 3600},
         CarmenPlayer: {"log": str(tmp_path / "log"), "delay": 3600},
         EmulatedLidar: {"port": str(tmp_path / "lidar")},
         EmulatedBoard: {"link": str(tmp_path / "board")},

@@ -13,7 +13,7 @@ import zenoh
 import robo_messages
 from robo import bag
 from robo.bag.types import nothing, topic_of
-from robo.errors import DamagedBag, ServiceError
+from robo.errors import DamagedBag, RoboError, ServiceError
 from robo.interfaces import cdr
 from robo.node.services import ServiceClient, service_token
 from robo.recording.outputs import ClockOutput, Outputs
@@ -41,6 +41,7 @@ from robo_messages import (
     Trigger,
     Twist,
 )
+from robo_services.bag_player import BagPlayer
 from tests import bags
 from tests.bags import MS, START
 from tests.plain import hear, samples, sent, so_far
@@ -480,3 +481,28 @@ def test_recordings_of_ros_play_as_robos_messages(session: zenoh.Session, tool: 
     assert [robo_messages.decode(sample.payload.to_bytes(), Twist).linear.x for sample in twists] == [0, 1, 2, 3, 4]
     assert {str(sample.encoding) for sample in grips_played} == {"application/cdr;gripper_msgs/msg/Grip"}
     assert store.deserialize_cdr(grips_played[0].payload.to_bytes(), "gripper_msgs/msg/Grip").width == 0.5
+
+
+def test_as_a_node_it_plays_into_its_namespace_and_ends_with_the_recording(
+    session: zenoh.Session, tool: zenoh.Session, tmp_path: Path
+) -> None:
+    path = tmp_path / "drive.mcap"
+    bags.drive(path)
+    heard = {name: hear(session, f"r5/{name}") for name in ("cmd_vel", "scan_before", "tf_static", "odom")}
+    parameters = {"file": str(path), "rate": 0.0, "exclude": ["odom"]}
+    with BagPlayer(session=tool, namespace="r5", parameters=parameters, remappings={"scan": "scan_before"}) as node:
+        assert node.wait(PATIENCE), "it ends with the recording"
+        assert node.exit_code == 0
+        for name, count in (("cmd_vel", 100), ("scan_before", 10), ("tf_static", 2)):
+            assert len(samples(heard[name], count)) == count
+        assert so_far(heard["odom"]) == []
+
+
+def test_as_a_node_a_file_that_is_none_is_told_at_once(tool: zenoh.Session, tmp_path: Path) -> None:
+    told: list[tuple[dict[str, str], str]] = [
+        ({}, "file names no"),
+        ({"file": str(tmp_path / "none.mcap")}, "none.mcap"),
+    ]
+    for parameters, text in told:
+        with pytest.raises(RoboError, match=text), BagPlayer(session=tool, parameters=parameters):
+            pass

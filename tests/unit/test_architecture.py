@@ -37,6 +37,7 @@ def modules_after(code: str) -> set[str]:
         "import robo_services.velocity_smoother, robo.process.node",
         "import robo_services.waypoint_follower, robo.process.node",
         "import robo_services.calibrate_base, robo.process.node",
+        "import robo_services.bag_player, robo.process.node",
         "import robo_services.carmen_player, robo.process.node",
         "import robo_services.diagnostic_aggregator, robo.process.node",
         "import robo_services.diff_drive_controller, robo.process.node",

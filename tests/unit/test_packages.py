@@ -287,6 +287,7 @@ def test_robo_announces_the_nodes_that_ship() -> None:
     (shipped,) = announced.of_folder(ROOT)
     assert (shipped.name, shipped.value) == ("robo_services", "robo_services")
     assert [one.node for one in look_into([packages.find("robo_services")]).executables] == [
+        "bag_player",
         "calibrate_base",
         "camera",
         "carmen_player",
