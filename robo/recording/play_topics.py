@@ -10,7 +10,7 @@ from robo.bag.topics import Topic
 from robo.errors import BagError, InvalidName, UsageError
 from robo.text.brief import brief
 from robo.text.suggestions import suggest
-from robo.wire import names
+from robo.wire import codec, names
 from robo.wire.qos import KEEP_ALL, QoS
 
 CLOCK = "clock"
@@ -44,9 +44,10 @@ class Played(msgspec.Struct, frozen=True, eq=False):
     key: str
     """On which its messages are published."""
     type: str
-    """Robo's name of its type; empty where its messages are published as their bytes."""
+    """Robo's name of its type; empty where nodes cannot read it."""
     encoding: str
-    """Of such bytes: `application/cdr;pkg/msg/Type`; empty where they are robo's."""
+    """Of messages that are published as the bytes they are: `application/cdr;pkg/msg/Type`; empty where they are made
+    robo's."""
     qos: QoS
 
 
@@ -228,12 +229,18 @@ def _played(topic: Topic, key: str) -> Played:
         qos = QoS(depth=KEEP_ALL)
     if topic.known is not None:
         return Played(topic, key, topic.type, "", qos)
-    return Played(topic, key, "", _encoding_of(topic), qos)
+    encoding = _encoding_of(topic)
+    # What ROS cannot have was recorded as robo's own bytes: nodes read these.
+    own = encoding == f"{codec.MSGPACK};{topic.schema}"
+    return Played(topic, key, topic.schema if own else "", encoding, qos)
 
 
 def _encoding_of(topic: Topic) -> str:
-    """What is said of bytes that robo cannot read, as far as it can be said."""
-    kind = f"application/{topic.encoding}" if topic.encoding else _BYTES
+    """What is said of bytes that stay as they are, as far as it can be said.
+
+    MCAP has words for some encodings, `cdr` and `msgpack`; others stand in a recording as Zenoh calls them.
+    """
+    kind = topic.encoding if "/" in topic.encoding else f"application/{topic.encoding}" if topic.encoding else _BYTES
     for encoding in (f"{kind};{topic.schema}" if topic.schema else kind, kind):
         if len(encoding) <= _LONGEST_ENCODING and encoding.isascii() and encoding.isprintable():
             return encoding

@@ -80,7 +80,7 @@ class BagPlayer(Node):
         for fault in recording.faults:
             self.logger.warning("%s; what can be read is played", fault)
         for one in played:
-            if one.encoding:
+            if not one.type:
                 self.logger.warning("%s is published as %s: %s", one.key, one.encoding, one.topic.unknown)
         self._outputs = Outputs(self.session, played, self.full_name)
         clock = None

@@ -104,6 +104,9 @@ def test_what_is_no_name_is_left_out() -> None:
     [
         ("cdr", "arm_msgs/msg/Grip", "application/cdr;arm_msgs/msg/Grip"),
         ("json", "", "application/json"),
+        ("msgpack", "my_robot/Grip", "application/msgpack;my_robot/Grip"),
+        ("application/cdr", "arm_msgs/msg/Grip", "application/cdr;arm_msgs/msg/Grip"),
+        ("video/h264", "", "video/h264"),
         ("", "", "application/octet-stream"),
         ("cdr", "x" * 1000, "application/cdr"),
         ("cdr", "a\nb", "application/cdr"),
@@ -114,6 +117,7 @@ def test_what_is_said_of_bytes(encoding: str, schema: str, expected: str) -> Non
     topic = Topic("a", schema, schema, "", encoding, 1, QoS.DEFAULT, "unknown", frozenset(), None)
     (played,) = select({"a": topic}, Choice(), "drive.mcap").played
     assert played.encoding == expected, "Zenoh ends where it is longer than 255 bytes"
+    assert played.type == ("my_robot/Grip" if encoding == "msgpack" else "")
 
 
 def test_two_topics_do_not_become_one_of_two_types(tmp_path: Path) -> None:

@@ -278,7 +278,7 @@ class _Run:
         played, tape = self._selection.played, self._tape
         for one in self._selection.nameless[:_MOST_TOLD]:
             note(f"{brief(one, 100)} is not played: it is no name of a topic; --remap OLD:=NEW gives another one")
-        _tell_all(f"{one.key} is published as {one.encoding}: {one.topic.unknown}" for one in played if one.encoding)
+        _tell_all(f"{one.key} is published as {one.encoding}: {one.topic.unknown}" for one in played if not one.type)
         if self._json:
             about = [
                 {"topic": one.topic.name, "key": one.key, "type": one.topic.type, "encoding": one.encoding}
