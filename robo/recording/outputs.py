@@ -45,8 +45,9 @@ class Outputs:
             timeout: how long to wait for a node that does not answer, s.
         """
         last, each = zenoh.Priority.BACKGROUND, zenoh.ConsolidationMode.NONE
-        for namespace in {one.key.partition("/")[0] for one in self.played}:
-            everybody = keys.status_key(names.join(namespace, "**"), "*")
+        robots = {one.key.partition("/")[0] if "/" in one.key else "" for one in self.played}
+        for robot in robots if "" not in robots else [""]:
+            everybody = keys.status_key(names.join(robot, "**"), "*")
             list(self._session.get(everybody, timeout=timeout, priority=last, consolidation=each))
 
     def close(self) -> None:

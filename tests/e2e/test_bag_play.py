@@ -40,11 +40,12 @@ def values(found: list[zenoh.Sample]) -> list[float]:
     return [robo_messages.decode(sample.payload.to_bytes(), Twist).linear.x for sample in found]
 
 
-def commands(path: Path, count: int, step: int = 10 * MS, robot: str = "r1/") -> Path:
-    with bag.Recording(path, bag.Options(compression="none", sync=False)) as recording:
-        number = recording.topic(topic_of(f"{robot}cmd_vel", Twist))
+def commands(path: Path, count: int, chunk_size: int = 2**20) -> Path:
+    """A command each 10 ms."""
+    with bag.Recording(path, bag.Options(compression="none", sync=False, chunk_size=chunk_size)) as recording:
+        number = recording.topic(topic_of("r1/cmd_vel", Twist))
         for at in range(count):
-            recording.write(number, bags.twist(at), START + at * step, START + at * step, at + 1)
+            recording.write(number, bags.twist(at), START + at * 10 * MS, START + at * 10 * MS, at + 1)
     return path
 
 
@@ -99,6 +100,16 @@ def test_a_mistake_is_told(
     result = run_robo("bag", "play", *words, "--connect", endpoint, cwd=str(tmp_path))
     assert (result.returncode, "Traceback" in result.stderr) == (code, False), result.stderr
     assert text in result.stderr
+
+
+def test_it_waits_for_who_listens(session: zenoh.Session, endpoint: str, tmp_path: Path) -> None:
+    path = commands(tmp_path / "drive.mcap", 20)
+    with robo("bag", "play", str(path), "--wait-for-subscribers", "--rate", "0", "--connect", endpoint) as player:
+        player.wait_for("playing")
+        heard = hear(session, "r1/cmd_vel")
+        assert player.wait() == 0
+        assert "played 20 messages" in player.output
+        assert values(samples(heard, 20)) == list(range(20))
 
 
 def test_a_topic_that_somebody_publishes_is_left_to_him(session: zenoh.Session, endpoint: str, tmp_path: Path) -> None:
@@ -267,6 +278,36 @@ def test_however_it_is_left_the_terminal_is_as_it_was(
             assert person.shell.wait(PATIENCE) == 0
         assert person.has_its_mode_back()
         assert "Traceback" not in person.output
+
+
+def test_where_a_part_is_damaged_the_terminal_is_given_back_too(
+    session: zenoh.Session, endpoint: str, tmp_path: Path
+) -> None:
+    path = commands(tmp_path / "damaged.mcap", 200, chunk_size=4_000)
+    data = bytearray(path.read_bytes())
+    chunks = [at for kind, at, _ in bags.records_of(bytes(data)) if kind == 6]
+    data[chunks[2] + 200] ^= 0xFF
+    path.write_bytes(data)
+    heard = hear(session, "r1/cmd_vel")
+    with typist(str(path), "--connect", endpoint) as person:
+        assert person.shell.wait(PATIENCE) == 1
+        eventually(person.has_its_mode_back, "the terminal is as it was")
+        eventually(lambda: f"byte {chunks[2]:,}: a chunk has another checksum" in person.output, "the error is told")
+        assert "`robo bag recover`" in person.output
+        assert "Traceback" not in person.output
+    count = int(re.findall(r"stopped: (\d+) messages", person.output)[0])
+    assert values(samples(heard, count)) == list(range(count))
+
+
+def test_a_terminal_that_goes_takes_the_player_along(session: zenoh.Session, endpoint: str, tmp_path: Path) -> None:
+    del session
+    path = commands(tmp_path / "long.mcap", 30_000)
+    with typist(str(path), "--connect", endpoint) as person:
+        person.sees("playing +0\\.[1-9]")
+        player = person.player
+        player.send_signal(signal.SIGHUP)
+        player.wait(PATIENCE)
+        assert "stopped: " in person.output
 
 
 def intel_recording(log: Path, path: Path) -> int:
