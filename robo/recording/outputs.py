@@ -1,5 +1,7 @@
 """Where a recording that is played goes: publishers of its topics, and of the time that nodes follow."""
 
+from contextlib import suppress
+
 import zenoh
 
 import robo_messages
@@ -53,7 +55,8 @@ class Outputs:
     def close(self) -> None:
         """Publish no more; what was latched is there no more."""
         for sender in self._senders.values():
-            sender.close()
+            with suppress(RuntimeError):  # the last message waits for a receiver; both end with the session
+                sender.close()
         self._senders.clear()
 
     def _sender(self, number: int, part: int) -> Sender:
@@ -77,4 +80,5 @@ class ClockOutput:
 
     def close(self) -> None:
         """Publish no more."""
-        self._sender.close()
+        with suppress(RuntimeError):
+            self._sender.close()

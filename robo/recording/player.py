@@ -160,6 +160,11 @@ class Player:
             self._changed.notify_all()
 
     @property
+    def stopped(self) -> bool:
+        """Whether somebody has stopped it."""
+        return self._stopped
+
+    @property
     def state(self) -> State:
         """How far it has come."""
         with self._changed:

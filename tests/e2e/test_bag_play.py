@@ -25,7 +25,7 @@ from robo import bag
 from robo.bag.types import topic_of
 from robo.interfaces import cdr
 from robo.testing import Launch
-from robo_messages import Odometry, Twist
+from robo_messages import LaserScan, Odometry, Twist
 from robo_services import carmen
 from tests import bags
 from tests.bags import MS, START
@@ -110,6 +110,30 @@ def test_it_waits_for_who_listens(session: zenoh.Session, endpoint: str, tmp_pat
         assert player.wait() == 0
         assert "played 20 messages" in player.output
         assert values(samples(heard, 20)) == list(range(20))
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_a_receiver_that_hangs_does_not_keep_it_from_ending(
+    how: signal.Signals, session: zenoh.Session, other: zenoh.Session, endpoint: str, tmp_path: Path
+) -> None:
+    del session
+    path = tmp_path / "scans.mcap"
+    scan = cdr.encoder(LaserScan)(LaserScan(ranges=[1.0] * 2_000))
+    with bag.Recording(path, bag.Options(compression="none", sync=False)) as recording:
+        number = recording.topic(topic_of("r1/scan", LaserScan))
+        for at in range(3_000):
+            recording.write(number, scan, START + at, START + at, at + 1)
+    hanging = other.declare_subscriber("r1/scan", zenoh.handlers.FifoChannel(1))
+    with robo("bag", "play", str(path), "--wait-for-subscribers", "--rate", "0", "--connect", endpoint) as player:
+        player.wait_for("playing")
+        process = psutil.Process(player.process.pid)
+        eventually(lambda: process.cpu_percent(0.3) < 1.0, "it waits")
+        assert player.process.poll() is None
+        player.process.send_signal(how)
+        assert player.wait(30.0) in (*INTERRUPTED, 128 + signal.SIGTERM)
+        assert "stopped: " in player.output
+        assert "Traceback" not in player.output, player.output
+    hanging.undeclare()
 
 
 def test_a_topic_that_somebody_publishes_is_left_to_him(session: zenoh.Session, endpoint: str, tmp_path: Path) -> None:

@@ -40,6 +40,8 @@ NAME = "bag_player"
 
 _LOOK = 0.1
 """How often it is looked what to draw, s."""
+_LAST = 1.0
+"""How long the last message may take, s: a receiver that wants all of them may hang."""
 _LATE = 0.1
 """From how late it is told, s."""
 _MOST_TOLD = 10
@@ -185,7 +187,7 @@ class _Run:
             begin = time.monotonic()
             try:
                 self._run(player)
-                if self._error is None:
+                if self._complete:
                     outputs.arrive()
             finally:
                 self._tell_end(player, outputs, time.monotonic() - begin)
@@ -200,11 +202,11 @@ class _Run:
         try:
             with self._keys() as self._terminal:
                 thread.start()
-                while not self._over.is_set():
+                while not (self._over.is_set() or player.stopped):
                     self._attend(player)
         finally:
             player.stop()
-        thread.join()
+            thread.join(_LAST)
 
     def _play(self, player: Player) -> None:
         try:
@@ -251,7 +253,6 @@ class _Run:
         heard = terminal.wait(_LOOK)
         if heard.closed:
             player.stop()
-            self._over.wait(_LOOK)
         elif heard.suspend:
             _draw(terminal, "")
             terminal.suspend()
