@@ -206,7 +206,7 @@ def _key(topic: Topic, recorded: str, robot: str, renames: Sequence[_Rename]) ->
     name = own_name(topic)
     for rename in renames:
         if (key := rename.applied(name)) is not None:
-            return key
+            return key if not _is_inner(key) else None
     if robot and name != CLOCK:
         if recorded and name.startswith(f"{recorded}/"):
             name = names.join(robot, name.removeprefix(f"{recorded}/"))
@@ -214,9 +214,15 @@ def _key(topic: Topic, recorded: str, robot: str, renames: Sequence[_Rename]) ->
             name = names.join(robot, name)
     try:
         key = names.key_of(name)
-        return key if "*" not in key and len(key) <= _LONGEST_NAME and zenoh.KeyExpr(key) else None
+        fits = "*" not in key and not _is_inner(key) and len(key) <= _LONGEST_NAME and bool(zenoh.KeyExpr(key))
     except (InvalidName, zenoh.ZError):
         return None
+    return key if fits else None
+
+
+def _is_inner(key: str) -> bool:
+    """Whether a key is one by which robo's or Zenoh's own processes talk: a recording has no say there."""
+    return "/@" in f"/{key}"
 
 
 def _played(topic: Topic, key: str) -> Played:

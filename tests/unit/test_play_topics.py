@@ -92,9 +92,9 @@ def test_nothing_to_play_is_an_error() -> None:
 
 
 def test_what_is_no_name_is_left_out() -> None:
-    found = select(topics("odom", "my topic", "a//b", "x*", "", "y" * 1000), Choice(), "drive.mcap")
+    found = select(topics("odom", "my topic", "a//b", "x*", "", "y" * 1000, "@robo/r1/output"), Choice(), "drive.mcap")
     assert [one.key for one in found.played] == ["odom"]
-    assert found.nameless == ["my topic", "a//b", "x*", "", "y" * 1000]
+    assert found.nameless == ["my topic", "a//b", "x*", "", "y" * 1000, "@robo/r1/output"]
     with pytest.raises(BagError, match="my topic is no name of a topic"):
         select(topics("my topic"), Choice(), "drive.mcap")
 
