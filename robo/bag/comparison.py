@@ -5,13 +5,13 @@ from typing import Any
 
 import msgspec
 
+from robo.bag.fields import Unequal, unequal
 from robo.bag.pairing import Pair, Pairing
 from robo.bag.progress import Tell, counted, silent
 from robo.bag.reader import Bag
 from robo.bag.topics import BagMessage, Topic
 from robo.errors import BagError
 from robo.text.brief import shown
-from robo_messages import Message
 
 _NS = 1e-9
 
@@ -123,29 +123,5 @@ def _difference(index: int, one: BagMessage, other: BagMessage) -> Difference:
         values: tuple[Any, Any] = one.value, other.value
     except BagError:
         values = one.data, other.data
-    field, a, b = _first_field(*values)
+    field, a, b = next(unequal(*values), Unequal("", *values))
     return Difference(index, one.published, field, shown(a), shown(b))
-
-
-def _first_field(a: Any, b: Any, path: str = "") -> tuple[str, Any, Any]:
-    """The first field in which two messages differ; NaN is NaN."""
-    if isinstance(a, Message) and type(a) is type(b):
-        for name in a.__struct_fields__:
-            mine, theirs = getattr(a, name), getattr(b, name)
-            if not _same(mine, theirs):
-                return _first_field(mine, theirs, f"{path}.{name}" if path else name)
-    if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)) and len(a) == len(b):
-        for number, (mine, theirs) in enumerate(zip(a, b, strict=True)):
-            if not _same(mine, theirs):
-                return _first_field(mine, theirs, f"{path}.{number}")
-    return path, a, b
-
-
-def _same(a: Any, b: Any) -> bool:
-    if isinstance(a, float) and isinstance(b, float):
-        return a == b or (a != a and b != b)
-    if isinstance(a, Message) and type(a) is type(b):
-        return all(_same(getattr(a, name), getattr(b, name)) for name in a.__struct_fields__)
-    if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)):
-        return len(a) == len(b) and all(map(_same, a, b))
-    return bool(a == b)

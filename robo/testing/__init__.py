@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from robo.testing.launch import Launch
     from robo.testing.leaks import Leak
     from robo.testing.node import NodeUnderTest, NotThere, RunNode
+    from robo.testing.regression.api import ReplayDiffers, replay
     from robo.testing.robot import Robot
     from robo.testing.run import LaunchFailed
     from robo.testing.stepper import Hung
@@ -36,9 +37,11 @@ __all__ = [
     "NodeEnded",
     "NodeUnderTest",
     "NotThere",
+    "ReplayDiffers",
     "Robot",
     "RunNode",
     "StillWaiting",
+    "replay",
 ]
 
 _HOMES = {
@@ -51,6 +54,7 @@ _HOMES = {
     "leaks": ("Leak",),
     "goal": ("Goal",),
     "node": ("NodeUnderTest", "NotThere", "RunNode"),
+    "regression.api": ("ReplayDiffers", "replay"),
     "robot": ("Robot",),
     "run": ("LaunchFailed",),
     "stepper": ("Hung",),

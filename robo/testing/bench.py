@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from typing import Any
 
@@ -13,8 +14,9 @@ from robo.node import log
 from robo.node.node import Node
 from robo.node.topics import TopicPublisher
 from robo.testing.clock import Clock
-from robo.testing.session import NodeSession
+from robo.testing.session import NodeSession, Note
 from robo.testing.stepper import Hung, Stepper
+from robo.wire.qos import Quality
 
 CLOSE_TIMEOUT = 1.0
 """How long callbacks have to come back at the end of a test, s; the whole test has failed by then if one hung."""
@@ -79,12 +81,28 @@ class Bench:
         self.clock = Clock(self.stepper, self.settle)
         self.senders: list[TopicPublisher[Any]] = []
         """In whose names tests send."""
-        self._seats: list[Seat] = []
+        self.seats: list[Seat] = []
+        """Of the nodes that have started."""
         self._hung = False
         self._level = logging.getLogger(log.ROOT).level
 
-    def start(self, node_class: type[Node], options: dict[str, Any], *, autostart: bool = True) -> Seat:
+    def start(
+        self,
+        node_class: type[Node],
+        options: dict[str, Any],
+        *,
+        autostart: bool = True,
+        note: Note | None = None,
+        qualities: Mapping[str, Quality] | None = None,
+    ) -> Seat:
         """Make a node and start it; a managed one is brought to active, unless `autostart` is false.
+
+        Args:
+            node_class: its class.
+            options: what it is made with.
+            autostart: whether a managed one comes to active.
+            note: takes what it publishes, see `NodeSession`.
+            qualities: what its launch says of its topics.
 
         Raises:
             Exception: what the node raised while it was made or started; then nothing of it runs.
@@ -94,9 +112,10 @@ class Bench:
         if logger.level == logging.NOTSET:
             logger.setLevel(logging.INFO)
         logger.propagate = True
-        session = NodeSession(self.network, self.stepper)
+        session = NodeSession(self.network, self.stepper, note)
         given: Any = session  # it is one in all that a node asks of a session
         seat = Seat(node_class(**options, session=given, clock=self.clock), session)
+        seat.node.qualities = qualities or {}
         try:
             with self.stepper.held():
                 seat.node.start(autostart=autostart)
@@ -104,7 +123,7 @@ class Bench:
             seat.ended = True
             seat.close(0)
             raise
-        self._seats.append(seat)
+        self.seats.append(seat)
         self.settle()
         return seat
 
@@ -125,7 +144,7 @@ class Bench:
         except Hung as stuck:
             self._hung = True
             raise Hung("\n".join([*self._running(), str(stuck)])) from None
-        over = [seat for seat in self._seats if seat.node.stopping and not seat.ended]
+        over = [seat for seat in self.seats if seat.node.stopping and not seat.ended]
         for seat in over:  # as its process would end now
             seat.close(CLOSE_TIMEOUT)
         if over:
@@ -133,7 +152,7 @@ class Bench:
 
     def complain(self) -> None:
         """Raise what a callback has raised and nobody has been told."""
-        for seat in self._seats:
+        for seat in self.seats:
             if not seat.errors:
                 continue
             seat.end_known = True
@@ -154,12 +173,12 @@ class Bench:
             ends.callback(logging.getLogger(log.ROOT).setLevel, self._level)
             for sender in self.senders:
                 ends.callback(sender.undeclare)
-            for seat in self._seats:
+            for seat in self.seats:
                 ends.callback(seat.close, 0.0 if self._hung else CLOSE_TIMEOUT)
         if self._hung:
             return  # the test has failed with that; what came of it is no news
         self.complain()
-        for seat in self._seats:
+        for seat in self.seats:
             if seat.node.exit_code and not seat.end_known:
                 raise NodeEnded(f"{seat.node.full_name} ended with exit code {seat.node.exit_code}; its log says why")
 
@@ -169,7 +188,7 @@ class Bench:
 
     def _running(self) -> list[str]:
         told = []
-        for seat in self._seats:
+        for seat in self.seats:
             with suppress(Exception):
                 status = seat.node.status
                 if status.running:

@@ -21,15 +21,17 @@ LONGEST = 1e9
 class Clock(clock.Clock):
     """What `clock` gives a test. Nodes' stamps, timers, `sleep` and the age of messages go by it."""
 
-    def __init__(self, stepper: Stepper, settle: Callable[[int], None]) -> None:
+    def __init__(self, stepper: Stepper, settle: Callable[[int], None], begin: int = BEGIN) -> None:
         """
         Args:
             stepper: where nodes wait.
             settle: runs what is due until a time, ns.
+            begin: what stamps begin with, ns since the epoch.
         """
         self._stepper = stepper
         self._settle = settle
-        self.time_ns = lambda: BEGIN + stepper.now
+        self._begin = begin
+        self.time_ns = lambda: begin + stepper.now
         self.arrival_ns = lambda: stepper.now
         self.barrier = lambda: Barrier(stepper)
         self.stage = Stage(stepper)
@@ -59,8 +61,8 @@ class Clock(clock.Clock):
         self._settle(self._stepper.now + round(seconds * 1e9))
 
     def now(self) -> Time:
-        """The time for stamps; it begins in 2001."""
-        return Time.from_nanoseconds(BEGIN + self._stepper.now)
+        """The time for stamps; it begins in 2001, unless it is that of a recording."""
+        return Time.from_nanoseconds(self._begin + self._stepper.now)
 
     def monotonic(self) -> float:
         """How much time has passed in this test, s."""

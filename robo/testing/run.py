@@ -60,7 +60,7 @@ class Run:
             self._process = subprocess.Popen(
                 [*leash, *up],
                 cwd=workspace,
-                env=_environment() | {LOG_FOLDER_VARIABLE: str(self._logs)},
+                env=clean_environment() | {LOG_FOLDER_VARIABLE: str(self._logs)},
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
@@ -163,7 +163,7 @@ def _text(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _environment() -> dict[str, str]:
+def clean_environment() -> dict[str, str]:
     """This process's environment without what is said to robo in it; modules are found where the test finds them."""
     own = {name: value for name, value in os.environ.items() if not name.startswith("ROBO_")}
     installed = tuple(sysconfig.get_path(which) for which in ("stdlib", "platstdlib", "purelib", "platlib"))

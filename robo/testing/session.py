@@ -27,12 +27,17 @@ class Sent(NamedTuple):
     """The name of its type; empty where its publisher does not say."""
 
 
+Note = Callable[[Sent], None]
+
+
 class NodeSession:
     """The session of one node."""
 
-    def __init__(self, session: zenoh.Session, stepper: Stepper) -> None:
+    def __init__(self, session: zenoh.Session, stepper: Stepper, note: Note | None = None) -> None:
+        """`note` takes what is published, in the thread that does so, in the place of `sent`."""
         self.sent: list[Sent] = []
         """All that was published, in order."""
+        self._note: Note = note if note is not None else self.sent.append
         self.inboxes: list[tuple[str, Inbox]] = []
         """Those of its subscriptions, by key expression."""
         self.services: list[str] = []
@@ -47,13 +52,13 @@ class NodeSession:
 
     def put(self, key: str, payload: Any, **more: Any) -> None:
         """Publish without a publisher."""
-        self.sent.append(Sent(str(key), bytes(zenoh.ZBytes(payload)), _type(more.get("encoding"))))
+        self._note(Sent(str(key), bytes(zenoh.ZBytes(payload)), _type(more.get("encoding"))))
         self._session.put(key, payload, **more)
 
     def declare_publisher(self, key: str, **more: Any) -> Any:
         """A publisher, whose messages are noted."""
         self.topics.append(key)
-        return _Publisher(self._session.declare_publisher(key, **more), self.sent, _type(more.get("encoding")))
+        return _Publisher(self._session.declare_publisher(key, **more), self._note, _type(more.get("encoding")))
 
     def declare_subscriber(self, key: str, handler: Any = None, **more: Any) -> Any:
         """A subscriber; where it is one with a channel, the stepper's is its."""
@@ -68,7 +73,7 @@ class NodeSession:
         """A publisher that keeps what it has said, whose messages are noted."""
         self.topics.append(key)
         publisher = zenoh.ext.declare_advanced_publisher(self._session, key, **more)
-        return _Publisher(publisher, self.sent, _type(more.get("encoding")), signs=True)
+        return _Publisher(publisher, self._note, _type(more.get("encoding")), signs=True)
 
     def declare_latched_subscriber(self, key: str, depth: int, _slots: int) -> Any:
         """A subscriber that begins with what was said before; the stepper's channel is its."""
@@ -95,10 +100,10 @@ class NodeSession:
 class _Publisher:
     """Notes what is published and hands it on."""
 
-    def __init__(self, publisher: Any, sent: list[Sent], type_name: str, *, signs: bool = False) -> None:
+    def __init__(self, publisher: Any, note: Note, type_name: str, *, signs: bool = False) -> None:
         """`signs` where it says by itself whose its messages are."""
         self._publisher = publisher
-        self._sent = sent
+        self._note = note
         self._key = str(publisher.key_expr)
         self._type = type_name
         self._source = None if signs else sources.counted(publisher.id)
@@ -108,7 +113,7 @@ class _Publisher:
 
     def put(self, payload: bytes, **more: Any) -> None:
         """Publish. Each message says whose it is: under a clock that is stepped all publishers are quick."""
-        self._sent.append(Sent(self._key, payload, self._type))
+        self._note(Sent(self._key, payload, self._type))
         if self._source is not None:
             more.setdefault("source_info", self._source())
         self._publisher.put(payload, **more)

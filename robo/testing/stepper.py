@@ -119,6 +119,8 @@ class _Order:
         self._queue: deque[tuple[Inbox, Any]] = deque()
         self._target = 0
         """How far the time may go."""
+        self.in_jumps = False
+        """Whether whoever waits for a time finds that it is later: as late as the time may go, as by a `/clock`."""
         self._steps = 0
 
     def _actor(self, thread: threading.Thread, *, strict: bool) -> Actor:
@@ -159,7 +161,7 @@ class _Order:
             if actor is None:
                 self._quiet.notify_all()
                 return
-            self.now = max(self.now, actor.until or 0)
+            self.now = max(self.now, self._target if self.in_jumps else actor.until or 0)
             self._wake(actor)
 
     def _is_handed_over(self) -> bool:

@@ -1,0 +1,286 @@
+"""What a node says now beside what it said in a recording: counts, times and fields, with tolerances."""
+
+import math
+import re
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import msgspec
+
+from robo.bag.alignment import Pairs, by_time, in_order
+from robo.bag.fields import Unequal, unequal
+from robo.bag.reader import Bag
+from robo.bag.tolerances import Tolerance, Tolerances
+from robo.bag.topics import BagMessage
+from robo.errors import BagError
+from robo.text.brief import shown
+from robo_messages import Duration, Time
+
+Value = float | int | bool | str
+
+WINDOW = 1_000_000_000
+"""Messages that are further apart than this are never the same one, ns."""
+TAIL = 250_000_000
+"""What comes so soon before the end of a recording of a live robot may have come too late for it, ns."""
+LIVE = 0.1
+"""By how much a message of a live robot may come earlier or later than in lock step, where nothing else is said, s."""
+
+_NUMBERED = re.compile(r"\.\d+(?=\.|$)")
+
+
+class Spot(msgspec.Struct, frozen=True, kw_only=True):
+    """One message, and in which field it differs."""
+
+    index: int
+    """Which message of the recording's topic, from 0."""
+    time: int
+    """When that was published, ns since the epoch."""
+    field: str
+    expected: Value
+    actual: Value
+    size: float | None
+    """How far apart both are, in the field's unit; None where they are no numbers, or one is not finite."""
+
+
+class FieldReport(msgspec.Struct, kw_only=True):
+    """One field that differs in some messages."""
+
+    field: str
+    """With `*` for places in lists."""
+    differing: int
+    """Values that differ."""
+    first: Spot
+    largest: Spot | None
+    """None where none has a size."""
+
+
+class TopicReport(msgspec.Struct, kw_only=True):
+    """One topic as it was, and as it is now."""
+
+    name: str
+    types: tuple[str, str]
+    counts: tuple[int, int]
+    """Messages then and now."""
+    compared: int = 0
+    differing: int = 0
+    """Messages of which a field differs."""
+    missing: int = 0
+    """Messages that do not come any more."""
+    first_missing: int | None = None
+    """When the first of them was published, ns."""
+    additional: int = 0
+    """Messages that have not come then."""
+    first_additional: int | None = None
+    moved: int = 0
+    """Messages that come earlier or later than is allowed."""
+    first_moved: int | None = None
+    shift: float = 0.0
+    """By how much a message comes earlier or later, the most, s."""
+    fields: list[FieldReport] = []
+    same: bool = True
+
+    @property
+    def trouble(self) -> int:
+        """How many messages are not as they were."""
+        return self.differing + self.missing + self.additional
+
+
+class Extent(msgspec.Struct, frozen=True):
+    """Which messages of the recording count, and how exact its times are."""
+
+    exact: bool
+    """Whether it was made in lock step, by an earlier replay; else by a live robot."""
+    begin: int = 0
+    """Messages that were published before do not count, ns."""
+    end: int = 2**64
+    """When the recording ended, ns."""
+
+
+def compare(expected: Bag, actual: Bag, name: str, tolerances: Tolerances, extent: Extent) -> TopicReport:
+    """Compare one topic, message by message.
+
+    Those are compared that belong together: in their order, or by their times where this leaves fewer that differ.
+
+    Raises:
+        DamagedBag: a part of a file is damaged.
+    """
+    topics = expected.topics.get(name), actual.topics.get(name)
+    types = (topics[0].type if topics[0] else "", topics[1].type if topics[1] else "")
+    if all(types) and types[0] != types[1]:
+        counts = expected.topic(name).count, actual.topic(name).count
+        return TopicReport(name=name, types=types, counts=counts, same=False)
+
+    def then() -> Iterable[_Read]:
+        said = expected.messages(name, order="published") if topics[0] is not None else ()
+        return (_Read(one) for one in said if one.published >= extent.begin)
+
+    def now() -> Iterable[_Read]:
+        return (_Read(one) for one in (actual.messages(name) if topics[1] is not None else ()))
+
+    found = _Comparison(name, types, tolerances, extent).of(in_order(then(), now()))
+    if found.same:
+        return found
+    time_of: Callable[[_Read], int] = _stamp if _has_stamp(then()) and _has_stamp(now()) else _published
+    pairs = by_time(then(), now(), time_of, WINDOW)
+    by_times = _Comparison(name, types, tolerances, extent).of(pairs)
+    return by_times if by_times.trouble < found.trouble or by_times.same else found
+
+
+class _Read:
+    """A message that is decoded at most once."""
+
+    def __init__(self, message: BagMessage) -> None:
+        self.message = message
+        self._value: Any = None
+
+    @property
+    def value(self) -> Any:
+        if self._value is None:
+            try:
+                self._value = self.message.value
+            except BagError:
+                self._value = self.message.data
+        return self._value
+
+
+def _published(one: _Read) -> int:
+    return one.message.published
+
+
+def _stamp(one: _Read) -> int:
+    stamp: int = one.value.header.stamp.to_nanoseconds()
+    return stamp
+
+
+def _has_stamp(messages: Iterable[_Read]) -> bool:
+    """Whether messages say to what time they belong."""
+    one = next(iter(messages), None)
+    stamp = getattr(getattr(one.value, "header", None), "stamp", None) if one is not None else None
+    return isinstance(stamp, Time) and stamp.to_nanoseconds() > 0
+
+
+class _Comparison:
+    """Compares the messages of one topic that belong together."""
+
+    def __init__(self, name: str, types: tuple[str, str], tolerances: Tolerances, extent: Extent) -> None:
+        self._report = TopicReport(name=name, types=types, counts=(0, 0))
+        self._tolerances = tolerances
+        self._extent = extent
+        said = tolerances.time_of(name)
+        self._time = round((said if said is not None else 0.0 if extent.exact else LIVE) * 1e9)
+        self._fields: dict[str, FieldReport] = {}
+
+    def of(self, pairs: Pairs[_Read]) -> TopicReport:
+        """What comes of it."""
+        then = now = 0
+        report = self._report
+        for one, other in pairs:
+            if one is not None and other is not None:
+                self._compare(then, one, other)
+            elif one is not None:
+                report.missing += 1
+                if report.first_missing is None:
+                    report.first_missing = one.message.published
+            elif other is not None and (self._extent.exact or other.message.published < self._extent.end - TAIL):
+                report.additional += 1
+                if report.first_additional is None:
+                    report.first_additional = other.message.published
+            then, now = then + (one is not None), now + (other is not None)
+        report.counts = then, now
+        report.fields = list(self._fields.values())
+        report.same = not (report.trouble or report.moved)
+        return report
+
+    def _compare(self, index: int, one: _Read, other: _Read) -> None:
+        report = self._report
+        report.compared += 1
+        moved = abs(one.message.published - other.message.published)
+        report.shift = max(report.shift, moved * 1e-9)
+        if moved > self._time:
+            report.moved += 1
+            if report.first_moved is None:
+                report.first_moved = one.message.published
+        if one.message.data == other.message.data:
+            return
+        differs = False
+        for found in unequal(one.value, other.value, (Time, Duration)):
+            tolerance = self._tolerances.of(report.name, found.field)
+            if tolerance.ignored:
+                continue
+            if _allowed(tolerance, found.first, found.second):
+                continue
+            differs = True
+            self._add(index, one.message.published, found)
+        report.differing += differs
+
+    def _add(self, index: int, time: int, found: Unequal) -> None:
+        expected, actual = _value(found.first), _value(found.second)
+        size = _size(found.first, found.second)
+        spot = Spot(index=index, time=time, field=found.field, expected=expected, actual=actual, size=size)
+        name = _NUMBERED.sub(".*", found.field)
+        known = self._fields.get(name)
+        if known is None:
+            largest = spot if size is not None else None
+            self._fields[name] = FieldReport(field=name, differing=1, first=spot, largest=largest)
+            return
+        known.differing += 1
+        if size is not None and (known.largest is None or size > (known.largest.size or 0.0)):
+            known.largest = spot
+
+
+def number(value: Any) -> float | None:
+    """What a value is as a number: times in s; None where it is none."""
+    if isinstance(value, (Time, Duration)):
+        return value.to_seconds()
+    return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+
+
+def _allowed(tolerance: Tolerance, a: Any, b: Any) -> bool:
+    if isinstance(a, (Time, Duration)):
+        size = _size(a, b)
+        return size is not None and size <= tolerance.absolute
+    first, second = number(a), number(b)
+    return first is not None and second is not None and tolerance.allows(first, second)
+
+
+def _size(a: Any, b: Any) -> float | None:
+    if isinstance(a, (Time, Duration)) and isinstance(b, (Time, Duration)):
+        return abs(_nanoseconds(a) - _nanoseconds(b)) * 1e-9  # as floats they lose their last digits
+    first, second = number(a), number(b)
+    size = abs(first - second) if first is not None and second is not None else math.nan
+    return size if math.isfinite(size) else None
+
+
+def _nanoseconds(value: Time | Duration) -> int:
+    return value.sec * 10**9 + value.nanosec
+
+
+def _value(value: Any) -> Value:
+    if isinstance(value, (Time, Duration)):
+        seconds, rest = divmod(_nanoseconds(value), 10**9)
+        return f"{seconds}.{rest:09d}"
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, (bool, int, float)):
+        return value
+    if isinstance(value, (list, tuple)):
+        return f"{len(value)} elements"
+    return value if isinstance(value, str) and len(value) <= 60 else shown(value)
+
+
+Walk = Callable[[Any], Any]
+
+
+def at(field: str) -> Walk:
+    """What looks a field up in a message: `pose.pose.position.x`, `ranges.17`; None where it is not there."""
+    steps = field.split(".")
+
+    def walk(value: Any) -> Any:
+        for step in steps:
+            try:
+                value = value[int(step)] if step.isdecimal() else getattr(value, step)
+            except (AttributeError, IndexError, TypeError):
+                return None
+        return value
+
+    return walk

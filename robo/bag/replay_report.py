@@ -1,0 +1,159 @@
+"""What a regression by replay has found, and how that is told. Pure."""
+
+import time
+from collections.abc import Iterator
+from typing import Literal
+
+import msgspec
+
+from robo.bag.regression import FieldReport, Spot, TopicReport
+
+Verdict = Literal["same", "different", "not deterministic", "failed", "accepted"]
+
+_MOST = 20
+"""Fields of a topic that are told."""
+
+
+class Input(msgspec.Struct, frozen=True):
+    """A topic that was fed."""
+
+    topic: str
+    type: str
+    count: int
+
+
+class NodeTopics(msgspec.Struct, frozen=True):
+    """A node, and the topics by which it was judged."""
+
+    node: str
+    service: str
+    outputs: list[str]
+
+
+class Trouble(msgspec.Struct, frozen=True):
+    """What a node raised, or how it ended."""
+
+    node: str
+    time: int
+    """By the recording's clock, ns since the epoch."""
+    text: str
+
+
+class ReplayReport(msgspec.Struct, kw_only=True):
+    """What came of a replay."""
+
+    bag: str
+    begin: int
+    """When the recording begins, ns since the epoch."""
+    verdict: Verdict = "same"
+    nodes: list[NodeTopics] = []
+    inputs: list[Input] = []
+    topics: list[TopicReport] = []
+    """Against the recording; where the runs differ, against each other."""
+    troubles: list[Trouble] = []
+    notes: list[str] = []
+    """What could not be replayed or compared, and what else one has to know."""
+    runs: int = 0
+    duration: float = 0.0
+    """Of the recording, s."""
+    seconds: float = 0.0
+    """How long a run took, s."""
+    accepted: str | None = None
+    """The new reference, where one was written."""
+    plots: list[str] = []
+    """Pictures that were written."""
+
+    @property
+    def fine(self) -> bool:
+        """Whether a test passes."""
+        return self.verdict in ("same", "accepted")
+
+
+def lines(report: ReplayReport) -> Iterator[str]:
+    """A report for people."""
+    names = ", ".join(one.node for one in report.nodes)
+    fed = sum(one.count for one in report.inputs)
+    yield (
+        f"{names}: {_of(fed, 'message')} of {_of(len(report.inputs), 'topic')} from {report.bag}, "
+        f"{report.duration:.1f} s in {report.seconds:.1f} s, {_of(report.runs, 'run')}"
+    )
+    for note in report.notes:
+        yield f"note: {note}"
+    for trouble in report.troubles[:_MOST]:
+        yield f"{trouble.node} at {_when(trouble.time, report)}: {trouble.text}"
+    again = report.verdict == "not deterministic"
+    for topic in report.topics:
+        yield from _topic(topic, report, ("one run", "another") if again else ("recorded", "now"))
+    for plot in report.plots:
+        yield f"plot: {plot}"
+    yield verdict_line(report)
+
+
+def verdict_line(report: ReplayReport) -> str:
+    """The verdict as a sentence."""
+    names = ", ".join(one.node for one in report.nodes)
+    if report.verdict == "not deterministic":
+        broken = [topic for topic in report.topics if not topic.same]
+        who = [one.node for one in report.nodes if any(topic.name in one.outputs for topic in broken)]
+        where = [f"{topic.name} {field.field}" for topic in broken for field in topic.fields]
+        where = where or [topic.name for topic in broken]
+        more = f" and {len(where) - 4} more" if len(where) > 4 else ""
+        return (
+            f"NOT DETERMINISTIC: {', '.join(who) or names} says something else in each run, in {', '.join(where[:4])}"
+            f"{more}; does it read the wall clock, random numbers without a seed, or the order of a set?"
+        )
+    if report.verdict == "failed":
+        return f"FAILED: {', '.join(dict.fromkeys(one.node for one in report.troubles)) or names}"
+    if report.verdict == "accepted":
+        return f"ACCEPTED: {report.accepted} is what {names} says now"
+    if report.verdict == "same":
+        return f"SAME: {names} says what it said"
+    broken = [topic for topic in report.topics if not topic.same]
+    return f"DIFFERENT: {', '.join(topic.name for topic in broken)}"
+
+
+def _topic(topic: TopicReport, report: ReplayReport, names: tuple[str, str]) -> Iterator[str]:
+    if topic.types[0] and topic.types[1] and topic.types[0] != topic.types[1]:
+        yield f"{topic.name}: it was a {topic.types[0]}, and is a {topic.types[1]}"
+        return
+    then, now = topic.counts
+    if topic.same:
+        yield f"{topic.name}: same, {_of(topic.compared, 'message')}"
+        return
+    yield f"{topic.name}: {_of(then, 'message')} {names[0]}, {now} {names[1]}"
+    for count, first, what in (
+        (topic.missing, topic.first_missing, "missing"),
+        (topic.additional, topic.first_additional, "additional"),
+        (topic.moved, topic.first_moved, f"earlier or later, by up to {topic.shift:.6g} s"),
+    ):
+        if count and first is not None:
+            yield f"  {_of(count, 'message')} {what}, the first at {_when(first, report)}"
+    for field in topic.fields[:_MOST]:
+        yield from _field(field, topic, report, names)
+    if len(topic.fields) > _MOST:
+        yield f"  and {len(topic.fields) - _MOST} fields more"
+
+
+def _field(field: FieldReport, topic: TopicReport, report: ReplayReport, names: tuple[str, str]) -> Iterator[str]:
+    yield f"  {field.field}: {_of(field.differing, 'value')} in {_of(topic.differing, 'message')} of {topic.compared}"
+    yield f"    first   {_spot(field.first, field, report, names)}"
+    if field.largest is not None and field.largest != field.first:
+        yield f"    largest {_spot(field.largest, field, report, names)}"
+
+
+def _spot(spot: Spot, field: FieldReport, report: ReplayReport, names: tuple[str, str]) -> str:
+    apart = f", {spot.size:.6g} apart" if spot.size is not None else ""
+    where = f" {spot.field}" if spot.field != field.field else ""
+    return (
+        f"at {_when(spot.time, report)}, message {spot.index}{where}: "
+        f"{spot.expected} {names[0]}, {spot.actual} {names[1]}{apart}"
+    )
+
+
+def _when(nanoseconds: int, report: ReplayReport) -> str:
+    clock = time.strftime("%H:%M:%S", time.localtime(nanoseconds / 1e9))
+    return f"{(nanoseconds - report.begin) * 1e-9:.3f} s ({clock})"
+
+
+def _of(count: int, what: str) -> str:
+    return f"{count:,} {what}{'' if count == 1 else 's'}"

@@ -1,0 +1,40 @@
+"""`python -m robo.testing.regression`: reads a `Request` as JSON from stdin, tells lines of JSON on stdout.
+
+The command line runs it: `{"done": 0.4, "stage": "run 1 of 2"}` while it works, then `{"report": …}` or
+`{"mistake": …}`.
+"""
+
+import os
+import sys
+from typing import Any
+
+import msgspec
+
+from robo.bag.replay_report import ReplayReport
+from robo.errors import RoboError
+from robo.launch.faults import ManifestFaults, as_text
+from robo.testing.regression.judge import Request, judge
+
+
+def main() -> None:
+    """Do what is asked."""
+    lines = os.fdopen(os.dup(1), "wb", buffering=0)
+    os.dup2(2, 1)  # classes are looked at here, and may print
+
+    def tell(line: dict[str, Any]) -> None:
+        lines.write(msgspec.json.encode(line) + b"\n")
+
+    request = msgspec.json.decode(sys.stdin.buffer.read(), type=Request)
+    try:
+        report: ReplayReport = judge(request, lambda done, stage: tell({"done": done, "stage": stage}))
+        tell({"report": report})
+    except ManifestFaults as error:
+        tell({"mistake": as_text(error.faults)})
+    except RoboError as error:
+        tell({"mistake": str(error)})
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,165 @@
+"""Which nodes are meant, and with what they are made: from a manifest, or by the name of their service."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from robo.bag.reader import Bag
+from robo.errors import RoboError, UsageError
+from robo.launch.faults import ManifestFaults
+from robo.launch.find import find_manifest
+from robo.launch.plan import ProcessPlan
+from robo.launch.resolve import Resolution, resolve
+from robo.launch.substitution import Word
+from robo.node.identity import Identity
+from robo.node.loading import load_node_class
+from robo.testing.regression.order import NodeOrder
+from robo.text.suggestions import suggest
+from robo.wire import names
+
+PARAMETERS = "parameters.json"
+"""The attachment of a recording that has the parameters of its nodes: {"r1/position_tracker": {"log_rate": 1.0}}."""
+
+DEFAULT_MANIFEST = "robot.yaml"
+
+
+class Chosen(NamedTuple):
+    """What is to be run."""
+
+    nodes: list[NodeOrder]
+    others: dict[str, list[str]]
+    """By topic, other nodes of the manifest that publish it too."""
+
+
+def choose(
+    recording: Bag,
+    words: Sequence[str],
+    manifest: str | None,
+    robot: str | None,
+    arguments: Mapping[str, str],
+    parameters: Mapping[str, Any],
+) -> Chosen:
+    """Find the nodes that words mean.
+
+    Args:
+        recording: what is replayed.
+        words: names, full names, groups of the manifest, or services (`package.module`).
+        manifest: a file, as for `robo up`; None for robot.yaml, of which only classes are taken then where the
+            recording says parameters.
+        robot: the robot's name; None for the one in the recording.
+        arguments: of the manifest.
+        parameters: values over all others.
+
+    Raises:
+        RoboError: there is no such node, or the manifest has mistakes.
+    """
+    if not words:
+        raise UsageError("say which node: --node position_tracker, or --node my_package.my_module")
+    robot = robot if robot is not None else _robot_of(recording)
+    said = _recorded(recording)
+    services = [word for word in words if "." in word and not word.startswith("/")]
+    named = [word for word in words if word not in services]
+    nodes = [_of_service(word, robot or "", said) for word in services]
+    others: dict[str, list[str]] = {}
+    if named or (manifest is not None and not services):
+        found = _resolved(manifest, robot, arguments)
+        plans = _meant(found, named)
+        nodes += [_of_plan(plan, said if manifest is None else {}) for plan in plans]
+        others = _others(found, {plan.full_name for plan in plans})
+    return Chosen([msgspec.structs.replace(one, parameters={**one.parameters, **parameters}) for one in nodes], others)
+
+
+def _robot_of(recording: Bag) -> str | None:
+    """The robot of a recording: as it says, or what all its topics begin with."""
+    said = recording.metadata.get("robo", {}).get("robot")
+    if said:
+        return said
+    begins = {name.partition("/")[0] for name in recording.topics if "/" in name}
+    return begins.pop() if len(begins) == 1 else None
+
+
+def _recorded(recording: Bag) -> dict[str, dict[str, Any]]:
+    """Parameters by the full name of a node, without its leading slash."""
+    if PARAMETERS not in recording.attachments:
+        return {}
+    try:
+        said = msgspec.json.decode(recording.attachment(PARAMETERS), type=dict[str, dict[str, Any]])
+    except msgspec.DecodeError as error:
+        raise UsageError(f"{recording.path}: its attachment {PARAMETERS} cannot be read: {error}") from None
+    return {name.strip("/"): values for name, values in said.items()}
+
+
+def _of_service(service: str, namespace: str, said: Mapping[str, dict[str, Any]]) -> NodeOrder:
+    from robo.node.contract import contract_of
+
+    name = contract_of(load_node_class(service)).name
+    recorded = said.get(names.join(namespace, name), {})
+    return NodeOrder(service=service, namespace=namespace, recorded=recorded)
+
+
+def _of_plan(plan: ProcessPlan, said: Mapping[str, dict[str, Any]]) -> NodeOrder:
+    assert plan.service is not None
+    recorded = said.get(plan.full_name.strip("/"), {})
+    given = {name: value for name, value in plan.parameters.items() if name not in recorded}
+    return NodeOrder(
+        service=plan.service,
+        name=plan.name,
+        namespace=plan.namespace,
+        parameters=given,
+        recorded=recorded,
+        remappings=plan.remap,
+        qos=plan.qos,
+    )
+
+
+def _resolved(manifest: str | None, robot: str | None, arguments: Mapping[str, str]) -> Resolution:
+    try:
+        file = find_manifest(manifest or DEFAULT_MANIFEST)
+    except RoboError as error:
+        instead = "" if manifest else "; --manifest names one, and --node package.module a node without one"
+        raise UsageError(f"{error}{instead}") from None
+    given = {name: Word(value) for name, value in arguments.items()}
+    found = resolve(Path(file), given, robot=robot)
+    if found.problems:
+        raise ManifestFaults(found.problems)
+    return found
+
+
+def _meant(found: Resolution, words: Collection[str]) -> list[ProcessPlan]:
+    processes = found.plan.processes
+    meant: list[ProcessPlan] = []
+    for word in words:
+        fitting = [one for one in processes if _is_meant(one, word)]
+        if len(fitting) > 1:
+            where = ", ".join(one.full_name for one in fitting)
+            raise UsageError(f"{word} means several nodes: {where}; name one by its full name")
+        group = [one for one in processes if word in one.group.split("/") and one.service is not None]
+        if not fitting and not group:
+            known = [one.name for one in processes]
+            raise UsageError(f"{found.plan.manifest} has no node {word}; {suggest(word, known)}")
+        for one in fitting or group:
+            if one.service is None:
+                raise UsageError(f"{one.full_name} is a command; only nodes in Python can be replayed")
+            if one not in meant:
+                meant.append(one)
+    return meant
+
+
+def _is_meant(process: ProcessPlan, word: str) -> bool:
+    return word in (process.name, process.full_name, process.full_name[1:])
+
+
+def _others(found: Resolution, chosen: Collection[str]) -> dict[str, list[str]]:
+    others: dict[str, list[str]] = {}
+    for process in found.plan.processes:
+        contract = found.contracts.get(process.full_name)
+        if contract is None or process.full_name in chosen:
+            continue
+        identity = Identity.of(process.name, process.namespace, process.remap)
+        for topic in contract.publishers:
+            others.setdefault(identity.resolve(topic.topic), []).append(process.full_name)
+    return others

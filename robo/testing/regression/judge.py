@@ -1,0 +1,236 @@
+"""Runs nodes against a recording, more than once, and judges what they say."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from robo import bag as bags
+from robo.bag import regression
+from robo.bag.reader import Bag
+from robo.bag.regression import Extent, TopicReport
+from robo.bag.renewal import renew
+from robo.bag.replay_report import ReplayReport
+from robo.bag.tolerances import Tolerances, load
+from robo.errors import UsageError
+from robo.testing.regression.chosen import choose
+from robo.testing.regression.order import RunOrder, RunResult
+from robo.testing.regression.phase import phase, start_before
+from robo.testing.regression.pictures import draw
+from robo.testing.regression.runs import run_apart
+
+MARK = "robo.replay"
+"""The metadata of a recording of which outputs come from a replay."""
+
+RUNS = 2
+
+
+class Request(msgspec.Struct, kw_only=True):
+    """What is asked."""
+
+    bag: str
+    nodes: list[str]
+    manifest: str | None = None
+    robot: str | None = None
+    arguments: dict[str, str] = {}
+    parameters: dict[str, Any] = {}
+    tolerances: str | None = None
+    ignored: list[str] = []
+    runs: int = RUNS
+    accept: bool = False
+    output: str | None = None
+    plots: str | None = None
+    patience: float = 10.0
+
+
+Progress = Callable[[float, str], None]
+"""Takes how much of a stage is done, 0 to 1, and which stage."""
+
+
+def judge(request: Request, progress: Progress = lambda _done, _stage: None) -> ReplayReport:
+    """Replay, and compare.
+
+    Raises:
+        RoboError: what is asked makes no sense, or a file cannot be read or written.
+    """
+    if request.runs < 1:
+        raise UsageError(f"{request.runs} runs: use 1 or more")
+    if request.output is not None and not request.accept:
+        raise UsageError("-o says where --accept writes to; say --accept too")
+    tolerances = load(request.tolerances, request.ignored)
+    with ExitStack() as made:
+        recording = made.enter_context(bags.open(request.bag))
+        if request.accept and request.output is None and not Path(request.bag).is_file():
+            raise UsageError(f"{request.bag} is a folder; -o says which file is the new reference")
+        folder = Path(made.enter_context(tempfile.TemporaryDirectory(prefix="robo-replay-")))
+        return _Judge(request, recording, tolerances, folder, progress, made).judge()
+
+
+class _Judge:
+    def __init__(
+        self,
+        request: Request,
+        recording: Bag,
+        tolerances: Tolerances,
+        folder: Path,
+        progress: Progress,
+        made: ExitStack,
+    ) -> None:
+        self._request = request
+        self._bag = recording
+        self._tolerances = tolerances
+        self._folder = folder
+        self._progress = progress
+        self._made = made
+        self._mark: Mapping[str, str] = recording.metadata.get(MARK, {})
+        self._renewed = set(self._mark.get("topics", "").split())
+        self._report = ReplayReport(bag=request.bag, begin=recording.begin, duration=recording.duration)
+
+    def judge(self) -> ReplayReport:
+        request, report = self._request, self._report
+        chosen = choose(
+            self._bag, request.nodes, request.manifest, request.robot, request.arguments, request.parameters
+        )
+        begin = int(self._mark["begin"]) if self._mark.get("begin", "").isdecimal() else None
+        order = RunOrder(
+            bag=request.bag,
+            nodes=chosen.nodes,
+            output=str(self._folder / "1.mcap"),
+            begin=begin,
+            others=chosen.others,
+            patience=request.patience,
+        )
+        first = self._run(order, 1)
+        if not first.troubles and begin is None:
+            start = self._phase(first)
+            if start is not None:
+                order = msgspec.structs.replace(order, begin=start, output=str(self._folder / "phase.mcap"))
+                first = self._run(order, 1)
+        report.nodes, report.inputs, report.seconds = first.nodes, first.inputs, first.seconds
+        report.notes += first.notes
+        report.runs = 1
+        if first.troubles:
+            return self._failed(first)
+        now = self._made.enter_context(bags.open(order.output))
+        for number in range(2, request.runs + 1):
+            output = str(self._folder / f"{number}.mcap")
+            again = self._run(msgspec.structs.replace(order, output=output), number)
+            report.runs = number
+            if again.troubles:
+                return self._failed(again)
+            with bags.open(output) as other:
+                found = [self._compare(now, other, name, Tolerances(), Extent(exact=True)) for name in first.outputs]
+            Path(output).unlink()
+            if not all(topic.same for topic in found):
+                report.topics, report.verdict = [topic for topic in found if not topic.same], "not deterministic"
+                return report
+        return self._accept(first, now) if request.accept else self._against_recording(first, now)
+
+    def _run(self, order: RunOrder, number: int) -> RunResult:
+        stage = f"run {number} of {self._request.runs}"
+        return run_apart(order, number, lambda done: self._progress(done, stage))
+
+    def _failed(self, run: RunResult) -> ReplayReport:
+        self._report.troubles, self._report.verdict = run.troubles, "failed"
+        return self._report
+
+    def _compare(self, then: Bag, now: Bag, name: str, tolerances: Tolerances, extent: Extent) -> TopicReport:
+        self._progress(1.0, f"comparing {name}")
+        return regression.compare(then, now, name, tolerances, extent)
+
+    # -- against the recording ---------------------------------------------------------------------------------------
+
+    def _against_recording(self, run: RunResult, now: Bag) -> ReplayReport:
+        report = self._report
+        for name in run.outputs:
+            if name in self._bag.topics or name in self._renewed:
+                extent = self._extent(name, run)
+                report.topics.append(self._compare(self._bag, now, name, self._tolerances, extent))
+            elif name in now.topics and now.topics[name].count:
+                count = now.topics[name].count
+                report.notes.append(f"{name}: {count} messages now, and the recording has no such topic")
+        if not report.topics and run.outputs:
+            raise UsageError(
+                f"{self._bag.path} has no output of {', '.join(one.node for one in run.nodes)}: "
+                f"it publishes {', '.join(run.outputs)}; --accept writes what it says now into the recording"
+            )
+        live = [topic.name for topic in report.topics if topic.name not in self._renewed]
+        if live:
+            report.notes.append(
+                f"recorded from a live node: {', '.join(live)}; "
+                f"{regression.LIVE:g} s of difference in time are allowed where no tolerance says otherwise"
+            )
+        for pattern in self._tolerances.idle([topic.name for topic in report.topics]):
+            report.notes.append(f"tolerances of {pattern} fit no topic that is compared")
+        if not all(topic.same for topic in report.topics):
+            report.verdict = "different"
+        self._draw(now)
+        return report
+
+    def _extent(self, name: str, run: RunResult) -> Extent:
+        if name in self._renewed:
+            return Extent(exact=True)
+        return Extent(exact=False, begin=run.first_input, end=self._bag.end)
+
+    def _draw(self, now: Bag) -> None:
+        if self._request.plots is None:
+            return
+        folder = Path(self._request.plots)
+        for topic in self._report.topics:
+            for field in topic.fields:
+                if field.first.size is not None:
+                    path = draw(folder, topic.name, field.first, self._bag, now)
+                    if path is not None:
+                        self._report.plots.append(str(path))
+
+    def _phase(self, run: RunResult) -> int | None:
+        """When the nodes have to start for their timers to tick as they did when they were recorded."""
+        timed = {name: period for name, period in run.periods.items() if name in self._bag.topics}
+        if not timed:
+            return None
+        name = max(timed, key=lambda topic: (timed[topic], topic))
+        times = [message.published for message in self._bag.messages(name)]
+        found = phase(times, timed[name])
+        if found is None:
+            self._report.notes.append(
+                f"{name} comes from a timer of {timed[name]:g} s whose recorded ticks cannot be told: it ticks from "
+                "the beginning of the recording on, and messages may differ for that alone; --accept makes a reference"
+            )
+            return None
+        self._report.notes.append(
+            f"timers tick as those of {name} were recorded, every {timed[name]:g} s, to within {found[1] * 1e-6:.1f} ms"
+        )
+        return start_before(self._bag.begin, found[0], timed[name])
+
+    # -- a new reference ---------------------------------------------------------------------------------------------
+
+    def _accept(self, run: RunResult, now: Bag) -> ReplayReport:
+        report = self._report
+        output = Path(self._request.output or self._request.bag)
+        topics = self._renewed | set(run.outputs)
+        words = {"begin": str(run.begin), "topics": " ".join(sorted(topics))}
+        self._progress(0.0, f"writing {output}")
+        renew(self._bag, now, run.outputs, {MARK: words}, output)
+        report.verdict, report.accepted = "accepted", str(output)
+        return report
+
+
+def nodes_of(words: Sequence[str | type]) -> list[str]:
+    """Nodes as `--node` names them; a class by its module.
+
+    Raises:
+        UsageError: a class stands in a function, where no other process finds it.
+    """
+    found = []
+    for word in words:
+        if isinstance(word, type):
+            if "<locals>" in word.__qualname__:
+                raise UsageError(f"{word.__qualname__} stands in a function; a replay needs a class of a module")
+            word = f"{word.__module__}:{word.__qualname__}"
+        found.append(word)
+    return found

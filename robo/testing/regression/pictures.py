@@ -1,0 +1,53 @@
+"""A field that differs, as a picture."""
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from robo.bag.reader import Bag
+from robo.bag.regression import Spot, at, number
+from robo.errors import UsageError
+from robo.text.svg import Point, plot
+
+_MOST = 2_000
+"""Points of a line."""
+
+
+def draw(folder: Path, topic: str, spot: Spot, then: Bag, now: Bag) -> Path | None:
+    """Draw the field of a spot, as recorded and as it is now. Returns the file; None where there are no points.
+
+    Raises:
+        UsageError: it cannot be written.
+    """
+    begin = then.begin
+    lines = [thinned(_points(recording, topic, spot.field, begin)) for recording in (then, now)]
+    if not all(lines):
+        return None
+    text = plot(f"{topic} {spot.field}", ("recorded", "now"), lines[0], lines[1], (spot.time - begin) * 1e-9)
+    path = folder / f"{re.sub(r'[^A-Za-z0-9_.-]+', '_', f'{topic}.{spot.field}')[:150]}.svg"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{path} cannot be written: {error.strerror}") from None
+    return path
+
+
+def _points(recording: Bag, topic: str, field: str, begin: int) -> Iterable[Point]:
+    walk = at(field)
+    for message in recording.messages(topic):
+        value = number(walk(message.value))
+        if value is not None:
+            yield (message.published - begin) * 1e-9, value
+
+
+def thinned(points: Iterable[Point]) -> list[Point]:
+    """So many points that a picture shows them: always every n-th, so that both lines have the same ones."""
+    kept: list[Point] = []
+    step = 1
+    for index, point in enumerate(points):
+        if index % step == 0:
+            kept.append(point)
+            if len(kept) > _MOST:
+                kept, step = kept[::2], step * 2
+    return kept

@@ -1,0 +1,121 @@
+"""Runs as processes of their own: each with another order of hashes, and one that dies takes nobody along."""
+
+from __future__ import annotations
+
+import os
+import queue
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import IO
+
+import msgspec
+
+from robo.bag.replay_report import Trouble
+from robo.errors import UsageError
+from robo.testing.regression.order import Line, RunOrder, RunResult
+from robo.testing.run import clean_environment
+
+SILENCE = 60.0
+"""How long a run may say nothing, s: a node may take a while for its start."""
+
+_SHOWN = 12
+"""How many of the last lines of a process that has died are shown."""
+
+
+def run_apart(order: RunOrder, number: int, progress: Callable[[float], None], silence: float = SILENCE) -> RunResult:
+    """Run once, in a process of its own.
+
+    Args:
+        order: what to run.
+        number: of the run; hashes follow from it.
+        progress: is told how much is done, 0 to 1.
+        silence: how long the process may say nothing, s.
+
+    Returns:
+        What it has come to; where the process has died, that as a trouble.
+
+    Raises:
+        UsageError: what is wanted makes no sense.
+    """
+    leash = [sys.executable, "-m", "robo.testing.leash", str(os.getpid()), sys.executable]
+    with tempfile.TemporaryFile() as errors:
+        process = subprocess.Popen(
+            [*leash, "-m", "robo.testing.regression.run"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            env=clean_environment() | {"PYTHONHASHSEED": str(number)},
+        )
+        try:
+            with suppress(BrokenPipeError):
+                assert process.stdin is not None
+                process.stdin.write(msgspec.json.encode(order))
+                process.stdin.close()
+            assert process.stdout is not None
+            result = _follow(process.stdout, progress, silence)
+            if result is None:
+                code = process.poll() if not _ends(process) else process.returncode
+                return RunResult(begin=order.begin or 0, troubles=[_death(order, code, _last_lines(errors), silence)])
+            return result
+        finally:
+            process.kill()
+            process.wait()
+            if process.stdout is not None:
+                process.stdout.close()
+
+
+def _ends(process: subprocess.Popen[bytes]) -> bool:
+    try:
+        process.wait(1.0)
+    except subprocess.TimeoutExpired:
+        return False
+    return True
+
+
+def _follow(output: IO[bytes], progress: Callable[[float], None], silence: float) -> RunResult | None:
+    """Read what a run tells, to its result; None where it ends, or is silent, before."""
+    lines: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+
+    def read() -> None:
+        with suppress(ValueError):  # closed, as nobody waits any more
+            for line in output:
+                lines.put(line)
+        lines.put(None)
+
+    threading.Thread(target=read, name="robo-replay", daemon=True).start()
+    while True:
+        try:
+            text = lines.get(timeout=silence)
+        except queue.Empty:
+            return None
+        if text is None:
+            return None
+        line = msgspec.json.decode(text, type=Line)
+        if line.mistake is not None:
+            raise UsageError(line.mistake)
+        if line.done is not None:
+            progress(line.done)
+        if line.result is not None:
+            return line.result
+
+
+def _death(order: RunOrder, code: int | None, words: str, silence: float) -> Trouble:
+    who = ", ".join(one.name or one.service for one in order.nodes)
+    if code is None:
+        how = f"nothing has come of it for {silence:g} s"
+    elif code < 0:
+        how = f"its process was ended by {signal.Signals(-code).name}"
+    else:
+        how = f"its process has ended with exit code {code}"
+    return Trouble(who, order.begin or 0, f"{how}\n{words}" if words else how)
+
+
+def _last_lines(errors: IO[bytes]) -> str:
+    errors.seek(0)
+    lines = errors.read()[-20_000:].decode(errors="replace").splitlines()
+    return "\n".join(f"  {line}" for line in lines[-_SHOWN:])
