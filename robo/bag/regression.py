@@ -22,8 +22,9 @@ WINDOW = 1_000_000_000
 """Messages that are further apart than this are never the same one, ns."""
 TAIL = 250_000_000
 """What comes so soon before the end of a recording of a live robot may have come too late for it, ns."""
-LIVE = 0.1
-"""By how much a message of a live robot may come earlier or later than in lock step, where nothing else is said, s."""
+LIVE = 1.0
+"""By how much a message of a live robot may come earlier or later than in lock step, where nothing else is said, s: its
+machine was busy with others, too."""
 
 _NUMBERED = re.compile(r"\.\d+(?=\.|$)")
 
@@ -94,6 +95,8 @@ class Extent(msgspec.Struct, frozen=True):
     """Messages that were published before do not count, ns."""
     end: int = 2**64
     """When the recording ended, ns."""
+    latched: bool = False
+    """Whether what was published before counts all the same, whenever that was."""
 
 
 def compare(expected: Bag, actual: Bag, name: str, tolerances: Tolerances, extent: Extent) -> TopicReport:
@@ -110,12 +113,15 @@ def compare(expected: Bag, actual: Bag, name: str, tolerances: Tolerances, exten
         counts = expected.topic(name).count, actual.topic(name).count
         return TopicReport(name=name, types=types, counts=counts, same=False)
 
+    begin = 0 if extent.latched else extent.begin
+
     def then() -> Iterable[_Read]:
         said = expected.messages(name, order="published") if topics[0] is not None else ()
-        return (_Read(one) for one in said if one.published >= extent.begin)
+        return (_Read(one) for one in said if one.published >= begin)
 
     def now() -> Iterable[_Read]:
-        return (_Read(one) for one in (actual.messages(name) if topics[1] is not None else ()))
+        said = actual.messages(name) if topics[1] is not None else ()
+        return (_Read(one) for one in said if one.published >= begin)
 
     found = _Comparison(name, types, tolerances, extent).of(in_order(then(), now()))
     if found.same:
@@ -194,7 +200,9 @@ class _Comparison:
     def _compare(self, index: int, one: _Read, other: _Read) -> None:
         report = self._report
         report.compared += 1
-        moved = abs(one.message.published - other.message.published)
+        moved = 0
+        if one.message.published >= self._extent.begin:
+            moved = abs(one.message.published - other.message.published)
         report.shift = max(report.shift, moved * 1e-9)
         if moved > self._time:
             report.moved += 1

@@ -78,7 +78,11 @@ class _Bundle(NamedTuple):
         if isinstance(kind, type) and issubclass(kind, tuple):
             defaults: Mapping[str, object] = getattr(kind, "_field_defaults", {})
             fields = typing.get_type_hints(kind, include_extras=True).items()
-            return cls(parameter.name, kind, [_option(name, a, defaults.get(name)) for name, a in fields])
+            return cls(
+                parameter.name,
+                kind,
+                [_option(name, a, defaults.get(name, inspect.Parameter.empty)) for name, a in fields],
+            )
         return cls(parameter.name, None, [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY)])
 
     def taken_from(self, options: Mapping[str, object]) -> object:

@@ -36,7 +36,7 @@ class _Line(msgspec.Struct):
 
     done: float | None = None
     stage: str = ""
-    report: msgspec.Raw | None = None
+    report: msgspec.Raw = msgspec.Raw()
     mistake: str | None = None
 
 
@@ -94,7 +94,7 @@ def _replay(request: dict[str, Any]) -> bytes:
             if line.mistake is not None:
                 progress.clear()
                 raise UsageError(line.mistake)
-            if line.report is not None:
+            if bytes(line.report):
                 progress.clear()
                 return bytes(line.report)
             progress.show(line.done or 0.0, line.stage)

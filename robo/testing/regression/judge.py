@@ -162,8 +162,8 @@ class _Judge:
         live = [topic.name for topic in report.topics if topic.name not in self._renewed]
         if live:
             report.notes.append(
-                f"recorded from a live node: {', '.join(live)}; "
-                f"{regression.LIVE:g} s of difference in time are allowed where no tolerance says otherwise"
+                f"recorded from a live node: {', '.join(live)}; there, messages may come "
+                f"{regression.LIVE:g} s earlier or later where no tolerance says otherwise"
             )
         for pattern in self._tolerances.idle([topic.name for topic in report.topics]):
             report.notes.append(f"tolerances of {pattern} fit no topic that is compared")
@@ -175,7 +175,9 @@ class _Judge:
     def _extent(self, name: str, run: RunResult) -> Extent:
         if name in self._renewed:
             return Extent(exact=True)
-        return Extent(exact=False, begin=run.first_input, end=self._bag.end)
+        topic = self._bag.topics.get(name)
+        latched = topic is not None and topic.qos.latched
+        return Extent(exact=False, begin=run.first_input, end=self._bag.end, latched=latched)
 
     def _draw(self, now: Bag) -> None:
         if self._request.plots is None:
@@ -190,22 +192,24 @@ class _Judge:
 
     def _phase(self, run: RunResult) -> int | None:
         """When the nodes have to start for their timers to tick as they did when they were recorded."""
-        timed = {name: period for name, period in run.periods.items() if name in self._bag.topics}
-        if not timed:
-            return None
-        name = max(timed, key=lambda topic: (timed[topic], topic))
-        times = [message.published for message in self._bag.messages(name)]
-        found = phase(times, timed[name])
-        if found is None:
+        phases: list[tuple[int, str, int, int]] = []
+        timed = [name for name in run.periods if name in self._bag.topics]
+        for name in timed:
+            times = [message.published for message in self._bag.messages(name)]
+            found = phase(times, run.periods[name])
+            if found is not None:
+                phases.append((len(times), name, *found))
+        if phases:
+            _, name, middle, scatter = max(phases)
+            told = f"every {run.periods[name]:g} s, to within {scatter * 1e-6:.1f} ms"
+            self._report.notes.append(f"timers tick as those of {name} were recorded, {told}")
+            return start_before(self._bag.begin, middle, run.periods[name])
+        if timed:
             self._report.notes.append(
-                f"{name} comes from a timer of {timed[name]:g} s whose recorded ticks cannot be told: it ticks from "
-                "the beginning of the recording on, and messages may differ for that alone; --accept makes a reference"
+                f"{', '.join(timed)}: it cannot be told when the timers ticked of which these come; they tick from the "
+                "beginning of the recording on, and messages may differ for that alone; --accept makes a reference"
             )
-            return None
-        self._report.notes.append(
-            f"timers tick as those of {name} were recorded, every {timed[name]:g} s, to within {found[1] * 1e-6:.1f} ms"
-        )
-        return start_before(self._bag.begin, found[0], timed[name])
+        return None
 
     # -- a new reference ---------------------------------------------------------------------------------------------
 

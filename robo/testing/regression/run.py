@@ -299,11 +299,11 @@ class _Run:
         inputs: dict[str, Topic] = {}
         said = set(outputs) | {topic for seat in self._bench.seats for topic in seat.session.topics}
         for seat in self._bench.seats:
+            silent: list[str] = []
             for key in dict.fromkeys(key for key, _ in seat.session.inboxes):
                 fitting = [one for one in self._bag.topics.values() if _fits(key, one.name)]
                 if not fitting and key not in said:
-                    others = suggest(key, self._bag.topics, "it has")
-                    self._note(f"{seat.node.full_name} listens to {key}, of which nothing was recorded; {others}")
+                    silent.append(key)
                 for topic in fitting:
                     if topic.name in said or topic.name in inputs:
                         continue
@@ -314,6 +314,9 @@ class _Run:
                         self._bench.note(seat.node.full_name, f"{topic.name} cannot be fed: {wrong}")
                     else:
                         inputs[topic.name] = topic
+            if silent:
+                listens = f"{seat.node.full_name} listens to {', '.join(silent)}, of which nothing was recorded"
+                self._note(listens if inputs else f"{listens}; {suggest(silent[0], self._bag.topics, 'it has')}")
         if not inputs and any(seat.session.inboxes for seat in self._bench.seats) and not self._bench.troubles:
             raise UsageError(
                 f"{self._bag.path} has no input of {', '.join(self._names())}: {'; '.join(self._result.notes)}"
