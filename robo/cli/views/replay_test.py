@@ -81,7 +81,8 @@ def run_replay_test(request: ReplayRequest) -> int:
 
 def _replay(request: dict[str, Any]) -> bytes:
     """Have it done by a process of its own; the report, as JSON."""
-    command = [sys.executable, "-m", "robo.testing.regression"]
+    leash = [sys.executable, "-m", "robo.testing.leash", str(os.getpid())]  # by name: tests stand beside the tools
+    command = [*leash, sys.executable, "-m", "robo.testing.regression"]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     progress = _Progress()
     try:
@@ -92,14 +93,13 @@ def _replay(request: dict[str, Any]) -> bytes:
         for text in process.stdout:
             line = msgspec.json.decode(text, type=_Line)
             if line.mistake is not None:
-                progress.clear()
+                process.wait()
                 raise UsageError(line.mistake)
             if bytes(line.report):
-                progress.clear()
+                process.wait()
                 return bytes(line.report)
             progress.show(line.done or 0.0, line.stage)
         code = process.wait()
-        progress.clear()
         if code == 130:
             raise KeyboardInterrupt
         raise RunError(f"the replay ended with exit code {code}; what it printed stands above")

@@ -5,6 +5,7 @@ The command line runs it: `{"done": 0.4, "stage": "run 1 of 2"}` while it works,
 """
 
 import os
+import signal
 import sys
 from typing import Any
 
@@ -18,6 +19,8 @@ from robo.testing.regression.judge import Request, judge
 
 def main() -> None:
     """Do what is asked."""
+    for number in (signal.SIGINT, signal.SIGTERM):  # whoever asked has gone: nothing stays behind
+        signal.signal(number, lambda *_: sys.exit(130))
     lines = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # classes are looked at here, and may print
 
@@ -32,7 +35,7 @@ def main() -> None:
         tell({"mistake": as_text(error.faults)})
     except RoboError as error:
         tell({"mistake": str(error)})
-    except KeyboardInterrupt:
+    except BrokenPipeError:
         sys.exit(130)
 
 

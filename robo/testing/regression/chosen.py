@@ -16,10 +16,8 @@ from robo.launch.plan import ProcessPlan
 from robo.launch.resolve import Resolution, resolve
 from robo.launch.substitution import Word
 from robo.node.identity import Identity
-from robo.node.loading import load_node_class
 from robo.testing.regression.order import NodeOrder
 from robo.text.suggestions import suggest
-from robo.wire import names
 
 PARAMETERS = "parameters.json"
 """The attachment of a recording that has the parameters of its nodes: {"r1/position_tracker": {"log_rate": 1.0}}."""
@@ -63,7 +61,7 @@ def choose(
     said = _recorded(recording)
     services = [word for word in words if "." in word and not word.startswith("/")]
     named = [word for word in words if word not in services]
-    nodes = [_of_service(word, robot or "", said) for word in services]
+    nodes = [NodeOrder(service=word, namespace=robot or "", recorded=said) for word in services]
     others: dict[str, list[str]] = {}
     if named or (manifest is not None and not services):
         found = _resolved(manifest, robot, arguments)
@@ -93,14 +91,6 @@ def _recorded(recording: Bag) -> dict[str, dict[str, Any]]:
     return {name.strip("/"): values for name, values in said.items()}
 
 
-def _of_service(service: str, namespace: str, said: Mapping[str, dict[str, Any]]) -> NodeOrder:
-    from robo.node.contract import contract_of
-
-    name = contract_of(load_node_class(service)).name
-    recorded = said.get(names.join(namespace, name), {})
-    return NodeOrder(service=service, namespace=namespace, recorded=recorded)
-
-
 def _of_plan(plan: ProcessPlan, said: Mapping[str, dict[str, Any]]) -> NodeOrder:
     assert plan.service is not None
     recorded = said.get(plan.full_name.strip("/"), {})
@@ -110,7 +100,7 @@ def _of_plan(plan: ProcessPlan, said: Mapping[str, dict[str, Any]]) -> NodeOrder
         name=plan.name,
         namespace=plan.namespace,
         parameters=given,
-        recorded=recorded,
+        recorded=dict(said),
         remappings=plan.remap,
         qos=plan.qos,
     )

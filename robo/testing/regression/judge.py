@@ -136,7 +136,9 @@ class _Judge:
         return run_apart(order, number, lambda done: self._progress(done, stage))
 
     def _failed(self, run: RunResult) -> ReplayReport:
-        self._report.troubles, self._report.verdict = run.troubles, "failed"
+        # A process that has died did not say when.
+        told = [msgspec.structs.replace(one, time=one.time or self._bag.begin) for one in run.troubles]
+        self._report.troubles, self._report.verdict = told, "failed"
         return self._report
 
     def _compare(self, then: Bag, now: Bag, name: str, tolerances: Tolerances, extent: Extent) -> TopicReport:

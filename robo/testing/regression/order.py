@@ -18,8 +18,9 @@ class NodeOrder(msgspec.Struct, kw_only=True):
     namespace: str = ""
     parameters: dict[str, Any] = {}
     """As its manifest says."""
-    recorded: dict[str, Any] = {}
-    """As the recording says, below those; what the class does not have any more is told and left out."""
+    recorded: dict[str, dict[str, Any]] = {}
+    """By full name without its leading slash, as the recording says, below those; what the class does not have any
+    more is told and left out."""
     remappings: dict[str, str] = {}
     qos: dict[str, Quality] = {}
 

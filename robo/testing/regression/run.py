@@ -18,23 +18,20 @@ import zenoh
 
 from robo import bag as bags
 from robo.bag.reader import Bag
-from robo.bag.replay_report import Input, NodeTopics
+from robo.bag.replay_report import Input
 from robo.bag.topics import BagMessage, Topic
 from robo.errors import BagError, DamagedBag, RoboError, UsageError
 from robo.node.contract import contract_of
 from robo.node.loading import load_node_class
 from robo.node.node import Node
-from robo.testing.bench import Seat
 from robo.testing.regression.bench import ReplayBench, SimulatedTime
-from robo.testing.regression.feed import Feed, type_mistake, wanted_senders
+from robo.testing.regression.feed import Feed, wanted_senders
 from robo.testing.regression.order import Line, NodeOrder, RunOrder, RunResult
 from robo.testing.regression.outlet import Outlet
+from robo.testing.regression.wiring import inputs_of, outputs_of, parameters_of, tell_what_is_not_replayed
 from robo.testing.stepper import Hung
-from robo.text.suggestions import suggest
 from robo.wire import names
-from robo.wire.keys import PREFIX, SYSTEM_TOPICS
 from robo.wire.network import Network
-from robo.wire.qos import QoS
 from robo.wire.session import close_session, open_session
 from robo_messages import Clock as ClockMessage
 
@@ -98,6 +95,7 @@ class _Run:
         self._outlet: Outlet | None = None
         self._result = RunResult(begin=self._begin, first_input=recording.begin)
         self._note = self._result.notes.append
+        self._ended: set[str] = set()
 
     def run(self) -> RunResult:
         begun = time.monotonic()
@@ -110,7 +108,7 @@ class _Run:
             for one, class_ in zip(self._order.nodes, classes, strict=True):
                 self._start(one, class_)
             if bench.seats and not bench.troubles:
-                self._let_calls_fail()
+                tell_what_is_not_replayed([seat.node for seat in bench.seats], self._note)
                 self._play()
         except Hung as stuck:
             self._hung(stuck)
@@ -127,63 +125,29 @@ class _Run:
     def _start(self, order: NodeOrder, node_class: type[Node]) -> None:
         outlet, bench = self._outlet, self._bench
         assert outlet is not None
-        parameters = self._parameters(order, node_class)
-        probe = names.join(order.namespace, order.name or node_class.__name__)
+        full_name = "/" + names.join(order.namespace, order.name or contract_of(node_class).name)
         options: dict[str, Any] = {
             "name": order.name,
             "namespace": order.namespace,
             "remappings": order.remappings,
-            "parameters": parameters,
+            "parameters": parameters_of(order, node_class, self._note),
         }
         try:
-            seat = bench.start(node_class, options, note=outlet.of(f"/{probe}"), qualities=order.qos)
+            bench.start(node_class, options, note=outlet.of(full_name), qualities=order.qos)
         except RoboError:
             raise
         except Hung as stuck:
-            bench.note(f"/{probe}", f"does not come back from its start: {stuck}")
+            bench.note(full_name, f"does not come back from its start: {stuck}")
             return
         except Exception as error:
-            bench.note(f"/{probe}", f"raised {type(error).__name__} at its start: {error}")
+            bench.note(full_name, f"raised {type(error).__name__} at its start: {error}")
             return
-        self._tell_what_is_no_topic(seat.node)
-
-    def _parameters(self, order: NodeOrder, node_class: type[Node]) -> dict[str, Any]:
-        known = {about.name for about in contract_of(node_class).parameters}
-        gone = sorted(set(order.recorded) - known)
-        if gone:
-            self._note(f"{order.service} has no parameter {', '.join(gone)} any more, which the recording has")
-        recorded = {name: value for name, value in order.recorded.items() if name in known}
-        if set(recorded) - set(order.parameters):
-            self._note(f"parameters of {order.name or order.service} are those of the recording")
-        return {**recorded, **order.parameters}
-
-    def _tell_what_is_no_topic(self, node: Node) -> None:
-        contract = node.contract
-        for what, found in (
-            ("calls of its service", [one.service for one in contract.services]),
-            ("goals of its action", [one.action for one in contract.actions]),
-        ):
-            if found:
-                self._note(f"{node.full_name}: {what} {', '.join(found)} are in no recording, and are not made")
-
-    def _let_calls_fail(self) -> None:
-        """A call that nobody here answers fails at once, in the place of waiting for its time."""
-        nodes = [seat.node for seat in self._bench.seats]
-        served = {node.resolve(one.service) for node in nodes for one in node.contract.services}
-        acted = {node.resolve(one.action) for node in nodes for one in node.contract.actions}
-        for node in nodes:
-            lost = [client for client in node._ends.clients if client.key not in served]
-            for client in lost:
-                client.abandon()
-            called = [client.key for client in lost]
-            called += [one.action for one in node.contract.action_clients if node.resolve(one.action) not in acted]
-            if called:
-                self._note(f"{node.full_name}: it calls {', '.join(called)}, which nobody serves here: its calls fail")
 
     # -- time --------------------------------------------------------------------------------------------------------
 
     def _is_simulated(self, order: NodeOrder) -> bool:
-        return bool({**order.recorded, **order.parameters}.get("use_sim_time"))
+        recorded = order.recorded.get(names.join(order.namespace, order.name or ""), {})
+        return bool({**recorded, **order.parameters}.get("use_sim_time"))
 
     def _follow_clock(self) -> None:
         first = next(self._clock_messages(), None)
@@ -221,8 +185,10 @@ class _Run:
     def _play(self) -> None:
         outlet, bench = self._outlet, self._bench
         assert outlet is not None
-        outputs = self._outputs()
-        inputs = self._inputs(outputs)
+        result = self._result
+        result.nodes, outlet.left_out, outlet.qos = outputs_of(bench.seats, self._order.others, self._note)
+        result.outputs = [topic for one in result.nodes for topic in one.outputs]
+        inputs = inputs_of(bench.seats, self._bag.topics, self._note, bench.note)
         outlet.drain()
         senders: dict[str, str] = {}
         for seat in bench.seats:
@@ -248,7 +214,7 @@ class _Run:
             bench.settle()
         finally:
             counts = feed.counts
-            self._result.inputs = [Input(name, topic.type, counts[name]) for name, topic in inputs.items()]
+            result.inputs = [Input(name, topic.type, counts[name]) for name, topic in inputs.items()]
             feed.close()
 
     def _messages(self, inputs: dict[str, Topic]) -> Iterator[BagMessage]:
@@ -269,67 +235,15 @@ class _Run:
             self._reach(message.arrived)
             yield message
 
-    def _outputs(self) -> dict[str, Seat]:
-        """Topics that are compared."""
-        outlet = self._outlet
-        assert outlet is not None
-        found: dict[str, Seat] = {}
-        qos: dict[str, QoS] = {}
-        for seat in self._bench.seats:
-            node = seat.node
-            qos |= {node.resolve(one.topic): one.qos for one in node.contract.publishers}
-            own = {names.join(node.namespace, topic) for topic in SYSTEM_TOPICS}
-            for topic in seat.session.topics:
-                shared = self._order.others.get(topic)
-                if topic in own or topic.startswith(PREFIX) or topic.endswith("/transition_event"):
-                    outlet.left_out.add(topic)
-                elif shared:
-                    outlet.left_out.add(topic)
-                    self._note(f"{topic} is not compared: {', '.join(shared)} publishes it too")
-                else:
-                    found[topic] = seat
-            outputs = [topic for topic, whose in found.items() if whose is seat]
-            self._result.nodes.append(NodeTopics(node.full_name, f"{_service_of(node)}", outputs))
-        outlet.qos = qos
-        self._result.outputs = list(found)
-        return found
-
-    def _inputs(self, outputs: dict[str, Seat]) -> dict[str, Topic]:
-        """Recorded topics to which nodes listen, unless one of them says them."""
-        inputs: dict[str, Topic] = {}
-        said = set(outputs) | {topic for seat in self._bench.seats for topic in seat.session.topics}
-        for seat in self._bench.seats:
-            silent: list[str] = []
-            for key in dict.fromkeys(key for key, _ in seat.session.inboxes):
-                fitting = [one for one in self._bag.topics.values() if _fits(key, one.name)]
-                if not fitting and key not in said:
-                    silent.append(key)
-                for topic in fitting:
-                    if topic.name in said or topic.name in inputs:
-                        continue
-                    wrong = type_mistake(seat.node, topic) if topic.known is not None else None
-                    if topic.known is None:
-                        self._note(f"{topic.name} cannot be fed: {topic.unknown}")
-                    elif wrong is not None:
-                        self._bench.note(seat.node.full_name, f"{topic.name} cannot be fed: {wrong}")
-                    else:
-                        inputs[topic.name] = topic
-            if silent:
-                listens = f"{seat.node.full_name} listens to {', '.join(silent)}, of which nothing was recorded"
-                self._note(listens if inputs else f"{listens}; {suggest(silent[0], self._bag.topics, 'it has')}")
-        if not inputs and any(seat.session.inboxes for seat in self._bench.seats) and not self._bench.troubles:
-            raise UsageError(
-                f"{self._bag.path} has no input of {', '.join(self._names())}: {'; '.join(self._result.notes)}"
-            )
-        return inputs
-
     # -- the end -----------------------------------------------------------------------------------------------------
 
     def _is_over(self) -> bool:
         over = [seat for seat in self._bench.seats if seat.ended]
         for seat in over:
-            if not seat.node.exit_code:
-                self._note(f"{seat.node.full_name} ended by itself at {self._bench.now} ns")
+            if seat.node.full_name not in self._ended and not seat.node.exit_code:
+                after = (self._bench.now - self._bag.begin) * 1e-9
+                self._note(f"{seat.node.full_name} ended by itself after {after:.3f} s")
+            self._ended.add(seat.node.full_name)
         return len(over) == len(self._bench.seats)
 
     def _hung(self, stuck: Hung) -> None:
@@ -361,17 +275,6 @@ class _Run:
         if now - self._told >= _TELL:
             self._told = now
             self._tell(Line(done=(arrived - self._bag.begin) / max(self._bag.end - self._bag.begin, 1)))
-
-
-def _service_of(node: Node) -> str:
-    return f"{type(node).__module__}:{type(node).__name__}"
-
-
-def _fits(key: str, topic: str) -> bool:
-    try:
-        return zenoh.KeyExpr(key).intersects(zenoh.KeyExpr(topic))
-    except zenoh.ZError:
-        return False
 
 
 if __name__ == "__main__":

@@ -51,21 +51,25 @@ def run_apart(order: RunOrder, number: int, progress: Callable[[float], None], s
             stderr=errors,
             env=clean_environment() | {"PYTHONHASHSEED": str(number)},
         )
+        assert process.stdin is not None
+        assert process.stdout is not None
+        lines: _Lines = queue.SimpleQueue()
+        reader = threading.Thread(target=_read, args=(process.stdout, lines), name="robo-replay", daemon=True)
+        reader.start()
         try:
             with suppress(BrokenPipeError):
-                assert process.stdin is not None
                 process.stdin.write(msgspec.json.encode(order))
                 process.stdin.close()
-            assert process.stdout is not None
-            result = _follow(process.stdout, progress, silence)
-            if result is None:
-                code = process.poll() if not _ends(process) else process.returncode
-                return RunResult(begin=order.begin or 0, troubles=[_death(order, code, _last_lines(errors), silence)])
-            return result
+            result = _follow(lines, progress, silence)
+            if result is not None:
+                return result
+            code = process.returncode if _ends(process) else None
+            return RunResult(begin=order.begin or 0, troubles=[_death(order, code, _last_lines(errors), silence)])
         finally:
             process.kill()
             process.wait()
-            if process.stdout is not None:
+            reader.join(1.0)
+            if not reader.is_alive():  # else something that a node has started holds the pipe
                 process.stdout.close()
 
 
@@ -77,17 +81,18 @@ def _ends(process: subprocess.Popen[bytes]) -> bool:
     return True
 
 
-def _follow(output: IO[bytes], progress: Callable[[float], None], silence: float) -> RunResult | None:
-    """Read what a run tells, to its result; None where it ends, or is silent, before."""
-    lines: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+_Lines = queue.SimpleQueue[bytes | None]
+"""What a run tells; None where that ends."""
 
-    def read() -> None:
-        with suppress(ValueError):  # closed, as nobody waits any more
-            for line in output:
-                lines.put(line)
-        lines.put(None)
 
-    threading.Thread(target=read, name="robo-replay", daemon=True).start()
+def _read(output: IO[bytes], lines: _Lines) -> None:
+    for line in output:
+        lines.put(line)
+    lines.put(None)
+
+
+def _follow(lines: _Lines, progress: Callable[[float], None], silence: float) -> RunResult | None:
+    """What a run tells, to its result; None where it ends, or is silent, before."""
     while True:
         try:
             text = lines.get(timeout=silence)
