@@ -154,7 +154,7 @@ class Asks(robo.Node):
     """Ask somebody who is not there."""
 
     said = robo.Publisher(String, "said")
-    reset = robo.Client(Trigger, "reset")
+    reset = robo.Client(Trigger.Request, Trigger.Response, "reset")
 
     @robo.subscribe("word")
     def hear(self, word: String) -> None:

@@ -82,7 +82,7 @@ class ReplayBench(Bench):
     def note(self, node: str, text: str) -> None:
         """Note a trouble of a node."""
         if len(self.troubles) < MOST_TROUBLES:
-            self.troubles.append(Trouble(node, self.now, brief(text, 400)))
+            self.troubles.append(Trouble(node, self.now, brief(text, 2_000)))
 
     def stamp(self) -> Time:
         """The time of now."""

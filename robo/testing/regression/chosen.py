@@ -45,7 +45,7 @@ def choose(
 
     Args:
         recording: what is replayed.
-        words: names, full names, groups of the manifest, or services (`package.module`).
+        words: names, full names, groups of the manifest, or services: `package.module`, `module:Class`.
         manifest: a file, as for `robo up`; None for robot.yaml, of which only classes are taken then where the
             recording says parameters.
         robot: the robot's name; None for the one in the recording.
@@ -59,7 +59,7 @@ def choose(
         raise UsageError("say which node: --node position_tracker, or --node my_package.my_module")
     robot = robot if robot is not None else _robot_of(recording)
     said = _recorded(recording)
-    services = [word for word in words if "." in word and not word.startswith("/")]
+    services = [word for word in words if set(".:") & set(word)]
     named = [word for word in words if word not in services]
     nodes = [NodeOrder(service=word, namespace=robot or "", recorded=said) for word in services]
     others: dict[str, list[str]] = {}

@@ -25,7 +25,7 @@ from robo.testing.regression.pictures import draw
 from robo.testing.regression.runs import run_apart
 
 MARK = "robo.replay"
-"""The metadata of a recording of which outputs come from a replay."""
+"""The metadata of a recording of which outputs come from a replay: when it began, and by node the topics."""
 
 RUNS = 2
 
@@ -88,7 +88,7 @@ class _Judge:
         self._progress = progress
         self._made = made
         self._mark: Mapping[str, str] = recording.metadata.get(MARK, {})
-        self._renewed = set(self._mark.get("topics", "").split())
+        self._renewed = {name for words in self._mark.values() for name in words.split()}
         self._report = ReplayReport(bag=request.bag, begin=recording.begin, duration=recording.duration)
 
     def judge(self) -> ReplayReport:
@@ -149,7 +149,7 @@ class _Judge:
 
     def _against_recording(self, run: RunResult, now: Bag) -> ReplayReport:
         report = self._report
-        for name in run.outputs:
+        for name in dict.fromkeys([*run.outputs, *self._said_before(run)]):
             if name in self._bag.topics or name in self._renewed:
                 extent = self._extent(name, run)
                 report.topics.append(self._compare(self._bag, now, name, self._tolerances, extent))
@@ -161,6 +161,9 @@ class _Judge:
                 f"{self._bag.path} has no output of {', '.join(one.node for one in run.nodes)}: "
                 f"it publishes {', '.join(run.outputs)}; --accept writes what it says now into the recording"
             )
+        if not report.topics:
+            told = "; ".join(run.notes)
+            raise UsageError(f"nothing of {', '.join(one.node for one in run.nodes)} can be compared: {told}")
         live = [topic.name for topic in report.topics if topic.name not in self._renewed]
         if live:
             report.notes.append(
@@ -173,6 +176,10 @@ class _Judge:
             report.verdict = "different"
         self._draw(now)
         return report
+
+    def _said_before(self, run: RunResult) -> list[str]:
+        """What these nodes said when the reference was made."""
+        return [name for one in run.nodes for name in self._mark.get(one.node, "").split()]
 
     def _extent(self, name: str, run: RunResult) -> Extent:
         if name in self._renewed:
@@ -218,10 +225,9 @@ class _Judge:
     def _accept(self, run: RunResult, now: Bag) -> ReplayReport:
         report = self._report
         output = Path(self._request.output or self._request.bag)
-        topics = self._renewed | set(run.outputs)
-        words = {"begin": str(run.begin), "topics": " ".join(sorted(topics))}
+        words = dict(self._mark) | {"begin": str(run.begin)} | {one.node: " ".join(one.outputs) for one in run.nodes}
         self._progress(0.0, f"writing {output}")
-        renew(self._bag, now, run.outputs, {MARK: words}, output)
+        renew(self._bag, now, {*run.outputs, *self._said_before(run)}, {MARK: words}, output)
         report.verdict, report.accepted = "accepted", str(output)
         return report
 
