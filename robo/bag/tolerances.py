@@ -19,7 +19,7 @@ from typing import Any
 
 import msgspec
 
-from robo.errors import UsageError
+from robo.errors import UnreadableFile, UsageError
 from robo.text.brief import shown
 from robo.text.files import read_text
 from robo.text.suggestions import suggest
@@ -27,6 +27,8 @@ from robo.text.tree import Map, Problem, Scalar, Tree, kind
 from robo.text.yaml_tree import parse
 
 IGNORE = "ignore"
+
+_A_NUMBER = "a number of at least 0"
 
 
 class Tolerance(msgspec.Struct, frozen=True):
@@ -101,14 +103,16 @@ def load(path: str | Path | None, ignored: Sequence[str] = ()) -> Tolerances:
         ignored: `header.stamp`, or `r1/odom:header.stamp`.
 
     Raises:
-        UnreadableFile: the file cannot be read.
-        UsageError: it has mistakes; tells all of them, each with its place.
+        UsageError: it cannot be read, or has mistakes; tells all of them, each with its place.
     """
     rules: list[Rule] = []
     times: list[TimeRule] = []
     if path is not None:
-        read = read_tolerances(read_text(Path(path)), str(path))
-        rules, times = read
+        try:
+            text = read_text(Path(path))
+        except UnreadableFile as error:
+            raise UsageError(f"{path}: {error}") from None
+        rules, times = read_tolerances(text, str(path))
     for word in ignored:
         topic, colon, field = word.rpartition(":")
         if not field or (colon and not topic):
@@ -163,7 +167,7 @@ class _Reader:
         if isinstance(tree, Map):
             said = {key: self._number(value) for key, value in self._map(tree, "absolute", "relative")}
             return Tolerance(said.get("absolute") or 0.0, said.get("relative") or 0.0)
-        number = self._number(tree, f"a number, {{absolute: …, relative: …}} or {IGNORE}")
+        number = self._number(tree, f"{_A_NUMBER}, {{absolute: …, relative: …}} or {IGNORE}")
         return Tolerance(number) if number is not None else None
 
     def _time(self, topic: str, tree: Tree) -> None:
@@ -171,11 +175,11 @@ class _Reader:
         if seconds is not None:
             self.times.append(TimeRule(topic, seconds))
 
-    def _number(self, tree: Tree, wanted: str = "a number") -> float | None:
+    def _number(self, tree: Tree, wanted: str = _A_NUMBER) -> float | None:
         value: Any = tree.value if isinstance(tree, Scalar) else None
         if isinstance(value, (int, float)) and not isinstance(value, bool) and 0 <= value < math.inf:
             return float(value)
-        self._complain(tree, f"expected {wanted}, of at least 0, not {kind(tree)}")
+        self._complain(tree, f"expected {wanted}, not {kind(tree)}")
         return None
 
     def _map(self, tree: Tree, *known: str) -> list[tuple[str, Tree]]:

@@ -12,7 +12,7 @@ from typer.main import get_command
 from robo.cli.app import app
 from robo.cli.launch import run
 from robo.process import health
-from tests import bags
+from tests import bags, replays
 from tests.pages import ROOT
 from tests.support import INTERRUPTED, Desk, Running, eventually, is_endless
 
@@ -37,7 +37,8 @@ NOT_RUN = {("keeper",): "it needs a container engine; tests/integration/test_kee
 ALONE = {("up",), ("router",), ("run",)}
 """Verbs that are tried where no robot runs."""
 NO_MATTER = {
-    ("check",), ("create",), ("schema",), ("test",), ("export", "compose"), ("export", "dockerfile"), ("node", "show"),
+    ("check",), ("create",), ("replay-test",), ("schema",), ("test",), ("export", "compose"), ("export", "dockerfile"),
+    ("node", "show"),
     *(("bag", verb) for verb in ("info", "check", "cut", "filter", "merge", "diff", "recover", "convert")),
 }  # fmt: skip
 """Verbs that look at no network."""
@@ -123,6 +124,7 @@ class Lab:
             "two_hosts.yaml": TWO_HOSTS,
             "gripper/pyproject.toml": "[project]\nname = 'gripper'\n",
             "gripper/tests/test_gripper.py": "def test_gripper() -> None:\n    pass\n",
+            "tolerances.yaml": "time: 0.005\n",
             "params.yaml": "waypoint_follower: {ros__parameters: {speed: 0.3}}\n",
         }.items():
             (folder / name).parent.mkdir(exist_ok=True, parents=True)
@@ -163,6 +165,8 @@ class Lab:
             self._name_a_run(match[1])
         if "< log.jsonl" in line:  # which another example writes
             (self._desk.folder / "log.jsonl").write_text(RECORD)
+        if "replay-test" in line and not (self._desk.folder / "reference.mcap").exists():
+            self._make_reference()
         beside = self._desk.start("robo topic echo r1/chatter") if "--wait-for-subscriber" in line else None
         # What goes on for long is left earlier.
         endless = is_endless(line) or re.search(r"--duration \d\d", line) is not None
@@ -196,6 +200,13 @@ class Lab:
             with suppress(AssertionError):  # a filter may have nothing to pass on
                 terminal.wait_for("", 5 if "select(" in words else 60)
         terminal.interrupt()
+
+    def _make_reference(self) -> None:
+        """Record a drive, with what the tracker says of it."""
+        drive = replays.odometry(self._desk.folder / "drive.mcap")
+        code, said = self._desk.run(f"robo replay-test {drive} --node position_tracker --accept")
+        assert code == 0, said
+        shutil.copy(drive, drive.with_name("reference.mcap"))
 
     def _name_a_run(self, name: str) -> None:
         """Have a run of this name, with the logs of one that was."""

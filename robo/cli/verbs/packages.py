@@ -166,11 +166,11 @@ def run_tests_of(
     verbs,
     "replay-test",
     "robo replay-test drive.mcap --node position_tracker",
-    "robo replay-test drive.mcap use_sim:=false --node safety_monitor --manifest robot.yaml",
-    "robo replay-test drive.mcap --node my_robot.gripper --robot-name r1 --ignore header.stamp",
-    "robo replay-test drive.mcap --node control --tolerances config/tolerances.yaml --plot plots",
+    "robo replay-test drive.mcap demo:=none --node tracking --manifest robot.yaml",
+    "robo replay-test drive.mcap --node robo_services.position_tracker --ignore z --runs 3",
+    "robo replay-test drive.mcap --node position_tracker --tolerances tolerances.yaml --plot plots",
     "robo replay-test drive.mcap --node position_tracker --accept -o reference.mcap",
-    "robo replay-test reference.mcap --node position_tracker --runs 3 --json",
+    "robo replay-test drive.mcap --node position_tracker --json | jq .verdict",
     short_help="Replay a recording to nodes, and compare what they say now.",
 )
 def replay_test(request: ReplayRequest) -> int:

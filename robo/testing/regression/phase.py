@@ -16,8 +16,8 @@ def phase(times: Sequence[int], period: float) -> tuple[int, int] | None:
         period: of the timer, s.
 
     Returns:
-        Phase and scatter; None where there are too few, or they scatter over a quarter of a period: then they come from
-        another clock, or the timer's period was another one.
+        Phase and scatter; None where there are too few, or they scatter over all of the period: then they come
+        from another clock, or the timer's period was another one.
     """
     whole = round(period * 1e9)
     if len(times) < LEAST or whole <= 0:
@@ -27,7 +27,7 @@ def phase(times: Sequence[int], period: float) -> tuple[int, int] | None:
     off = [(time - round(mean) + whole // 2) % whole - whole // 2 for time in times]
     middle = round(median(off))
     scatter = round(median(abs(one - middle) for one in off))
-    if scatter > whole // 4:
+    if scatter > whole // 5:  # what is even scatters by a quarter
         return None
     return (round(mean) + middle) % whole, scatter
 
