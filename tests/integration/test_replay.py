@@ -11,7 +11,8 @@ from robo.bag.replay_report import ReplayReport
 from robo.errors import UsageError
 from robo.testing import ReplayDiffers, replay
 from robo.testing.regression.judge import Request, judge
-from robo_messages import String
+from robo.wire.qos import QoS
+from robo_messages import Clock, LaserScan, String, Time
 from robo_services.diff_drive_controller import DiffDriveController
 from robo_services.position_tracker import PositionTracker
 from tests import replays
@@ -218,3 +219,53 @@ def test_mistakes_are_told(birds: Path) -> None:
         replay(words, type("Local", (), {"__qualname__": "f.<locals>.Local"}))
     with pytest.raises(UsageError, match="0 runs"):
         replay(words, "birds:Parrot", runs=0)
+
+
+def test_what_is_latched_comes_first(birds: Path) -> None:
+    path = birds / "latched.mcap"
+    with bag.Recording(path, replays.PLAIN) as recording:
+        log = replays.Log(recording)
+        log.write("r1/scan", LaserScan(), 0)
+        log.write("r1/word", String("said long ago"), -60_000 * MS, QoS.LATCHED, late=60_010 * MS)
+        log.write("r1/word", String("said now"), 20 * MS, QoS.LATCHED)
+    reference = accepted(path, "birds:Ages")
+    with bag.open(reference) as said:
+        first, second = said.messages("r1/said")
+        assert first.published == START + replays.LATE
+        assert f"/replay 1 {START - 60_000 * MS}" in str(first.value)
+        assert second.published == START + 20 * MS + replays.LATE
+
+
+def test_nodes_in_simulated_time_follow_the_recorded_clock(birds: Path) -> None:
+    """At half the speed of the wall clock: timers tick where the clock steps over their time."""
+    path = birds / "simulated.mcap"
+    with bag.Recording(path, replays.PLAIN) as recording:
+        log = replays.Log(recording)
+        for number in range(101):
+            log.write("clock", Clock(Time.from_nanoseconds(7_000_000_000 + number * 10 * MS)), number * 20 * MS)
+            if number % 10 == 5:
+                log.write("r1/word", String(str(number)), number * 20 * MS + 5 * MS)
+    reference = accepted(path, "birds:Ticks", parameters={"use_sim_time": True})
+    with bag.open(reference) as said:
+        told = [(message.published - START, str(message.value)) for message in said.messages("r1/said")]
+    assert len(told) == 20
+    assert told[0] == (100 * MS + replays.LATE, "String(data=' 7050000000')")
+    assert told[1] == (200 * MS + replays.LATE, "String(data='5 7100000000')")
+    assert replay(reference, "birds:Ticks", parameters={"use_sim_time": True}).verdict == "same"
+    with bag.Recording(birds / "back.mcap", replays.PLAIN) as recording:
+        log = replays.Log(recording)
+        for number in (5, 6, 3):
+            log.write("clock", Clock(Time(number)), number * MS, late=(20 - number) * MS)
+            log.write("r1/word", String(str(number)), number * MS, late=(20 - number) * MS)
+    with pytest.raises(UsageError, match="/clock steps back at"):
+        replay(birds / "back.mcap", "birds:Ticks", parameters={"use_sim_time": True})
+
+
+def test_a_topic_of_another_type_is_told(birds: Path) -> None:
+    path = birds / "other.mcap"
+    with bag.Recording(path, replays.PLAIN) as recording:
+        replays.Log(recording).write("r1/word", LaserScan(), 0)
+    report = different(path, "birds:Parrot")
+    assert report.troubles[0].text == (
+        "r1/word cannot be fed: it is a sensor/LaserScan in the recording, and /r1/parrot takes String"
+    )

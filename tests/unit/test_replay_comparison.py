@@ -18,7 +18,7 @@ from robo.bag.alignment import by_time, in_order
 from robo.bag.fields import unequal
 from robo.bag.regression import Extent, TopicReport
 from robo.bag.renewal import renew
-from robo.bag.replay_report import Input, NodeTopics, ReplayReport, Trouble, lines
+from robo.bag.replay_report import Input, NodeTopics, ReplayReport, Trouble, Verdict, lines
 from robo.bag.tolerances import Tolerance, Tolerances, load, read_tolerances
 from robo.errors import BagError, UsageError
 from robo.testing.regression.phase import phase, start_before
@@ -118,7 +118,8 @@ def test_a_tolerance_is_of_the_larger_number() -> None:
 
 
 def times(first: Sequence[int], second: Sequence[int], window: int = 100) -> list[tuple[int | None, int | None]]:
-    return list(by_time(first, second, lambda time: time, window))
+    pairs = by_time(first, second, int, window)
+    return list(pairs)
 
 
 def test_what_is_missing_makes_nothing_of_what_follows_differ() -> None:
@@ -329,7 +330,11 @@ def test_a_report_is_told_in_lines(tmp_path: Path) -> None:
     )
     report.verdict, report.troubles = "failed", [Trouble("/r1/base", START, "raised ValueError: x")]
     assert list(lines(report))[-1] == "FAILED: /r1/base"
-    for verdict, told_ in (("same", "SAME: /r1/base says what it said"), ("accepted", "ACCEPTED: b.mcap is what")):
+    verdicts: list[tuple[Verdict, str]] = [
+        ("same", "SAME: /r1/base says what it said"),
+        ("accepted", "ACCEPTED: b.mcap is what"),
+    ]
+    for verdict, told_ in verdicts:
         report.verdict, report.accepted = verdict, "b.mcap"
         assert replay_report.verdict_line(report).startswith(told_)
 
