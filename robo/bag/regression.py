@@ -10,13 +10,12 @@ import msgspec
 from robo.bag.alignment import Pairs, by_time, in_order
 from robo.bag.fields import Unequal, unequal
 from robo.bag.reader import Bag
+from robo.bag.replay_report import FieldReport, Spot, TopicReport, Value
 from robo.bag.tolerances import Tolerance, Tolerances
 from robo.bag.topics import BagMessage
 from robo.errors import BagError
 from robo.text.brief import shown
 from robo_messages import Duration, Time
-
-Value = float | int | bool | str
 
 WINDOW = 1_000_000_000
 """Messages that are further apart than this are never the same one, ns."""
@@ -27,63 +26,6 @@ LIVE = 1.0
 machine was busy with others, too."""
 
 _NUMBERED = re.compile(r"\.\d+(?=\.|$)")
-
-
-class Spot(msgspec.Struct, frozen=True, kw_only=True):
-    """One message, and in which field it differs."""
-
-    index: int
-    """Which message of the recording's topic, from 0."""
-    time: int
-    """When that was published, ns since the epoch."""
-    field: str
-    expected: Value
-    actual: Value
-    size: float | None
-    """How far apart both are, in the field's unit; None where they are no numbers, or one is not finite."""
-
-
-class FieldReport(msgspec.Struct, kw_only=True):
-    """One field that differs in some messages."""
-
-    field: str
-    """With `*` for places in lists."""
-    differing: int
-    """Values that differ."""
-    first: Spot
-    largest: Spot | None
-    """None where none has a size."""
-
-
-class TopicReport(msgspec.Struct, kw_only=True):
-    """One topic as it was, and as it is now."""
-
-    name: str
-    types: tuple[str, str]
-    counts: tuple[int, int]
-    """Messages then and now."""
-    compared: int = 0
-    differing: int = 0
-    """Messages of which a field differs."""
-    missing: int = 0
-    """Messages that do not come any more."""
-    first_missing: int | None = None
-    """When the first of them was published, ns."""
-    additional: int = 0
-    """Messages that have not come then."""
-    first_additional: int | None = None
-    moved: int = 0
-    """Messages that come earlier or later than is allowed."""
-    first_moved: int | None = None
-    shift: float = 0.0
-    """By how much a message comes earlier or later, the most, s."""
-    fields: list[FieldReport] = []
-    same: bool = True
-
-    @property
-    def trouble(self) -> int:
-        """How many messages are not as they were."""
-        return self.differing + self.missing + self.additional
 
 
 class Extent(msgspec.Struct, frozen=True):

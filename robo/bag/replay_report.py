@@ -6,12 +6,68 @@ from typing import Literal
 
 import msgspec
 
-from robo.bag.regression import FieldReport, Spot, TopicReport
-
+Value = float | int | bool | str
 Verdict = Literal["same", "different", "not deterministic", "failed", "accepted"]
 
 _MOST = 20
 """Fields of a topic that are told."""
+
+
+class Spot(msgspec.Struct, frozen=True, kw_only=True):
+    """One message, and in which field it differs."""
+
+    index: int
+    """Which message of the recording's topic, from 0."""
+    time: int
+    """When that was published, ns since the epoch."""
+    field: str
+    expected: Value
+    actual: Value
+    size: float | None
+    """How far apart both are, in the field's unit; None where they are no numbers, or one is not finite."""
+
+
+class FieldReport(msgspec.Struct, kw_only=True):
+    """One field that differs in some messages."""
+
+    field: str
+    """With `*` for places in lists."""
+    differing: int
+    """Values that differ."""
+    first: Spot
+    largest: Spot | None
+    """None where none has a size."""
+
+
+class TopicReport(msgspec.Struct, kw_only=True):
+    """One topic as it was, and as it is now."""
+
+    name: str
+    types: tuple[str, str]
+    counts: tuple[int, int]
+    """Messages then and now."""
+    compared: int = 0
+    differing: int = 0
+    """Messages of which a field differs."""
+    missing: int = 0
+    """Messages that do not come any more."""
+    first_missing: int | None = None
+    """When the first of them was published, ns."""
+    additional: int = 0
+    """Messages that have not come then."""
+    first_additional: int | None = None
+    moved: int = 0
+    """Messages that come earlier or later than is allowed."""
+    first_moved: int | None = None
+    shift: float = 0.0
+    """By how much a message comes earlier or later, the most, s."""
+    fields: list[FieldReport] = []
+    same: bool = True
+
+    @property
+    def trouble(self) -> int:
+        """How many messages are not as they were."""
+        return self.differing + self.missing + self.additional
 
 
 class Input(msgspec.Struct, frozen=True):

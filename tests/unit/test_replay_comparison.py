@@ -16,9 +16,9 @@ from robo import bag
 from robo.bag import regression, replay_report
 from robo.bag.alignment import by_time, in_order
 from robo.bag.fields import unequal
-from robo.bag.regression import Extent, TopicReport
+from robo.bag.regression import Extent
 from robo.bag.renewal import renew
-from robo.bag.replay_report import Input, NodeTopics, ReplayReport, Trouble, Verdict, lines
+from robo.bag.replay_report import Input, NodeTopics, ReplayReport, TopicReport, Trouble, Verdict, lines
 from robo.bag.tolerances import Tolerance, Tolerances, load, read_tolerances
 from robo.errors import BagError, UsageError
 from robo.testing.regression.phase import phase, start_before

@@ -13,9 +13,9 @@ import msgspec
 from robo import bag as bags
 from robo.bag import regression
 from robo.bag.reader import Bag
-from robo.bag.regression import Extent, TopicReport
+from robo.bag.regression import Extent
 from robo.bag.renewal import renew
-from robo.bag.replay_report import ReplayReport
+from robo.bag.replay_report import ReplayReport, TopicReport
 from robo.bag.tolerances import Tolerances, load
 from robo.errors import UsageError
 from robo.testing.regression.chosen import choose

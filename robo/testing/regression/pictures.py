@@ -5,7 +5,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from robo.bag.reader import Bag
-from robo.bag.regression import Spot, at, number
+from robo.bag.regression import at, number
+from robo.bag.replay_report import Spot
 from robo.errors import UsageError
 from robo.text.svg import Point, plot
 
