@@ -107,7 +107,7 @@ def test_ctrl_c_leaves_nothing_behind(project: Path) -> None:
     try:
         running.wait_for("run 1 of 2")
         running.interrupt()
-        assert running.wait() == 130
+        assert running.wait() == 130, running.output
         assert "Traceback" not in running.output
     finally:
         running.close()

@@ -83,7 +83,8 @@ def _replay(request: dict[str, Any]) -> bytes:
     """Have it done by a process of its own; the report, as JSON."""
     leash = [sys.executable, "-m", "robo.testing.leash", str(os.getpid())]  # by name: tests stand beside the tools
     command = [*leash, sys.executable, "-m", "robo.testing.regression"]
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    # Apart from the terminal: Ctrl-C is for this command, which ends the other.
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
     progress = _Progress()
     try:
         assert process.stdin is not None
@@ -100,8 +101,6 @@ def _replay(request: dict[str, Any]) -> bytes:
                 return bytes(line.report)
             progress.show(line.done or 0.0, line.stage)
         code = process.wait()
-        if code == 130:
-            raise KeyboardInterrupt
         raise RunError(f"the replay ended with exit code {code}; what it printed stands above")
     finally:
         progress.clear()

@@ -133,6 +133,7 @@ class _Judge:
 
     def _run(self, order: RunOrder, number: int) -> RunResult:
         stage = f"run {number} of {self._request.runs}"
+        self._progress(0.0, stage)
         return run_apart(order, number, lambda done: self._progress(done, stage))
 
     def _failed(self, run: RunResult) -> ReplayReport:

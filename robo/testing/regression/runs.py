@@ -50,6 +50,7 @@ def run_apart(order: RunOrder, number: int, progress: Callable[[float], None], s
             stdout=subprocess.PIPE,
             stderr=errors,
             env=clean_environment() | {"PYTHONHASHSEED": str(number)},
+            start_new_session=True,  # Ctrl-C is for whoever waits, who ends it
         )
         assert process.stdin is not None
         assert process.stdout is not None
