@@ -9,7 +9,6 @@ from robo.bag.replay_report import Trouble
 from robo.testing.bench import Bench
 from robo.testing.clock import Clock
 from robo.text.brief import brief
-from robo_messages import Time
 
 if TYPE_CHECKING:
     import threading
@@ -90,7 +89,3 @@ class ReplayBench(Bench):
         """Note a trouble of a node."""
         if len(self.troubles) < MOST_TROUBLES:
             self.troubles.append(Trouble(node, self.now, brief(text, 2_000)))
-
-    def stamp(self) -> Time:
-        """The time of now."""
-        return Time.from_nanoseconds(self.now)

@@ -100,12 +100,13 @@ class _Run:
     def run(self) -> RunResult:
         begun = time.monotonic()
         classes = [load_node_class(one.service) for one in self._order.nodes]
-        if any(self._is_simulated(one) for one in self._order.nodes):
+        together = list(zip(self._order.nodes, classes, strict=True))
+        if any(parameters_of(*one, lambda _: None).get("use_sim_time") for one in together):
             self._follow_clock()
         bench = self._bench
         self._outlet = outlet = Outlet(Path(self._order.output), lambda: bench.now, bench.note)
         try:
-            for one, class_ in zip(self._order.nodes, classes, strict=True):
+            for one, class_ in together:
                 self._start(one, class_)
             if bench.seats and not bench.troubles:
                 tell_what_is_not_replayed([seat.node for seat in bench.seats], self._note)
@@ -144,10 +145,6 @@ class _Run:
             return
 
     # -- time --------------------------------------------------------------------------------------------------------
-
-    def _is_simulated(self, order: NodeOrder) -> bool:
-        recorded = order.recorded.get(names.join(order.namespace, order.name or ""), {})
-        return bool({**recorded, **order.parameters}.get("use_sim_time"))
 
     def _follow_clock(self) -> None:
         first = next(self._clock_messages(), None)

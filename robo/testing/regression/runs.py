@@ -20,8 +20,9 @@ from robo.errors import UsageError
 from robo.testing.regression.order import Line, RunOrder, RunResult
 from robo.testing.run import clean_environment
 
-SILENCE = 60.0
-"""How long a run may say nothing, s: a node may take a while for its start."""
+SILENCE = 120.0
+"""How long a run may say nothing, s: a node may take a while for its start, on a machine that has
+much else to do."""
 
 _SHOWN = 12
 """How many of the last lines of a process that has died are shown."""
