@@ -27,6 +27,7 @@
     ├── BagError              a recording that cannot be found, read or written
     │   ├── DamagedBag        a file that is cut, or whose bytes make no sense
     │   └── DiskFull          a recording that has ended for want of room
+    ├── FlightRecorderError   a flight recorder that a robot does not have, or has already, or that could not write
     ├── TopicNotFound         nobody publishes or subscribes a topic of this name
     ├── TopicTaken            somebody publishes already what a tool was asked to publish
     ├── ManifestError         a launch manifest with mistakes
@@ -199,6 +200,10 @@ class DamagedBag(BagError):
 
 class DiskFull(BagError):
     """A recording has ended, whole, because the disk has less room than it is to leave."""
+
+
+class FlightRecorderError(RoboError):
+    """A robot has no flight recorder, or has one already, or it could not write what it was asked for."""
 
 
 class TopicNotFound(RoboError, LookupError):

@@ -69,6 +69,7 @@ if TYPE_CHECKING:
         GoalStatusArray,
     )
     from robo_messages.example import Fibonacci
+    from robo_messages.flight import Snapshot, TakeSnapshot
     from robo_messages.geometry_more import (
         Accel,
         AccelStamped,
@@ -138,6 +139,7 @@ if TYPE_CHECKING:
 
 _LATER = {
     "robo_messages.action": "UUID GoalInfo GoalStatus GoalStatusArray",
+    "robo_messages.flight": "Snapshot",
     "robo_messages.geometry_more": (
         "Accel AccelStamped Point32 PointStamped Polygon PolygonStamped PoseArray PoseWithCovarianceStamped "
         "QuaternionStamped TwistWithCovarianceStamped Vector3Stamped Wrench WrenchStamped"
@@ -162,6 +164,7 @@ _LATER = {
 _PARTS_LATER = {
     ("_Request", "_Response"): {
         "robo_messages.action": "CancelGoal",
+        "robo_messages.flight": "TakeSnapshot",
         "robo_messages.lifecycle": "ChangeState GetAvailableStates GetAvailableTransitions GetState",
         "robo_messages.rosbag2": "GetRate IsPaused Seek SetRate",
     },
@@ -255,9 +258,11 @@ __all__ = [
     "Seek",
     "SetBool",
     "SetRate",
+    "Snapshot",
     "State",
     "String",
     "TFMessage",
+    "TakeSnapshot",
     "Time",
     "TimeReference",
     "Transform",

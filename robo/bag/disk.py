@@ -79,11 +79,23 @@ class Disk:
         if self._options.splits:
             self._write_metadata(topics)
 
-    def keep_newest(self) -> None:
-        """Delete files beyond those that are to be kept, the one that is being written among them."""
-        keep = self._options.keep
-        while keep is not None and len(self.files) > keep and self._old:
+    def keep_newest(self, now: int) -> None:
+        """Delete files beyond those that are to be kept, the one that is being written among them.
+
+        Args:
+            now: when that one began, ns since the epoch.
+        """
+        while self._old and self._is_too_much(now):
             self._delete_oldest()
+
+    def _is_too_much(self, now: int) -> bool:
+        """Whether the oldest file has to go."""
+        o = self._options
+        if o.keep is not None and len(self.files) > o.keep:
+            return True
+        if o.keep_duration is not None and now - self._whole[self._old[0]].end > o.keep_duration * 1e9:
+            return True
+        return o.most_size is not None and sum(map(_size, self.files)) + (o.split_size or 0) > o.most_size
 
     def has_room(self) -> bool:
         """Whether others have enough left, after old files have been deleted where that is wanted."""
@@ -110,6 +122,13 @@ class Disk:
         with contextlib.suppress(OSError):
             draft.write_text(text, encoding="utf-8")
             draft.replace(target)
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0  # somebody has taken it
 
 
 def _error(error: OSError | ValueError, path: Path) -> BagError:

@@ -116,7 +116,7 @@ def _edit(
         names = [topic.name for topic in topics]
         total = sum(topic.count for topic in topics) if begin is None and end is None else 0
         with new_file(new.path, new.compression, force=new.force) as writer:
-            numbers = _say_topics(files, topics, writer)
+            numbers = say_topics(files, topics, writer)
             latched = 0
             if begin is not None:
                 for message in bag.latched(begin):
@@ -135,7 +135,7 @@ def _edit(
         return Edited(str(new.path), len(topics), count + latched, latched)
 
 
-def _say_topics(files: Files, topics: Sequence[Topic], writer: FileWriter) -> dict[Topic, int]:
+def say_topics(files: Files, topics: Sequence[Topic], writer: FileWriter) -> dict[Topic, int]:
     """Write down topics and their types; the number of each."""
     schemas: dict[tuple[str, str, bytes], int] = {}
     numbers: dict[Topic, int] = {}

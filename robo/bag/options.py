@@ -18,6 +18,9 @@ _MOST_CHUNK = 2**26
 """Before it is compressed, bytes: 67 MB."""
 
 
+_ABOVE_0 = ("chunk_size", "flush_period", "split_size", "split_duration", "keep", "keep_duration", "most_size")
+
+
 class Options(msgspec.Struct, frozen=True, kw_only=True):
     """How a recording is written."""
 
@@ -36,6 +39,10 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     """There are several files in a folder, though one only ends when `split` is called."""
     keep: int | None = None
     """Files that are kept, the newest; None for all."""
+    keep_duration: float | None = None
+    """A file goes whose last message came longer ago than this when another one begins, s; None for never."""
+    most_size: int | None = None
+    """What all files may take together, bytes: the oldest go before, so that the next one has room for `split_size`."""
     least_free: int = 0
     """Room that is left to others on the disk, bytes."""
     when_full: Literal["stop", "drop_oldest"] = "stop"
@@ -44,7 +51,7 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         if self.compression not in COMPRESSIONS:
             raise BagError(f"compression {self.compression!r} is not known; use {' or '.join(COMPRESSIONS)}")
-        for name in ("chunk_size", "flush_period", "split_size", "split_duration", "keep"):
+        for name in _ABOVE_0:
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise BagError(f"{name} {value}: use a number above 0")
@@ -52,8 +59,11 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
             raise BagError(f"chunk_size {self.chunk_size:,}: use {_MOST_CHUNK:,} at most")
         if self.least_free < 0:
             raise BagError(f"least_free {self.least_free}: use a number of bytes, or 0 for no limit")
-        if not self.splits and (self.keep is not None or self.when_full == "drop_oldest"):
-            which = "keep" if self.keep is not None else "when_full drop_oldest"
+        deletes = [name for name in ("keep", "keep_duration", "most_size") if getattr(self, name) is not None]
+        if self.when_full == "drop_oldest":
+            deletes.append("when_full drop_oldest")
+        if not self.splits and deletes:
+            which = deletes[0]
             raise BagError(f"{which} deletes the oldest of several files: say what splits them, such as split_size")
 
     @property

@@ -197,7 +197,7 @@ class Recording:
         self._ended = BagError  # should there be no next file
         self._part = self._next_part(at)
         self._ended = None
-        self._disk.keep_newest()
+        self._disk.keep_newest(at)
 
     def close(self) -> None:
         """End the recording: its last file is whole. Once more does nothing.

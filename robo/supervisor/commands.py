@@ -23,6 +23,7 @@ from robo.wire.reports import (
     ProcessStatus,
     Request,
     Site,
+    SnapshotFile,
 )
 
 _FAREWELL = 0.05
@@ -131,6 +132,7 @@ class Commands:
         stopping: Stopping,
         unmet: Callable[[ProcessPlan], list[str]],
         renew: Callable[[Collection[str]], None],
+        snapshots: Callable[[str], list[SnapshotFile]] = lambda _: [],
     ) -> None:
         """
         Args:
@@ -142,6 +144,7 @@ class Commands:
             stopping: ends the run.
             unmet: what a process still waits for, in words.
             renew: is told who is started anew, by full name, before it is.
+            snapshots: what flight recorders have written on a node's account, by its full name.
         """
         self._address = address
         self._processes = processes
@@ -151,6 +154,7 @@ class Commands:
         self._sites = sites
         self._unmet = unmet
         self._renew = renew
+        self._snapshots = snapshots
 
     @property
     def tells(self) -> dict[str, Verb]:
@@ -171,7 +175,14 @@ class Commands:
     async def why(self, request: Request) -> list[Explanation]:
         """Why processes are in their states."""
         found = [one.explain(self._status(one), self._unmet(one.plan)) for one in self._chosen(request)]
-        return [msgspec.structs.replace(one, inputs=[self._told(entry) for entry in one.inputs]) for one in found]
+        return [
+            msgspec.structs.replace(
+                one,
+                inputs=[self._told(entry) for entry in one.inputs],
+                snapshots=self._snapshots(one.process.node),
+            )
+            for one in found
+        ]
 
     def _told(self, entry: Input) -> Input:
         return msgspec.structs.replace(entry, external=entry.topic in self._address.outside)

@@ -5,7 +5,7 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Sequence
-from typing import Protocol
+from typing import Literal, Protocol
 
 from robo.launch.plan import ProcessPlan
 from robo.machine.log_files import SUPERVISOR, LogFilter, record
@@ -79,6 +79,10 @@ class Process(Protocol):
     @property
     def exits(self) -> Sequence[Exit]:
         """How it has ended, oldest first."""
+
+    @property
+    def failed(self) -> bool:
+        """Whether it has ended badly, and not because it was asked to."""
 
 
 class Journal:
@@ -155,6 +159,7 @@ class Journal:
             reason=reason,
             pid=process.pid if process is not None else os.getpid(),
             restarts=process.restarts.count if process is not None else 0,
+            alarm=_alarm(what, process) if process is not None else "",
         )
         self._events.append(event)
         if self.audience is not None:
@@ -200,3 +205,12 @@ class Journal:
         self._lines.append(line)
         if self.audience is not None:
             self.audience.publish_line(line)
+
+
+def _alarm(state: str, process: Process) -> Literal["", "died", "degraded"]:
+    """Whether the state that a process has come to is a fault that is new."""
+    if (
+        process.failed and process.exits and process.exits[-1].exit_code
+    ):  # one that waits for its next start is shown as restarting, in a storm as degraded
+        return "died"
+    return "degraded" if state == "degraded" and not process.restarts.storm else ""

@@ -38,6 +38,7 @@ from robo.supervisor.router import Router
 from robo.supervisor.run_environment import RunEnvironment
 from robo.supervisor.sharing import Houses, Lodger
 from robo.supervisor.sites import Sites
+from robo.supervisor.snapshots import Snapshots
 from robo.supervisor.stopping import Stopping, end_within_limits, take_signals
 from robo.supervisor.tasks import Tasks
 from robo.supervisor.topic_watch import Flow, TopicWatch, promises
@@ -121,7 +122,10 @@ class Supervisor:
         self._presence = Presence(robot, plan.host, claim, self._members, self.changes, journal, self._stopping)
         outside = frozenset(topic.key for topic in plan.topics if topic.external)
         address = Address(robot, custody.run, plan.host or discovery.hostname(), bool(plan.host), outside)
-        self._commands = Commands(address, self._members, journal, self._sites, tasks, stopping, self.unmet, self.renew)
+        self._snapshots = Snapshots({process.namespace for process in plan.processes})
+        self._commands = Commands(
+            address, self._members, journal, self._sites, tasks, stopping, self.unmet, self.renew, self._snapshots.of
+        )
         read = options.reload
         self._reload = Reload(plan, read, self._members, journal, tasks, self) if read is not None else None
         self._topics = TopicWatch(promises(plan.topics, plan.processes))
@@ -176,6 +180,7 @@ class Supervisor:
             self._stopping.finish(1)
             return
         self._topics.begin(session)
+        self._snapshots.begin(session)
         tells, acts = self._commands.tells, self._commands.acts
         self._journal.audience = Control(session, self._robot, tells, acts, asyncio.get_running_loop())
         self._presence.show()

@@ -233,6 +233,8 @@ def event_key(robot: str) -> str:
 LOG_TOPIC = "log"
 PARAMETER_EVENTS_TOPIC = "parameter_events"
 DIAGNOSTICS_TOPIC = "diagnostics"
+SNAPSHOTS_TOPIC = "flight_snapshots"
+"""On which a flight recorder tells of the files that it has written, latched, within the namespace of its robot."""
 SYSTEM_TOPICS = {
     LOG_TOPIC: "system/Log",
     PARAMETER_EVENTS_TOPIC: "system/ParameterEvent",

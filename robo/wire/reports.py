@@ -156,6 +156,19 @@ class Input(msgspec.Struct, frozen=True, kw_only=True):
     """Whether the manifest says that it comes from outside of the launch, so that nothing may come for long."""
 
 
+class SnapshotFile(msgspec.Struct, frozen=True, kw_only=True):
+    """A file that a flight recorder has written."""
+
+    time: int
+    """Of what it was written for, ns since the epoch."""
+    file: str
+    """Its whole path."""
+    host: str
+    """The machine that has it."""
+    reason: str
+    """What it was written for, in words."""
+
+
 class Explanation(msgspec.Struct, frozen=True, kw_only=True):
     """Why a node is in its state, as `robo why` shows it."""
 
@@ -173,6 +186,8 @@ class Explanation(msgspec.Struct, frozen=True, kw_only=True):
     """In how many seconds it is started again."""
     checks: list[DiagnosticStatus] = []
     """What it said last of how well it does."""
+    snapshots: list[SnapshotFile] = []
+    """What the robot's flight recorder has written on its account, the newest last."""
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):
@@ -192,6 +207,9 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     """Of the process; null where none runs."""
     restarts: int
     """How often it had been started again."""
+    alarm: Literal["", "died", "degraded"] = ""
+    """Whether it is a fault: its process has ended and nobody had asked it to, or it lives and does not keep what is
+    promised of it."""
 
 
 class Site(msgspec.Struct, frozen=True):

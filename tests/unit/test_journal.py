@@ -111,7 +111,8 @@ def test_events_tell_of_processes_and_of_the_run(desk: Desk) -> None:
     desk.journal.event("degraded", "nothing comes", process)
     assert desk.audience.events == desk.journal.events() == [
         Event(time=1, robot="r1", node="", event="up", reason="", pid=os.getpid(), restarts=0),
-        Event(time=2, robot="r1", node="/r1/cam", event="degraded", reason="nothing comes", pid=100, restarts=3),
+        Event(time=2, robot="r1", node="/r1/cam", event="degraded", reason="nothing comes", pid=100, restarts=3,
+              alarm="degraded"),
     ]  # fmt: skip
     assert [event.event for event in desk.journal.events({"/r1/cam"})] == ["degraded"]
     assert desk.journal.events(set()) == []

@@ -6,8 +6,8 @@ import msgspec
 import pytest
 from rich.console import Console
 
-from robo.cli.views.runs import explained
 from robo.cli.views.top import render, shares
+from robo.recording.explained import explained
 from robo.samples.stream import Arrival
 from robo.text.chart import Chart
 from robo.tools.top import NodeFigures, Snapshot, TopicFigures, Traffic

@@ -16,7 +16,7 @@ from robo.cli.printing import (
     print_text,
 )
 from robo.cli.reach import Reach
-from robo.cli.views.runs import duration
+from robo.recording.explained import duration
 from robo.text import colours
 from robo.text.columns import aligned
 from robo.tools import nodes
