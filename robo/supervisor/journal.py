@@ -209,8 +209,7 @@ class Journal:
 
 def _alarm(state: str, process: Process) -> Literal["", "died", "degraded"]:
     """Whether the state that a process has come to is a fault that is new."""
-    if (
-        process.failed and process.exits and process.exits[-1].exit_code
-    ):  # one that waits for its next start is shown as restarting, in a storm as degraded
+    # One that waits for its next start is shown as restarting, in a storm as degraded.
+    if process.failed and process.exits and process.exits[-1].exit_code:
         return "died"
     return "degraded" if state == "degraded" and not process.restarts.storm else ""

@@ -1,0 +1,185 @@
+"""What is known of a run beside its messages, for the file of a flight recorder: asked of supervisors and nodes.
+
+Nobody may answer any more: what is missing then is missing in the file, which is written all the same.
+"""
+
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import NamedTuple, TypeVar
+
+import msgspec
+import zenoh
+
+from robo.bag.file_writer import FileWriter
+from robo.recording.explained import explained
+from robo.text.unreadable import UNREADABLE
+from robo.wire import codec
+from robo.wire.keys import control_key, parameters_key
+from robo.wire.reports import Event, Explanation, LogRecord, LogsRequest, ProcessStatus, Request
+
+T = TypeVar("T")
+
+MOST_NODES = 1_000
+"""Whose parameters are kept."""
+_LARGEST = 1_000_000
+"""Of the parameters of a node; larger ones are left out, bytes."""
+
+
+class Attachment(NamedTuple):
+    """A file within the file."""
+
+    name: str
+    media_type: str
+    data: bytes
+
+
+class Evidence(msgspec.Struct, frozen=True):
+    """What is known."""
+
+    explanations: Sequence[Explanation] = ()
+    """What `robo why` tells."""
+    events: Sequence[Event] = ()
+    lines: Sequence[LogRecord] = ()
+    """What processes and supervisor have printed."""
+    parameters: Mapping[str, Mapping[str, object]] = {}
+    """Of each node, by full name."""
+
+
+def attachments(evidence: Evidence, concerned: Sequence[str]) -> list[Attachment]:
+    """What is known as files, those that say nothing left out.
+
+    Args:
+        evidence: what is known.
+        concerned: the full names of nodes that come first.
+    """
+    first = {name: number for number, name in enumerate(concerned)}
+    ordered = sorted(evidence.explanations, key=lambda one: first.get(one.process.node, len(first)))
+    why = "\n\n".join("\n".join(explained(one)) for one in ordered)
+    known = [
+        Attachment("logs.txt", "text/plain", _text(map(_line, evidence.lines))),
+        Attachment("why.txt", "text/plain", f"{why}\n".encode("utf-8", "replace") if why else b""),
+        Attachment("logs.jsonl", "application/x-ndjson", msgspec.json.encode_lines(evidence.lines)),
+        Attachment("why.json", "application/json", _json(ordered)),
+        Attachment("processes.json", "application/json", _json([one.process for one in ordered])),
+        Attachment("events.jsonl", "application/x-ndjson", msgspec.json.encode_lines(evidence.events)),
+        Attachment("parameters.json", "application/json", _json(codec.jsonable(dict(evidence.parameters)))),
+    ]
+    return [one for one in known if one.data]
+
+
+def write_beside(
+    writer: FileWriter, at: int, evidence: Evidence, concerned: Sequence[str], words: dict[str, str]
+) -> None:
+    """Write what is known into a recording.
+
+    Args:
+        writer: of the recording.
+        at: the time of now, ns since the epoch.
+        evidence: what is known.
+        concerned: the full names of nodes that come first.
+        words: about the recording.
+    """
+    writer.add_metadata("flight_recorder", words)
+    for one in attachments(evidence, concerned):
+        writer.add_attachment(at, at, one.name, one.media_type, one.data)
+
+
+def _json(data: object) -> bytes:
+    return msgspec.json.format(msgspec.json.encode(data)) if data else b""
+
+
+def _text(lines: "Iterator[str] | map[str]") -> bytes:
+    return "".join(f"{line}\n" for line in lines).encode("utf-8", "replace")
+
+
+def _line(one: LogRecord) -> str:
+    """As the console shows it, with the date."""
+    stamp = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(one.time / 1e9))
+    return f"{stamp}.{one.time // 1_000_000 % 1000:03d} {one.node}: {f'{one.level} ' if one.level else ''}{one.message}"
+
+
+class Witnesses:
+    """Those who are asked: the supervisors of a run, and the nodes of a robot."""
+
+    def __init__(self, session: zenoh.Session, namespace: str, run: str) -> None:
+        """
+        Args:
+            session: the network.
+            namespace: of the robot.
+            run: its id; empty for a node that is run alone.
+        """
+        self._session = session
+        self._namespace = namespace
+        self._run = run
+        self._robot: str | None = None
+        """What the run is called; None as long as that is not known."""
+        self._parameters: dict[str, Mapping[str, object]] = {}
+        self._lock = threading.Lock()
+
+    def ask_parameters(self) -> None:
+        """Ask all nodes for their parameters; returns at once. Those of a node that dies later are known."""
+        key = parameters_key(self._namespace, "**", "get")
+        handler = zenoh.handlers.Callback(self._take_parameters, indirect=False)
+        self._session.get(key, handler, timeout=_PATIENCE, **_OF_ALL)
+
+    def testimony(self, since: int, timeout: float) -> Evidence:
+        """All that is known.
+
+        Args:
+            since: lines of output from here on, ns since the epoch.
+            timeout: how long to wait for each who does not answer, s.
+        """
+        robot = self._robot = self._robot or self._run_name(timeout)
+        if robot is None:
+            return Evidence(parameters=self.parameters)
+        ask = partial(self._ask, robot, timeout=timeout)
+        return Evidence(
+            ask("why", Request(), list[Explanation]),
+            sorted(ask("events", Request(), list[Event]), key=lambda one: one.time),
+            sorted(ask("logs", LogsRequest(since=since), list[LogRecord]), key=lambda one: one.time),
+            self.parameters,
+        )
+
+    @property
+    def parameters(self) -> dict[str, Mapping[str, object]]:
+        """What was told last of each node's, by full name."""
+        with self._lock:
+            return dict(sorted(self._parameters.items()))
+
+    def _run_name(self, timeout: float) -> str | None:
+        for status in self._ask("**", "ps", Request(), list[ProcessStatus], timeout):
+            if status.run == self._run or (not self._run and status.name.is_within(self._namespace)):
+                return status.robot
+        return None
+
+    def _ask(self, robot: str, verb: str, asked: Request, kind: type[list[T]], timeout: float) -> list[T]:
+        """The answers of all supervisors of a run, together."""
+        found: list[T] = []
+        payload = msgspec.msgpack.encode(asked)
+        for reply in self._session.get(control_key(robot, verb), payload=payload, timeout=timeout, **_OF_ALL):
+            if reply.ok is not None:
+                try:
+                    found += msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=kind)
+                except UNREADABLE:
+                    continue  # anybody may answer
+        return found
+
+    def _take_parameters(self, reply: zenoh.Reply) -> None:
+        if reply.ok is None or len(reply.ok.payload) > _LARGEST:
+            return
+        try:
+            told = msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=dict[str, object])
+        except UNREADABLE:
+            return
+        node = str(reply.ok.key_expr).removesuffix("/parameters/get")
+        with self._lock:
+            if f"/{node}" in self._parameters or len(self._parameters) < MOST_NODES:
+                self._parameters[f"/{node}"] = told
+
+
+_PATIENCE = 2.0
+"""With a node that does not answer, s."""
+
+_OF_ALL = {"target": zenoh.QueryTarget.ALL, "consolidation": zenoh.ConsolidationMode.NONE}
