@@ -12,7 +12,7 @@ from typing import BinaryIO
 
 import msgspec
 
-from robo.environment import LOG_FOLDER_VARIABLE
+from robo.text.folders import log_base
 from robo.text.levels import LEVEL_NAMES, LEVELS, level_of
 from robo.text.terminal import escaped_json
 from robo.wire.reports import LogRecord
@@ -75,12 +75,6 @@ class LogFilter:
         else:
             self._last[record.node] = rank
         return rank >= self._least and record.time >= self._since
-
-
-def log_base() -> Path:
-    """Where all runs are kept: ROBO_LOG_DIR, or where the desktop standard keeps state."""
-    state = os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
-    return Path(os.environ.get(LOG_FOLDER_VARIABLE) or Path(state) / "robo" / "log")
 
 
 class LogFiles:

@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 import zenoh
@@ -60,10 +60,10 @@ def attachments(evidence: Evidence, concerned: Sequence[str]) -> list[Attachment
     known = [
         Attachment("logs.txt", "text/plain", _text(map(_line, evidence.lines))),
         Attachment("why.txt", "text/plain", f"{why}\n".encode("utf-8", "replace") if why else b""),
-        Attachment("logs.jsonl", "application/x-ndjson", msgspec.json.encode_lines(evidence.lines)),
+        Attachment("logs.jsonl", "application/x-ndjson", _encoder.encode_lines(evidence.lines)),
         Attachment("why.json", "application/json", _json(ordered)),
         Attachment("processes.json", "application/json", _json([one.process for one in ordered])),
-        Attachment("events.jsonl", "application/x-ndjson", msgspec.json.encode_lines(evidence.events)),
+        Attachment("events.jsonl", "application/x-ndjson", _encoder.encode_lines(evidence.events)),
         Attachment("parameters.json", "application/json", _json(codec.jsonable(dict(evidence.parameters)))),
     ]
     return [one for one in known if one.data]
@@ -142,6 +142,11 @@ class Witnesses:
             self.parameters,
         )
 
+    def events(self, timeout: float) -> list[Event]:
+        """What has happened in the run so far."""
+        robot = self._robot = self._robot or self._run_name(timeout)
+        return self._ask(robot, "events", Request(), list[Event], timeout) if robot is not None else []
+
     @property
     def parameters(self) -> dict[str, Mapping[str, object]]:
         """What was told last of each node's, by full name."""
@@ -182,4 +187,6 @@ class Witnesses:
 _PATIENCE = 2.0
 """With a node that does not answer, s."""
 
-_OF_ALL = {"target": zenoh.QueryTarget.ALL, "consolidation": zenoh.ConsolidationMode.NONE}
+_encoder = msgspec.json.Encoder()
+
+_OF_ALL: dict[str, Any] = {"target": zenoh.QueryTarget.ALL, "consolidation": zenoh.ConsolidationMode.NONE}

@@ -248,9 +248,11 @@ def _whole(path: Path) -> OldFile | None:
         return _gone(path)
 
 
-def _gone(path: Path) -> None:
+def _gone(path: Path) -> OldFile | None:
+    """Nothing is left of it."""
     with suppress(OSError):
         path.unlink()
+    return None
 
 
 def rings_without_owner(base: Path, robot: str, own: str, lives: Callable[[str], bool]) -> list[Path]:

@@ -160,7 +160,8 @@ def arrivals(published: Sequence[int | None], last: int, now: int) -> list[int]:
     """When messages came that were taken out of a channel together.
 
     Each came between the two looks at the channel. Where its publisher's clock is this machine's, it came when it was
-    published, as far as anybody can tell; else its place among the others says when.
+    published, as far as anybody can tell; else its place among the others says when. Messages that were published in
+    order come in order.
 
     Args:
         published: by the publishers' clocks, in the order in which they came; None where one does not say.
@@ -170,6 +171,12 @@ def arrivals(published: Sequence[int | None], last: int, now: int) -> list[int]:
     count = len(published)
     span = max(now - last, 0)
     return [
-        at if at is not None and last <= at <= now else last + span * (number + 1) // count
+        min(max(at, last), now)
+        if at is not None and last - _LATE <= at <= now + _LATE
+        else last + span * (number + 1) // count
         for number, at in enumerate(published)
     ]
+
+
+_LATE = 1_000_000_000
+"""A message is on its way for no longer, ns: whose clock says more has another one."""

@@ -22,7 +22,7 @@ from robo.environment import CONNECT_VARIABLE, KILL_TEST_VARIABLE, LOG_FOLDER_VA
 from robo.errors import NetworkError
 from robo.machine import orphans, serial_ports
 from robo.machine.cgroup import ControlGroup
-from robo.machine.log_files import log_base
+from robo.text.folders import log_base
 from robo.tools import nodes, runs, topics
 from robo.tools import strangers as unannounced
 from robo.wire import tcp

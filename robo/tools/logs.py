@@ -13,7 +13,8 @@ from typing import BinaryIO
 import msgspec
 
 from robo.errors import NodeNotFound, RunError, UsageError
-from robo.machine.log_files import SUPERVISOR, RunInfo, log_base
+from robo.machine.log_files import SUPERVISOR, RunInfo
+from robo.text.folders import log_base
 from robo.text.suggestions import suggest
 from robo.text.unreadable import UNREADABLE
 from robo.wire import names

@@ -14,8 +14,9 @@ from robo.cli.printing import note, print_json, print_table
 from robo.cli.reach import Reach
 from robo.environment import CONNECT_VARIABLE
 from robo.errors import RoboError
-from robo.machine.log_files import LogFilter, log_base
+from robo.machine.log_files import LogFilter
 from robo.supervisor.console import Console
+from robo.text.folders import log_base
 from robo.tools import logs, runs
 from robo.wire.reports import LogRecord, LogsRequest
 from robo.wire.run_id import supervisor_lives

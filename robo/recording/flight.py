@@ -1,0 +1,401 @@
+"""A flight recorder: the last seconds of a robot in a ring of files, and a file of its own for what has happened.
+
+It has a thread that looks a few times a second, and another one while a file is written. What fails is told once, and
+what goes on goes on: whatever becomes of its disks, no robot stops for it.
+"""
+
+import os
+import shutil
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import msgspec
+import zenoh
+
+from robo.bag.compression import Compression
+from robo.bag.excerpt import excerpt
+from robo.errors import BagError
+from robo.recording.evidence import Evidence, Witnesses, write_beside
+from robo.recording.flight_intake import FlightIntake, Selection
+from robo.recording.ring import Limits, OldFile, Ring, ring_folder, rings_without_owner, taken_over
+from robo.recording.shelf import Shelf
+from robo.recording.windows import Reason, Window, Windows, file_name
+from robo.text.unreadable import UNREADABLE
+from robo.wire.discovery import hostname
+from robo.wire.keys import event_key
+from robo.wire.reports import Event
+from robo.wire.run_id import supervisor_lives
+from robo_messages import Snapshot, Time
+
+LOOK = 0.25
+"""How often the channel is emptied, s: the less often, the less it costs."""
+LOOK_LARGE = 0.02
+"""The same while messages come that hold their publishers' shared memory as long as they wait, s."""
+_TEND = 1.0
+"""How often files are looked after, s."""
+_RETRY = 5.0
+"""After how long a ring that could not be written is tried again, s."""
+_ASK_AGAIN = (1.0, 3.0, 10.0)
+"""After how long latched publishers are asked once more, s."""
+_PARAMETERS = 30.0
+"""How often nodes are asked for their parameters, s."""
+_PATIENCE = 1.0
+"""With a supervisor that does not answer, s."""
+_LAST_PATIENCE = 0.5
+"""The same when the recorder itself is to end, s."""
+_NICE = 10
+"""Of the thread that writes a file: a robot has other things to do."""
+_MOST_EVENTS = 1000
+"""That wait."""
+
+
+class Settings(msgspec.Struct, frozen=True, kw_only=True):
+    """What a flight recorder keeps, and where."""
+
+    before: float
+    """Kept before something happens, s."""
+    after: float
+    """And after it, s."""
+    again: float
+    """The same of the same node makes no other file within so long, s."""
+    ring_size: int
+    """Bytes."""
+    ring_base: Path
+    folder: Path
+    """For files."""
+    most_files: int
+    most_size: int
+    """Of all files together, bytes."""
+    compression: Compression
+
+
+class Recorder(NamedTuple):
+    """Which flight recorder it is."""
+
+    full_name: str
+    namespace: str
+    """Of its robot."""
+    run: str
+    """The id of its run, or one of its own."""
+    launched: bool
+    """Whether a supervisor runs it."""
+
+
+class Log(Protocol):
+    """Where it tells what happens."""
+
+    def info(self, text: str, *values: object) -> None:
+        """What goes as it should."""
+
+    def warning(self, text: str, *values: object) -> None:
+        """What may need somebody's attention."""
+
+    def error(self, text: str, *values: object) -> None:
+        """What does not work."""
+
+
+class Job:
+    """A file to be written."""
+
+    def __init__(self, window: Window) -> None:
+        self.window = window
+        self.done = threading.Event()
+        self.snapshot: Snapshot | None = None
+        """What has come of it."""
+        self.problem = ""
+        """Why there is none."""
+
+
+class Flight:
+    """One flight recorder."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        recorder: Recorder,
+        settings: Settings,
+        selection: Selection,
+        log: Log,
+        publish: Callable[[Snapshot], None],
+    ) -> None:
+        """
+        Args:
+            session: the network.
+            recorder: which one it is.
+            settings: what is kept.
+            selection: of which topics.
+            log: where it tells what happens.
+            publish: is told each file.
+
+        Raises:
+            FlightRecorderError: another one of this run lives.
+        """
+        self._recorder = recorder
+        self._settings = settings
+        self._log = log
+        self._publish = publish
+        now = time.time_ns()
+        self._shelf = Shelf(settings.folder)
+        self._windows = Windows(settings.before, settings.after, settings.again)
+        self._jobs: dict[int, Job] = {}
+        self._lock = threading.Lock()
+        """Around windows and jobs."""
+        self._writing = threading.Lock()
+        self._told: set[str] = set()
+        self.ring_problem = self.file_problem = ""
+        """Why nothing is kept just now; why the last file could not be written. Empty where all is well."""
+        self.files = 0
+        """Written so far."""
+        self._folder = ring_folder(settings.ring_base, recorder.namespace, recorder.run)
+        self._ring: Ring | None = self._new_ring(now)
+        self._ring_due = time.monotonic() + _RETRY
+        run = recorder.run if recorder.launched else ""
+        self._witnesses = Witnesses(session, recorder.namespace, run)
+        self._intake = FlightIntake(session, recorder.namespace, selection, self._tell_once, now)
+        self._events = session.declare_subscriber(event_key("**"), zenoh.handlers.RingChannel(_MOST_EVENTS))
+        self._seen_events: dict[tuple[int, str], None] = {}
+        self._begun = now
+        self._stop = threading.Event()
+        self._writers: list[threading.Thread] = []
+        self._thread = threading.Thread(target=self._run, name="robo-flight", daemon=True)
+
+    def start(self) -> None:
+        """Begin to keep what comes."""
+        self._thread.start()
+
+    @property
+    def ring_size(self) -> int:
+        """Of the ring, bytes."""
+        return self._ring.size if self._ring is not None else 0
+
+    def happened(self, reason: Reason) -> Job | None:
+        """Something has happened, by any thread: the file that it will be in; None where there is one already."""
+        with self._lock:
+            window = self._windows.add(reason)
+            return self._jobs.setdefault(id(window), Job(window)) if window is not None else None
+
+    def close(self, timeout: float) -> None:
+        """End it: what is to be written is written with what has come so far, within `timeout` s."""
+        until = time.monotonic() + timeout
+        self._stop.set()
+        self._thread.join(timeout)
+        for writer in self._writers:
+            writer.join(max(0.0, until - time.monotonic()))
+        self._intake.close()
+        self._events.undeclare()
+        if self._ring is not None:
+            # What could not be written in time is found by whoever comes next.
+            self._ring.close(remove=not any(writer.is_alive() for writer in self._writers))
+
+    # -- its thread ------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        begin = time.monotonic()
+        ask_again = [begin + after for after in _ASK_AGAIN]
+        tend, ask_parameters, pause = begin, begin + _ASK_AGAIN[0], LOOK
+        self._look_for_the_dead()
+        while not self._stop.wait(pause):
+            pause = LOOK_LARGE if self._look(time.time_ns()) else LOOK
+            now = time.monotonic()
+            if now >= tend:
+                tend = now + _TEND
+                self._tend()
+            if ask_again and now >= ask_again[0]:
+                ask_again.pop(0)
+                self._intake.ask_again()
+            if now >= ask_parameters:
+                ask_parameters = now + _PARAMETERS
+                self._witnesses.ask_parameters()
+        self._end()
+
+    def _look(self, now: int, *, last: bool = False) -> bool:
+        """Take in what has come, and write what is due. Returns whether large messages were among it."""
+        batch = self._intake.take(now)
+        if self._ring is not None:
+            recording = self._ring.recording
+            try:
+                for topic, data, arrived, published, sequence, source in batch.messages:
+                    recording.write(recording.topic(topic), data, arrived, published, sequence, source)
+                recording.tick()
+            except BagError as error:
+                self._lose_ring(error)
+        self._hear_events()
+        with self._lock:
+            window = self._windows.take(now, at_once=last)
+            job = self._jobs.pop(id(window)) if window is not None else None
+        if job is not None:
+            self._begin_writing(job, now, _LAST_PATIENCE if last else _PATIENCE)
+        return batch.large
+
+    def _end(self) -> None:
+        """Whoever ends a run may do so because of what has just happened."""
+        recently = time.time_ns() - round(2e9 * max(self._settings.after, 1.0))
+        if self._recorder.launched:
+            for event in self._witnesses.events(_LAST_PATIENCE):
+                if event.time >= max(recently, self._begun):
+                    self._take_event(event)
+        self._look(time.time_ns(), last=True)
+
+    def _hear_events(self) -> None:
+        while (sample := self._events.handler.try_recv()) is not None:
+            with suppress(*UNREADABLE):
+                self._take_event(msgspec.msgpack.decode(sample.payload.to_bytes(), type=Event))
+
+    def _take_event(self, event: Event) -> None:
+        within = (
+            event.node.startswith(f"/{self._recorder.namespace}/") if self._recorder.namespace else bool(event.node)
+        )
+        what = event.time, event.node
+        if not event.alarm or not within or event.node == self._recorder.full_name or what in self._seen_events:
+            return
+        self._seen_events[what] = None
+        if len(self._seen_events) > _MOST_EVENTS:
+            del self._seen_events[next(iter(self._seen_events))]
+        self.happened(Reason(event.time, event.alarm, event.node, event.reason))
+
+    # -- the ring --------------------------------------------------------------------------------
+
+    def _new_ring(self, now: int) -> Ring | None:
+        s = self._settings
+        limits = Limits(duration=s.before + 2 * s.after, size=s.ring_size, compression=s.compression)
+        try:
+            ring = Ring(self._folder, limits, now)
+        except BagError as error:
+            self._lose_ring(error)
+            return None
+        if ring.taken:
+            self._log.info("took over the last seconds that another recorder had kept before it died")
+        return ring
+
+    def _lose_ring(self, error: BagError) -> None:
+        self.ring_problem = str(error)
+        self._tell_once(f"nothing is kept: {error}; trying again every {_RETRY:g} s")
+        if getattr(self, "_ring", None) is not None:
+            self._ring_due = time.monotonic() + _RETRY
+
+    def _tend(self) -> None:
+        now = time.time_ns()
+        if not self.ring_problem:
+            assert self._ring is not None
+            try:
+                self._ring.look(now)
+            except BagError as error:
+                self._lose_ring(error)
+        elif time.monotonic() >= self._ring_due:
+            self._ring_due = time.monotonic() + _RETRY
+            self._renew_ring(now)
+        self._writers = [writer for writer in self._writers if writer.is_alive()]
+
+    def _renew_ring(self, now: int) -> None:
+        try:
+            if self._ring is None:
+                self._ring = self._new_ring(now)
+                if self._ring is None:
+                    return
+            else:
+                self._ring.begin_anew(now)
+        except BagError as error:
+            self._lose_ring(error)
+            return
+        self.ring_problem = ""
+        self._log.info("all topics are kept again")
+
+    # -- files -----------------------------------------------------------------------------------
+
+    def _begin_writing(self, job: Job, now: int, patience: float) -> None:
+        held: tuple[Path | None, list[list[Path]]] = (None, [])
+        if self._ring is not None:
+            try:
+                held = self._ring.hold(now)
+            except BagError as error:
+                self._lose_ring(error)
+        writer = threading.Thread(target=self._write, args=(job, held, patience), name="robo-flight-file", daemon=True)
+        self._writers.append(writer)
+        writer.start()
+
+    def _write(self, job: Job, held: tuple[Path | None, list[list[Path]]], patience: float) -> None:
+        with suppress(OSError, AttributeError):
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
+        folder, recordings = held
+        try:
+            with self._writing:
+                evidence = self._witnesses.testimony(job.window.begin, patience)
+                self._write_file(job, recordings, evidence)
+        except BagError as error:
+            job.problem = self.file_problem = str(error)
+            self._tell_once(f"no file could be written: {error}")
+        finally:
+            job.done.set()
+            if folder is not None:
+                shutil.rmtree(folder, ignore_errors=True)
+
+    def _write_file(self, job: Job, recordings: list[list[Path]], evidence: Evidence) -> None:
+        window, who, settings = job.window, self._recorder, self._settings
+        words = {
+            "robot": who.namespace,
+            "recorder": who.full_name,
+            "host": hostname(),
+            "run": who.run,
+            "time": str(window.first.time),
+            "begin": str(window.begin),
+            "end": str(window.due),
+            "nodes": " ".join(window.nodes),
+        } | {f"reason_{number}": f"{one.time} {one.kind}: {one.line}" for number, one in enumerate(window.reasons)}
+
+        def write(path: Path) -> None:
+            excerpt(
+                recordings,
+                path,
+                window.begin,
+                window.due,
+                lambda writer: write_beside(writer, window.due, evidence, window.nodes, words),
+                settings.compression,
+            )
+
+        path = self._shelf.add(file_name(who.namespace, window), write)
+        gone = self._shelf.keep_newest(settings.most_files, settings.most_size)
+        self.files += 1
+        self.file_problem = ""
+        self._told = {text for text in self._told if not text.startswith("no file")}
+        job.snapshot = Snapshot(
+            stamp=Time.from_nanoseconds(window.first.time),
+            file=str(path),
+            host=hostname(),
+            recorder=who.full_name,
+            reasons=[one.line for one in window.reasons],
+            nodes=window.nodes,
+            begin=Time.from_nanoseconds(max(window.begin, 0)),
+            end=Time.from_nanoseconds(window.due),
+            size=path.stat().st_size,
+        )
+        self._publish(job.snapshot)
+        self._log.info("wrote %s: %s", path, window.text)
+        if gone:
+            self._log.info("%d older files are gone, the last one %s", len(gone), gone[-1])
+
+    def _look_for_the_dead(self) -> None:
+        """Write what was kept by recorders of runs that have ended without a word."""
+        who, base = self._recorder, self._settings.ring_base
+        for folder in rings_without_owner(base, who.namespace, who.run, supervisor_lives):
+            left = [files for _, files in sorted(taken_over(folder).items())]
+            if left:
+                self._write_last_words(folder, left)
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def _write_last_words(self, folder: Path, left: list[list[OldFile]]) -> None:
+        end = max(one.end for files in left for one in files)
+        text = f"run {folder.name} ended without stopping its flight recorder"
+        window = Window(
+            end - round(self._settings.before * 1e9), end + 1, end + 1, [Reason(end, "run ended", "", text)]
+        )
+        with suppress(BagError):  # a full disk is told of with the next file
+            self._write_file(Job(window), [[one.path for one in files] for files in left], Evidence())
+
+    def _tell_once(self, text: str) -> None:
+        if text not in self._told and len(self._told) < _MOST_EVENTS:
+            self._told.add(text)
+            self._log.warning("%s", text)
