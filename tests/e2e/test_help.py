@@ -82,7 +82,7 @@ class Gripper(Message):
     """m."""
 '''
 MANIFEST = """
-include: robot.yaml
+include: {file: robot.yaml, args: {flight_recorder: true}}
 groups:
   mine:
     namespace: ${robot_name}

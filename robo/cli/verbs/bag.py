@@ -78,4 +78,31 @@ def bag_play(
     return play(file, reach, words, json=json)
 
 
+# -- snapshot ----------------------------------------------------------------------------------------------------------
+
+
+@verb(
+    verbs,
+    "snapshot",
+    "robo bag snapshot",
+    "robo bag snapshot --robot-name r1 --reason 'it turned left'",
+    "robo bag snapshot --json | jq -r .file",
+)
+def bag_snapshot(
+    reach: Reach,
+    reason: Annotated[
+        str, typer.Option("--reason", metavar="TEXT", help="Why, for the file and its name.", show_default=False)
+    ] = "",
+    json: Json = False,
+) -> None:
+    """Have a robot's flight recorder write the last seconds, and the next ones, and print the file.
+
+    It is written on the robot's machine, once the time after has passed as well. A robot has a flight recorder where
+    its manifest has the node robo_services.flight_recorder; the ones that ship take flight_recorder:=true.
+    """
+    from robo.cli.views.bag_snapshot import take_snapshot
+
+    take_snapshot(reach, reason, json=json)
+
+
 verbs.registered_commands += bag_files.verbs.registered_commands
