@@ -1,0 +1,235 @@
+"""The flight recorder among nodes: what it keeps, what makes it write, and what keeps it from it."""
+
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+import zenoh
+
+from robo import Node, Publisher, bag
+from robo.bag.reader import Bag
+from robo.errors import FlightRecorderError
+from robo.testing.heard import Heard
+from robo.wire.keys import event_key
+from robo.wire.reports import Event
+from robo_messages import Clock as SaidClock
+from robo_messages import DiagnosticStatus, KeyValue, Odometry, String, TakeSnapshot, Time, Twist, Vector3
+from robo_services.flight_recorder import FlightRecorder
+from tests.support import PATIENCE, eventually
+
+pytestmark = pytest.mark.timeout(120)
+
+
+class Robot(Node):
+    """Something to be recorded."""
+
+    command = Publisher(Twist, "cmd_vel")
+    odometry = Publisher(Odometry, "odom")
+    map = Publisher(String, "map", latched=True)
+    state = Publisher(DiagnosticStatus, "safety_state", latched=True)
+
+
+class Lab:
+    """A robot and a flight recorder, each with a session of its own."""
+
+    def __init__(self, folder: Path, session: zenoh.Session, other: zenoh.Session) -> None:
+        self.folder = folder
+        self._session = session
+        self._undo = ExitStack()
+        self.robot = Robot(namespace="r1", name="robot")
+        self.robot.start(other)
+        self._undo.callback(self.robot.close)
+        self.recorders: list[FlightRecorder] = []
+
+    def record(self, name: str = "flight_recorder", **parameters: Any) -> FlightRecorder:
+        given = {"before": 10.0, "after": 0.3, "folder": str(self.folder / "files"), "ring_folder": str(self.folder)}
+        recorder = FlightRecorder(namespace="r1", name=name, parameters=given | parameters)
+        recorder.start(self._session)
+        self._undo.callback(recorder.close)
+        self.recorders.append(recorder)
+        return recorder
+
+    def drive(self, count: int) -> None:
+        """Publish commands, and wait until they are in the ring."""
+        for number in range(count):
+            self.robot.command.publish(Twist(Vector3(x=float(number))))
+        self.robot.flush()
+
+    def snapshots(self) -> list[Path]:
+        return sorted((self.folder / "files").glob("*.mcap"))
+
+    def snapshot(self, number: int = 0) -> Bag:
+        eventually(lambda: len(self.snapshots()) > number, "a file")
+        return self._undo.enter_context(bag.open(self.snapshots()[number]))
+
+    def close(self) -> None:
+        self._undo.close()
+
+
+@pytest.fixture
+def lab(tmp_path: Path, session: zenoh.Session, other: zenoh.Session) -> Iterator[Lab]:
+    made = Lab(tmp_path, session, other)
+    yield made
+    made.close()
+
+
+def ask(node: Node, reason: str = "") -> TakeSnapshot.Response:
+    client = node.create_client(TakeSnapshot.Request, TakeSnapshot.Response, "/r1/flight_recorder/snapshot", 30.0)
+    return client(TakeSnapshot.Request(reason))
+
+
+def event(alarm: str, node: str = "/r1/base", **more: Any) -> Event:
+    facts = {"robot": "r1", "reason": "was killed by SIGKILL", "pid": 1, "restarts": 0}
+    return msgspec.convert(
+        {"time": time.time_ns(), "event": "failed", "node": node, "alarm": alarm, **facts, **more}, Event
+    )
+
+
+def values(found: Bag) -> list[float]:
+    return [message.value.linear.x for message in found.messages("r1/cmd_vel")]  # type: ignore[union-attr]
+
+
+def test_whoever_asks_gets_a_file(lab: Lab, other: zenoh.Session) -> None:
+    lab.robot.map.publish(String("kitchen"))
+    lab.record()
+    heard = Heard(other, "r1/flight_snapshots")
+    lab.drive(100)
+    answer = ask(lab.robot, "it turned left")
+    assert answer.success, answer.message
+    assert [str(path) for path in lab.snapshots()] == [answer.snapshot.file]
+    assert answer.snapshot.file.endswith("_it_turned_left.mcap")
+    found = lab.snapshot()
+    assert values(found) == [float(number) for number in range(100)]
+    assert [message.value for message in found.messages("r1/map")] == [String("kitchen")], "said before it began"
+    assert found.topics["r1/map"].qos.latched
+    assert found.metadata["flight_recorder"]["reason_0"].endswith("asked: it turned left")
+    assert b"flight_recorder" in found.attachment("parameters.json") or "/r1/robot" in str(found.attachments)
+    assert not [one for one in bag.check(answer.snapshot.file).findings if one.kind.value != "hole"]
+    told = heard.wait_for("r1/flight_snapshots", bool, PATIENCE)
+    assert told == answer.snapshot
+
+
+def test_a_node_that_dies_makes_a_file_once(lab: Lab, other: zenoh.Session) -> None:
+    lab.record()
+    lab.drive(10)
+    tell = other.declare_publisher(event_key("r1"))
+    for one in (
+        event("", reason="as asked"),
+        event("died", "/r2/base"),
+        event("died", "/r1/flight_recorder"),
+    ):
+        tell.put(msgspec.msgpack.encode(one))
+    tell.put(b"nonsense")
+    tell.put(msgspec.msgpack.encode(event("died")))
+    tell.put(msgspec.msgpack.encode(event("degraded", "/r1/laser", reason="nothing on r1/scan for 3.0 s")))
+    words = lab.snapshot().metadata["flight_recorder"]
+    assert lab.snapshots()[0].name.endswith("_base_died.mcap")
+    assert words["nodes"] == "/r1/base /r1/laser"
+    assert words["reason_0"].endswith("died: /r1/base was killed by SIGKILL")
+    assert words["reason_1"].endswith("degraded: /r1/laser nothing on r1/scan for 3.0 s")
+    tell.put(msgspec.msgpack.encode(event("died")))
+    assert ask(lab.robot).success
+    assert len(lab.snapshots()) == 2, "the same again, and somebody has asked"
+
+
+def state(reason: str) -> DiagnosticStatus:
+    return DiagnosticStatus(2, "/r1/robot", f"because of {reason}", values=[KeyValue("reason", reason)])
+
+
+def test_an_emergency_stop_makes_a_file_and_one_that_holds_makes_none(lab: Lab) -> None:
+    lab.robot.state.publish(state("emergency_stop"))
+    lab.record()
+    lab.robot.flush()
+    lab.robot.state.publish(state("no_command"))
+    lab.robot.state.publish(state("emergency_stop"))
+    lab.robot.state.publish(state("emergency_stop"))
+    found = lab.snapshot()
+    assert lab.snapshots()[0].name.endswith("_robot_emergency_stop.mcap")
+    assert found.metadata["flight_recorder"]["reason_0"].endswith("/r1/robot because of emergency_stop")
+    assert "reason_1" not in found.metadata["flight_recorder"]
+
+
+def test_what_is_not_wanted_is_not_kept(lab: Lab) -> None:
+    lab.record(topics=["**", "/clock"], exclude=["od*", "log"])
+    lab.robot.odometry.publish(Odometry())
+    lab.drive(3)
+    ask(lab.robot)
+    topics = set(lab.snapshot().topics)
+    assert "r1/cmd_vel" in topics
+    assert not topics & {"r1/odom", "r1/log"}
+
+
+def test_seconds_are_the_machines_whatever_clock_the_robot_has(lab: Lab, other: zenoh.Session) -> None:
+    clock = other.declare_publisher("clock", encoding="application/msgpack;system/Clock")
+    lab.record(use_sim_time=True)
+    clock.put(msgspec.msgpack.encode(SaidClock(Time(5))))
+    lab.drive(20)
+    assert ask(lab.robot, "now").success  # though the simulated time stands
+    assert len(values(lab.snapshot())) == 20
+
+
+def test_a_second_recorder_is_refused(lab: Lab, tmp_path: Path) -> None:
+    lab.record()
+    with pytest.raises(FlightRecorderError, match="has a flight recorder already, /r1/flight_recorder"):
+        lab.record("another", ring_folder=str(tmp_path / "elsewhere"))
+
+
+def warned(recorder: FlightRecorder) -> str:
+    return recorder.all_is_kept().message
+
+
+def test_a_folder_that_cannot_be_written_stops_nothing(lab: Lab) -> None:
+    (lab.folder / "file").write_bytes(b"")
+    recorder = lab.record(folder=str(lab.folder / "file"))
+    lab.drive(5)
+    answer = ask(lab.robot)
+    assert (answer.success, "the folder cannot be made" in answer.message) == (False, True)
+    assert "no file could be written" in warned(recorder)
+    (lab.folder / "file").unlink()
+    lab.drive(5)
+    assert ask(lab.robot).success
+    assert warned(recorder) == ""
+    with bag.open(next((lab.folder / "file").glob("*.mcap"))) as found:
+        assert len(values(found)) == 10
+
+
+def test_a_ring_that_cannot_be_written_is_tried_again(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robo.recording.flight._RETRY", 0.1)
+    (lab.folder / "ring").write_bytes(b"")
+    recorder = lab.record(ring_folder=str(lab.folder / "ring"))
+    assert "nothing is kept" in warned(recorder)
+    assert ask(lab.robot, "nothing").success, "what is known is in a file all the same"
+    (lab.folder / "ring").unlink()
+    eventually(lambda: warned(recorder) == "", "it keeps again")
+    lab.drive(5)
+    assert ask(lab.robot).success
+    assert len(values(lab.snapshot(1))) == 5
+
+
+def test_a_recorder_that_is_stopped_writes_what_is_due_and_leaves_no_ring(lab: Lab, other: zenoh.Session) -> None:
+    recorder = lab.record(after=60.0)
+    lab.drive(5)
+    other.put(event_key("r1"), msgspec.msgpack.encode(event("died")))
+    recorder.close()
+    assert len(values(lab.snapshot())) == 5
+    assert [path.name for path in lab.folder.iterdir()] == ["files"]
+
+
+def test_many_asks_at_once_are_one_file(lab: Lab) -> None:
+    lab.record(after=1.0)
+    answers: list[TakeSnapshot.Response] = []
+    asking: list[Callable[[], None]] = [lambda: answers.append(ask(lab.robot, "one")) for _ in range(5)]
+    threads = [threading.Thread(target=one) for one in asking]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len({answer.snapshot.file for answer in answers}) == 1
+    assert os.path.exists(answers[0].snapshot.file)
+    assert len(answers[0].snapshot.reasons) == 5
