@@ -118,11 +118,17 @@ class Witnesses:
         self._parameters: dict[str, Mapping[str, object]] = {}
         self._lock = threading.Lock()
 
-    def ask_parameters(self) -> None:
-        """Ask all nodes for their parameters; returns at once. Those of a node that dies later are known."""
+    def ask_parameters(self) -> threading.Event:
+        """Ask all nodes for their parameters, so that those of a node that dies are known.
+
+        Returns:
+            Set once all have answered, or the time is over.
+        """
         key = parameters_key(self._namespace, "**", "get")
-        handler = zenoh.handlers.Callback(self._take_parameters, indirect=False)
+        done = threading.Event()
+        handler = zenoh.handlers.Callback(self._take_parameters, done.set, indirect=False)
         self._session.get(key, handler, timeout=_PATIENCE, **_OF_ALL)
+        return done
 
     def testimony(self, since: int, timeout: float) -> Evidence:
         """All that is known.
@@ -131,21 +137,19 @@ class Witnesses:
             since: lines of output from here on, ns since the epoch.
             timeout: how long to wait for each who does not answer, s.
         """
+        answered = self.ask_parameters()
         robot = self._robot = self._robot or self._run_name(timeout)
-        if robot is None:
-            return Evidence(parameters=self.parameters)
         ask = partial(self._ask, robot, timeout=timeout)
-        return Evidence(
-            ask("why", Request(), list[Explanation]),
-            sorted(ask("events", Request(), list[Event]), key=lambda one: one.time),
-            sorted(ask("logs", LogsRequest(since=since), list[LogRecord]), key=lambda one: one.time),
-            self.parameters,
-        )
+        explanations = ask("why", Request(), list[Explanation])
+        events = sorted(ask("events", Request(), list[Event]), key=lambda one: one.time)
+        lines = sorted(ask("logs", LogsRequest(since=since), list[LogRecord]), key=lambda one: one.time)
+        answered.wait(timeout)
+        return Evidence(explanations, events, lines, self.parameters)
 
     def events(self, timeout: float) -> list[Event]:
         """What has happened in the run so far."""
         robot = self._robot = self._robot or self._run_name(timeout)
-        return self._ask(robot, "events", Request(), list[Event], timeout) if robot is not None else []
+        return self._ask(robot, "events", Request(), list[Event], timeout)
 
     @property
     def parameters(self) -> dict[str, Mapping[str, object]]:
@@ -159,9 +163,11 @@ class Witnesses:
                 return status.robot
         return None
 
-    def _ask(self, robot: str, verb: str, asked: Request, kind: type[list[T]], timeout: float) -> list[T]:
+    def _ask(self, robot: str | None, verb: str, asked: Request, kind: type[list[T]], timeout: float) -> list[T]:
         """The answers of all supervisors of a run, together."""
         found: list[T] = []
+        if robot is None:
+            return found
         payload = msgspec.msgpack.encode(asked)
         for reply in self._session.get(control_key(robot, verb), payload=payload, timeout=timeout, **_OF_ALL):
             if reply.ok is not None:

@@ -20,8 +20,9 @@ from robo.bag.compression import Compression
 from robo.bag.excerpt import excerpt
 from robo.errors import BagError
 from robo.recording.evidence import Evidence, Witnesses, write_beside
-from robo.recording.flight_intake import FlightIntake, Selection
+from robo.recording.flight_intake import FlightIntake
 from robo.recording.ring import Limits, OldFile, Ring, ring_folder, rings_without_owner, taken_over
+from robo.recording.selection import Selection
 from robo.recording.shelf import Shelf
 from robo.recording.windows import Reason, Window, Windows, file_name
 from robo.text.unreadable import UNREADABLE
@@ -39,10 +40,10 @@ _TEND = 1.0
 """How often files are looked after, s."""
 _RETRY = 5.0
 """After how long a ring that could not be written is tried again, s."""
-_ASK_AGAIN = (1.0, 3.0, 10.0)
-"""After how long latched publishers are asked once more, s."""
+_FIRST_PARAMETERS = 1.0
+"""After how long nodes are asked for their parameters, s."""
 _PARAMETERS = 30.0
-"""How often nodes are asked for their parameters, s."""
+"""And how often from then on, s."""
 _PATIENCE = 1.0
 """With a supervisor that does not answer, s."""
 _LAST_PATIENCE = 0.5
@@ -155,7 +156,7 @@ class Flight:
         self._ring_due = time.monotonic() + _RETRY
         run = recorder.run if recorder.launched else ""
         self._witnesses = Witnesses(session, recorder.namespace, run)
-        self._intake = FlightIntake(session, recorder.namespace, selection, self._tell_once, now)
+        self._intake = FlightIntake(session, selection, self._tell_once, now)
         self._events = session.declare_subscriber(event_key("**"), zenoh.handlers.RingChannel(_MOST_EVENTS))
         self._seen_events: dict[tuple[int, str], None] = {}
         self._begun = now
@@ -195,8 +196,7 @@ class Flight:
 
     def _run(self) -> None:
         begin = time.monotonic()
-        ask_again = [begin + after for after in _ASK_AGAIN]
-        tend, ask_parameters, pause = begin, begin + _ASK_AGAIN[0], LOOK
+        tend, ask_parameters, pause = begin, begin + _FIRST_PARAMETERS, LOOK
         self._look_for_the_dead()
         while not self._stop.wait(pause):
             pause = LOOK_LARGE if self._look(time.time_ns()) else LOOK
@@ -204,9 +204,6 @@ class Flight:
             if now >= tend:
                 tend = now + _TEND
                 self._tend()
-            if ask_again and now >= ask_again[0]:
-                ask_again.pop(0)
-                self._intake.ask_again()
             if now >= ask_parameters:
                 ask_parameters = now + _PARAMETERS
                 self._witnesses.ask_parameters()
@@ -214,7 +211,7 @@ class Flight:
 
     def _look(self, now: int, *, last: bool = False) -> bool:
         """Take in what has come, and write what is due. Returns whether large messages were among it."""
-        batch = self._intake.take(now)
+        batch = self._intake.batch(now)
         if self._ring is not None:
             recording = self._ring.recording
             try:

@@ -114,10 +114,7 @@ class Intake:
         begin = time.time_ns()
         tokens = keys.tokens_of_publishers("*")
         self._ends: list[Any] = [listen(tokens, _at_once(partial(self._post, _PUBLISHER)), history=True)]
-        self._ends += [
-            self._session.declare_subscriber(key, _at_once(partial(self._receive, number)))
-            for number, key in enumerate(expressions)
-        ]
+        self._ends += [self._subscribe(number, key) for number, key in enumerate(expressions)]
         # What was said before has come, as a recording has it, before all that is said from now on.
         self._first = [
             (begin, sample) for key in expressions for sample in kept(self._session, key, KEEP_ALL, LONGEST_LOOK)
@@ -133,6 +130,10 @@ class Intake:
         for arrived, kind, news, *_ in [one for one in list(self._row) if one[1] == _PUBLISHER]:
             self._learn(arrived, kind, news)
         return [came for arrived, sample in first for came in self._learn(arrived, _KEPT, sample)]
+
+    def _subscribe(self, number: int, key: str) -> Any:
+        """Begin to receive one of the selection's expressions, by its number."""
+        return self._session.declare_subscriber(key, _at_once(partial(self._receive, number)))
 
     def _receive(self, number: int, sample: zenoh.Sample) -> None:
         """Called by Zenoh's threads."""

@@ -7,19 +7,19 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
-import zenoh
 from msgspec import Meta, field
 
 import robo
 from robo import READ_ONLY, Health, Node, Publisher, Unit, check, service
 from robo.environment import RUN_VARIABLE, SUPERVISED_VARIABLE
-from robo.errors import FlightRecorderError, ParameterError
+from robo.errors import BagError, FlightRecorderError, InvalidName, ParameterError
 from robo.node.turn import paused
 from robo.recording.flight import Flight, Recorder, Settings
-from robo.recording.flight_intake import Selection
 from robo.recording.ring import best_compression, default_base
+from robo.recording.selection import Selection
 from robo.recording.windows import Reason
 from robo.text.folders import log_base
+from robo.wire import names
 from robo.wire.discovery import publishers_of
 from robo.wire.keys import SNAPSHOTS_TOPIC, NodeToken, parse_token
 from robo.wire.run_id import new_run_id
@@ -163,15 +163,12 @@ class FlightRecorder(Node):
         p = self.parameters
         try:
             return Selection(self._keys(p.topics), self._keys(p.exclude))
-        except zenoh.ZError as error:
+        except (BagError, InvalidName) as error:
             raise ParameterError(f"{self.full_name}: topics or exclude: {error}") from None
 
     def _keys(self, patterns: Sequence[str]) -> list[str]:
         """Patterns of names as key expressions."""
-        return [
-            one.strip("/") if one.startswith("/") or not self.namespace else f"{self.namespace}/{one.strip('/')}"
-            for one in patterns
-        ]
+        return [names.key_of(one if one.startswith("/") else f"/{self.namespace}/{one}") for one in patterns]
 
     def _refuse_another(self) -> None:
         """

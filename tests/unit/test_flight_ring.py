@@ -187,7 +187,8 @@ def test_a_ring_survives_the_kill_of_its_process(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_read_of_a_dead_ring_goes(tmp_path: Path) -> None:
-    bags.drive(tmp_path / "ring" / "1" / "1_0.mcap") if (tmp_path / "ring" / "1").mkdir(parents=True) is None else None
+    (tmp_path / "ring" / "1").mkdir(parents=True)
+    bags.drive(tmp_path / "ring" / "1" / "1_0.mcap")
     (tmp_path / "ring" / "1" / "1_1.mcap").write_bytes(b"\x89MCAP0\r\n")
     (tmp_path / "ring" / "1" / "1_2.mcap").write_bytes(b"nonsense")
     (tmp_path / "ring" / "2").mkdir()
