@@ -21,6 +21,7 @@ from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.ekf_filter import EkfFilter
 from robo_services.emulated_board import EmulatedBoard
 from robo_services.emulated_lidar import EmulatedLidar
+from robo_services.flight_recorder import FlightRecorder
 from robo_services.joy import Joy
 from robo_services.ld_lidar import LdLidar
 from robo_services.mujoco_sim import MujocoSim
@@ -51,6 +52,7 @@ SHIPPED = [
     EkfFilter,
     EmulatedBoard,
     EmulatedLidar,
+    FlightRecorder,
     Joy,
     LdLidar,
     MujocoSim,
@@ -99,6 +101,7 @@ def given(tmp_path: Path) -> Iterator[dict[type[Node], dict[str, object]]]:
     yield {
         BagPlayer: {"file": str(tmp_path / "drive.mcap"), "delay": 3600},
         CarmenPlayer: {"log": str(tmp_path / "log"), "delay": 3600},
+        FlightRecorder: {"folder": str(tmp_path / "files"), "ring_folder": str(tmp_path / "ring")},
         EmulatedLidar: {"port": str(tmp_path / "lidar")},
         EmulatedBoard: {"link": str(tmp_path / "board")},
         Joy: {"device": str(pad)},

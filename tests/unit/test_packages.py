@@ -297,6 +297,7 @@ def test_robo_announces_the_nodes_that_ship() -> None:
         "ekf_filter",
         "emulated_board",
         "emulated_lidar",
+        "flight_recorder",
         "joy",
         "ld_lidar",
         "mujoco_sim",

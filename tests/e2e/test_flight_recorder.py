@@ -1,0 +1,152 @@
+"""The flight recorder of the reference robot, whose nodes are killed while it drives."""
+
+import json
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robo import bag
+from robo.bag.reader import Bag
+from robo.testing import Launch, Robot
+from robo_messages import TakeSnapshot
+from tests.support import eventually, run_robo
+
+pytestmark = pytest.mark.timeout(180)
+
+SECOND = 1_000_000_000
+
+
+def recorded(
+    launch: Launch, folder: Path, manifest: str = "robot.yaml", may_die: Sequence[str] = (), **more: Any
+) -> Robot:
+    """The reference robot with a flight recorder, once it drives."""
+    options = ["-p", f"flight_recorder.folder:={folder}", "-p", f"flight_recorder.ring_folder:={folder / 'ring'}"]
+    robot = launch(manifest, demo="arc", flight_recorder=True, may_die=may_die, options=options, **more)
+    robot.wait_for("odom", lambda odometry: odometry.twist.twist.linear.x > 0.4, new=True)
+    return robot
+
+
+def with_override(folder: Path, override: str) -> Path:
+    """A manifest of the reference robot that says something else of a node."""
+    path = folder / "other.yaml"
+    path.write_text(
+        f"include:\n  file: robot.yaml\n  args: {{demo: arc, flight_recorder: true}}\n  override: {{{override}}}\n"
+    )
+    return path
+
+
+def drive_for(robot: Robot, seconds: float) -> None:
+    """Wait until so much has been said of where it is, at 50 Hz."""
+    robot.wait_for_count("odom", len(robot.messages("odom")) + round(50 * seconds), timeout=10 * seconds)
+
+
+def only_file(folder: Path) -> Path:
+    eventually(lambda: len(list(folder.glob("*.mcap"))) > 0, "a file")
+    (found,) = folder.glob("*.mcap")
+    return found
+
+
+def ask(robot: Robot) -> Bag:
+    answer = robot.call("flight_recorder/snapshot", TakeSnapshot.Request("test"), timeout=30.0)
+    assert answer.success, answer.message
+    return bag.open(answer.snapshot.file)
+
+
+def test_the_kill_of_the_safety_monitor_is_in_a_file_that_why_names(launch: Launch, tmp_path: Path) -> None:
+    robot = recorded(launch, tmp_path, may_die=["safety_monitor"])
+    drive_for(robot, 12.0)
+    killed = time.time_ns()
+    robot.kill("safety_monitor")
+    path = only_file(tmp_path)
+    assert path.name.startswith("r1_")
+    assert path.name.endswith("_safety_monitor_died.mcap")
+    with bag.open(path) as found:
+        assert found.faults == []
+        assert found.begin < killed - 10 * SECOND
+        assert found.end > killed + SECOND
+        odometry = found.times("r1/odom")
+        assert sum(1 for at in odometry if at < killed) > 400, "of 50 a second, on a machine that may be busy"
+        assert found.topics["r1/safety_state"].qos.latched
+        logs = found.attachment("logs.txt").decode()
+        assert "robo: WARN safety_monitor was killed by SIGKILL" in logs
+        assert "safety_monitor: INFO clear" in logs
+        assert found.attachment("why.txt").decode().startswith("/r1/safety_monitor is ")
+        assert "killed by SIGKILL" in found.attachment("why.txt").decode()
+        states = {one["node"]: one for one in json.loads(found.attachment("processes.json"))}
+        assert states["/r1/safety_monitor"]["restarts"] == 1
+        assert states["/r1/diff_drive_sim"]["state"] == "ready"
+        parameters = json.loads(found.attachment("parameters.json"))
+        assert "min_distance" in parameters["/r1/safety_monitor"]
+        assert b'"alarm":"died"' in found.attachment("events.jsonl")
+    robot.wait_for_line(f"wrote {path}")
+    why = run_robo("why", "safety_monitor", "--robot-name", "r1", "--connect", robot.endpoint)
+    assert str(path) in why.stdout
+    other = run_robo("why", "twist_mux", "--robot-name", "r1", "--connect", robot.endpoint)
+    assert str(path) not in other.stdout
+
+
+def test_the_ring_outlives_the_recorder(launch: Launch, tmp_path: Path) -> None:
+    robot = recorded(launch, tmp_path, may_die=["flight_recorder"])
+    drive_for(robot, 4.0)
+    killed = time.time_ns()
+    before = robot.process("flight_recorder").pid
+    robot.kill("flight_recorder")
+    robot.wait_until("flight_recorder", lambda one: one.pid not in (None, before) and one.state == "ready")
+    drive_for(robot, 1.0)
+    with ask(robot) as found:
+        times = found.times("r1/odom")
+        assert sum(1 for at in times if at < killed - SECOND) > 100
+        assert sum(1 for at in times if at > killed) > 10
+        assert [message.value for message in found.messages("r1/tf_static")]
+
+
+def test_what_ends_a_run_is_in_a_file(launch: Launch, tmp_path: Path) -> None:
+    options = ["-p", f"flight_recorder.folder:={tmp_path}", "-p", f"flight_recorder.ring_folder:={tmp_path / 'ring'}"]
+    manifest = with_override(tmp_path, "position_tracker: {required: true, restart: never}")
+    robot = launch(manifest, may_die=["position_tracker"], options=options)
+    drive_for(robot, 1.0)
+    robot.kill("position_tracker")
+    assert robot.wait_until_over() == 1
+    path = only_file(tmp_path)
+    assert path.name.endswith("_position_tracker_died.mcap")
+    assert f"wrote {path}" in robot.output
+    with bag.open(path) as found:
+        assert found.count > 50
+        assert "position_tracker was killed by SIGKILL" in found.attachment("logs.txt").decode()
+    assert not list((tmp_path / "ring").rglob("*.mcap")), "nothing else is left"
+
+
+def test_a_run_that_is_killed_leaves_its_last_seconds_to_the_next_one(launch: Launch, tmp_path: Path) -> None:
+    options = ["-p", f"flight_recorder.folder:={tmp_path}", "-p", f"flight_recorder.ring_folder:={tmp_path / 'ring'}"]
+    robot = launch(
+        with_override(tmp_path, "flight_recorder: {restart: never}"), may_die=["flight_recorder"], options=options
+    )
+    drive_for(robot, 2.0)
+    robot.kill("flight_recorder")
+    assert run_robo("down", "--robot-name", "r1", "--connect", robot.endpoint).returncode == 0
+    robot.wait_until_over()
+    assert list((tmp_path / "ring").rglob("*.mcap"))
+    recorded(launch, tmp_path)
+    path = only_file(tmp_path)
+    assert path.name.endswith("_run_ended.mcap")
+    with bag.open(path) as found:
+        assert found.topic("r1/odom").count > 50
+
+
+def test_robo_bag_snapshot(launch: Launch, tmp_path: Path) -> None:
+    robot = recorded(launch, tmp_path)
+    done = run_robo("bag", "snapshot", "--reason", "it turned left", "--connect", robot.endpoint)
+    assert done.returncode == 0, done.stderr
+    path = Path(done.stdout.strip())
+    assert path.name.endswith("_it_turned_left.mcap")
+    assert path.is_file()
+    done = run_robo("bag", "snapshot", "--json", "--robot-name", "r1", "--connect", robot.endpoint)
+    told = json.loads(done.stdout)
+    assert Path(told["file"]).stat().st_size == told["size"]
+    done = run_robo("bag", "snapshot", "--robot-name", "r2", "--connect", robot.endpoint)
+    assert done.returncode == 1
+    assert "robot r2 has no flight recorder; there is /r1/flight_recorder" in done.stderr
+    assert "robo_services.flight_recorder" in done.stderr
