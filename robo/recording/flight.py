@@ -33,7 +33,9 @@ from robo.wire.run_id import supervisor_lives
 from robo_messages import Snapshot, Time
 
 LOOK = 0.25
-"""How often the channel is emptied, s: the less often, the less it costs."""
+"""How often the channels are emptied, s: the less often, the less it costs."""
+MOST_WAITING = 200
+"""Messages that are to wait for a look: where more would come, it is looked more often."""
 LOOK_LARGE = 0.02
 """The same while messages come that hold their publishers' shared memory as long as they wait, s."""
 _TEND = 1.0
@@ -159,7 +161,7 @@ class Flight:
         self._intake = FlightIntake(session, selection, self._tell_once, now)
         self._events = session.declare_subscriber(event_key("**"), zenoh.handlers.RingChannel(_MOST_EVENTS))
         self._seen_events: dict[tuple[int, str], None] = {}
-        self._begun = now
+        self._begun = self._looked = now
         self._stop = threading.Event()
         self._writers: list[threading.Thread] = []
         self._thread = threading.Thread(target=self._run, name="robo-flight", daemon=True)
@@ -199,7 +201,7 @@ class Flight:
         tend, ask_parameters, pause = begin, begin + _FIRST_PARAMETERS, LOOK
         self._look_for_the_dead()
         while not self._stop.wait(pause):
-            pause = LOOK_LARGE if self._look(time.time_ns()) else LOOK
+            pause = self._look(time.time_ns())
             now = time.monotonic()
             if now >= tend:
                 tend = now + _TEND
@@ -209,8 +211,8 @@ class Flight:
                 self._witnesses.ask_parameters()
         self._end()
 
-    def _look(self, now: int, *, last: bool = False) -> bool:
-        """Take in what has come, and write what is due. Returns whether large messages were among it."""
+    def _look(self, now: int, *, last: bool = False) -> float:
+        """Take in what has come, and write what is due. Returns how long to wait until the next look, s."""
         batch = self._intake.batch(now)
         if self._ring is not None:
             recording = self._ring.recording
@@ -226,7 +228,10 @@ class Flight:
             job = self._jobs.pop(id(window)) if window is not None else None
         if job is not None:
             self._begin_writing(job, now, _LAST_PATIENCE if last else _PATIENCE)
-        return batch.large
+        if batch.large:
+            return LOOK_LARGE
+        span, self._looked = (now - self._looked) * 1e-9, now
+        return min(max(span * MOST_WAITING / max(len(batch.messages), 1), LOOK_LARGE), LOOK)
 
     def _end(self) -> None:
         """Whoever ends a run may do so because of what has just happened."""

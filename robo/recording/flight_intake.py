@@ -16,8 +16,9 @@ from robo.recording.selection import Selection
 from robo.recording.windows import arrivals
 from robo.wire.shared_buffers import LARGE, is_torn
 
-SLOTS = 8192
-"""Messages that wait in a channel; of more the oldest are left out, and missing in the numbers."""
+SLOTS = 2048
+"""Messages that wait in a channel; of more the oldest are left out, and missing in the numbers. Even a small one takes
+10 kB there (zenoh 1.10.2)."""
 
 
 class Batch(NamedTuple):

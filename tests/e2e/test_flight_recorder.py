@@ -98,7 +98,7 @@ def test_the_ring_outlives_the_recorder(launch: Launch, tmp_path: Path) -> None:
     drive_for(robot, 1.0)
     with ask(robot) as found:
         times = found.times("r1/odom")
-        assert sum(1 for at in times if at < killed - SECOND) > 100
+        assert sum(1 for at in times if at < killed - SECOND) > 50
         assert sum(1 for at in times if at > killed) > 10
         assert [message.value for message in found.messages("r1/tf_static")]
 
@@ -124,7 +124,7 @@ def test_a_run_that_is_killed_leaves_its_last_seconds_to_the_next_one(launch: La
     robot = launch(
         with_override(tmp_path, "flight_recorder: {restart: never}"), may_die=["flight_recorder"], options=options
     )
-    drive_for(robot, 2.0)
+    drive_for(robot, 4.0)
     robot.kill("flight_recorder")
     assert run_robo("down", "--robot-name", "r1", "--connect", robot.endpoint).returncode == 0
     robot.wait_until_over()

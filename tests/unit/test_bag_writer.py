@@ -168,6 +168,28 @@ def test_a_recording_is_split_by_size_and_the_oldest_go(tmp_path: Path) -> None:
     assert bag.check(path).findings == []
 
 
+def test_the_oldest_go_by_their_age(tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    with bag.Recording(path, plain(split_duration=1.0, keep_duration=5.0)) as recording:
+        number = recording.topic(TWIST)
+        for step in range(3_000):
+            recording.write(number, bags.twist(step), START + step * 10 * MS, START, step + 1)
+            assert len(recording.files) <= 7
+    with bag.open(path) as opened:
+        begin = (opened.begin - START) / 1e9
+        assert 23.0 <= begin <= 24.5, "of 30 s the last five, and what is in their files"
+
+
+def test_the_oldest_go_where_all_take_too_much(tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    with bag.Recording(path, plain(split_size=5_000, chunk_size=1_000, most_size=20_000)) as recording:
+        number = recording.topic(TWIST)
+        for step in range(3_000):
+            recording.write(number, bags.twist(step), START + step * MS, START, step + 1)
+            assert sum(file.stat().st_size for file in recording.files) < 24_000, "with what ends the last file"
+        assert len(recording.files) > 1
+
+
 def test_ros_has_its_metadata_of_a_folder(tmp_path: Path) -> None:
     path = tmp_path / "run"
     bags.drive(path, plain(split_duration=0.5), count=100)
