@@ -7,16 +7,18 @@ import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import zenoh
 
 from robo.bag.file_writer import FileWriter
+from robo.recording.about import Attachment, graph_of, parameters_yaml, words
 from robo.recording.explained import explained
+from robo.recording.recorder import ABOUT
 from robo.text.unreadable import UNREADABLE
-from robo.wire import codec
-from robo.wire.keys import control_key, parameters_key
+from robo.wire import discovery
+from robo.wire.keys import EndpointToken, NodeToken, control_key, parameters_key
 from robo.wire.reports import Event, Explanation, LogRecord, LogsRequest, ProcessStatus, Request
 
 T = TypeVar("T")
@@ -25,14 +27,6 @@ MOST_NODES = 1_000
 """Whose parameters are kept."""
 _LARGEST = 1_000_000
 """Of the parameters of a node; larger ones are left out, bytes."""
-
-
-class Attachment(NamedTuple):
-    """A file within the file."""
-
-    name: str
-    media_type: str
-    data: bytes
 
 
 class Evidence(msgspec.Struct, frozen=True):
@@ -45,6 +39,8 @@ class Evidence(msgspec.Struct, frozen=True):
     """What processes and supervisor have printed."""
     parameters: Mapping[str, Mapping[str, object]] = {}
     """Of each node, by full name."""
+    tokens: Sequence[NodeToken | EndpointToken] = ()
+    """Nodes and ends that were there."""
 
 
 def attachments(evidence: Evidence, concerned: Sequence[str]) -> list[Attachment]:
@@ -57,20 +53,22 @@ def attachments(evidence: Evidence, concerned: Sequence[str]) -> list[Attachment
     first = {name: number for number, name in enumerate(concerned)}
     ordered = sorted(evidence.explanations, key=lambda one: first.get(one.process.node, len(first)))
     why = "\n\n".join("\n".join(explained(one)) for one in ordered)
+    parameters = parameters_yaml(evidence.parameters).encode() if evidence.parameters else b""
     known = [
-        Attachment("logs.txt", "text/plain", _text(map(_line, evidence.lines))),
-        Attachment("why.txt", "text/plain", f"{why}\n".encode("utf-8", "replace") if why else b""),
-        Attachment("logs.jsonl", "application/x-ndjson", _encoder.encode_lines(evidence.lines)),
-        Attachment("why.json", "application/json", _json(ordered)),
-        Attachment("processes.json", "application/json", _json([one.process for one in ordered])),
-        Attachment("events.jsonl", "application/x-ndjson", _encoder.encode_lines(evidence.events)),
-        Attachment("parameters.json", "application/json", _json(codec.jsonable(dict(evidence.parameters)))),
+        Attachment("logs.txt", _text(map(_line, evidence.lines)), "text/plain"),
+        Attachment("why.txt", f"{why}\n".encode("utf-8", "replace") if why else b"", "text/plain"),
+        Attachment("logs.jsonl", _encoder.encode_lines(evidence.lines), "application/x-ndjson"),
+        Attachment("why.json", _json(ordered), "application/json"),
+        Attachment("processes.json", _json([one.process for one in ordered]), "application/json"),
+        Attachment("events.jsonl", _encoder.encode_lines(evidence.events), "application/x-ndjson"),
+        Attachment("parameters.yaml", parameters, "text/yaml"),
+        Attachment("graph.json", _json(graph_of(evidence.tokens)) if evidence.tokens else b"", "application/json"),
     ]
     return [one for one in known if one.data]
 
 
 def write_beside(
-    writer: FileWriter, at: int, evidence: Evidence, concerned: Sequence[str], words: dict[str, str]
+    writer: FileWriter, at: int, evidence: Evidence, concerned: Sequence[str], about: dict[str, str]
 ) -> None:
     """Write what is known into a recording.
 
@@ -79,9 +77,10 @@ def write_beside(
         at: the time of now, ns since the epoch.
         evidence: what is known.
         concerned: the full names of nodes that come first.
-        words: about the recording.
+        about: words about the recording.
     """
-    writer.add_metadata("flight_recorder", words)
+    writer.add_metadata("flight_recorder", about)
+    writer.add_metadata(ABOUT, words(one for one in evidence.tokens if isinstance(one, NodeToken)))
     for one in attachments(evidence, concerned):
         writer.add_attachment(at, at, one.name, one.media_type, one.data)
 
@@ -144,7 +143,7 @@ class Witnesses:
         events = sorted(ask("events", Request(), list[Event]), key=lambda one: one.time)
         lines = sorted(ask("logs", LogsRequest(since=since), list[LogRecord]), key=lambda one: one.time)
         answered.wait(timeout)
-        return Evidence(explanations, events, lines, self.parameters)
+        return Evidence(explanations, events, lines, self.parameters, discovery.tokens(self._session, timeout))
 
     def events(self, timeout: float) -> list[Event]:
         """What has happened in the run so far."""

@@ -78,8 +78,8 @@ def test_the_kill_of_the_safety_monitor_is_in_a_file_that_why_names(launch: Laun
         states = {one["node"]: one for one in json.loads(found.attachment("processes.json"))}
         assert states["/r1/safety_monitor"]["restarts"] == 1
         assert states["/r1/diff_drive_sim"]["state"] == "ready"
-        parameters = json.loads(found.attachment("parameters.json"))
-        assert "min_distance" in parameters["/r1/safety_monitor"]
+        parameters = found.attachment("parameters.yaml").decode()
+        assert parameters.index("/r1/safety_monitor") < parameters.index("min_distance")
         assert b'"alarm":"died"' in found.attachment("events.jsonl")
     robot.wait_for_line(f"wrote {path}")
     why = run_robo("why", "safety_monitor", "--robot-name", "r1", "--connect", robot.endpoint)

@@ -109,7 +109,8 @@ def test_whoever_asks_gets_a_file(lab: Lab, other: zenoh.Session) -> None:
     assert [message.value for message in found.messages("r1/map")] == [String("kitchen")], "said before it began"
     assert found.topics["r1/map"].qos.latched
     assert found.metadata["flight_recorder"]["reason_0"].endswith("asked: it turned left")
-    assert b"flight_recorder" in found.attachment("parameters.json") or "/r1/robot" in str(found.attachments)
+    assert b"before: 10.0" in found.attachment("parameters.yaml")
+    assert b'"/r1/robot"' in found.attachment("graph.json")
     assert not [one for one in bag.check(answer.snapshot.file).findings if one.kind.value != "hole"]
     told = heard.wait_for("r1/flight_snapshots", bool, PATIENCE)
     assert told == answer.snapshot

@@ -1,6 +1,5 @@
 """What a flight recorder's file says beside messages, and what supervisors keep of what recorders tell."""
 
-import json
 from typing import Any
 
 import msgspec
@@ -40,12 +39,12 @@ def test_everything_that_is_known_is_a_file_and_what_is_not_is_none() -> None:
     )
     found = {one.name: one.data for one in attachments(evidence, ["/r1/base"])}
     assert list(found) == [
-        "logs.txt", "why.txt", "logs.jsonl", "why.json", "processes.json", "events.jsonl", "parameters.json"
+        "logs.txt", "why.txt", "logs.jsonl", "why.json", "processes.json", "events.jsonl", "parameters.yaml"
     ]  # fmt: skip
     assert found["why.txt"].startswith(b"/r1/base is ready\n")
     assert b"\n\n/r1/laser is ready\n" in found["why.txt"]
     assert b" base: WARN oh\n" in found["logs.txt"]
-    assert json.loads(found["parameters.json"]) == {"/r1/base": {"rate": "inf", "data": "eA=="}}
+    assert b"rate: inf" in found["parameters.yaml"]
     assert msgspec.json.decode(found["processes.json"])[0]["node"] == "/r1/base"
     assert found["events.jsonl"].count(b"\n") == 1
 
