@@ -4,33 +4,27 @@ It has a thread that looks a few times a second, and another one while a file is
 what goes on goes on: whatever becomes of its disks, no robot stops for it.
 """
 
-import os
 import shutil
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
-from typing import NamedTuple, Protocol
 
 import msgspec
 import zenoh
 
-from robo.bag.compression import Compression
-from robo.bag.excerpt import excerpt
 from robo.errors import BagError
-from robo.recording.evidence import Evidence, Witnesses, write_beside
+from robo.recording.evidence import Witnesses
+from robo.recording.flight_files import FlightFiles, Held, Job, Log, Recorder, Settings
 from robo.recording.flight_intake import FlightIntake
-from robo.recording.ring import Limits, OldFile, Ring, ring_folder, rings_without_owner, taken_over
+from robo.recording.ring import Limits, Ring, ring_folder, rings_without_owner, taken_over
 from robo.recording.selection import Selection
-from robo.recording.shelf import Shelf
-from robo.recording.windows import Reason, Window, Windows, file_name
+from robo.recording.windows import CLOCKS_AGREE, Reason, Windows
 from robo.text.unreadable import UNREADABLE
-from robo.wire.discovery import hostname
 from robo.wire.keys import event_key
 from robo.wire.reports import Event
 from robo.wire.run_id import supervisor_lives
-from robo_messages import Snapshot, Time
+from robo_messages import Snapshot
 
 LOOK = 0.25
 """How often the channels are emptied, s: the less often, the less it costs."""
@@ -50,67 +44,8 @@ _PATIENCE = 1.0
 """With a supervisor that does not answer, s."""
 _LAST_PATIENCE = 0.5
 """The same when the recorder itself is to end, s."""
-_NICE = 10
-"""Of the thread that writes a file: a robot has other things to do."""
 _MOST_EVENTS = 1000
 """That wait."""
-
-
-class Settings(msgspec.Struct, frozen=True, kw_only=True):
-    """What a flight recorder keeps, and where."""
-
-    before: float
-    """Kept before something happens, s."""
-    after: float
-    """And after it, s."""
-    again: float
-    """The same of the same node makes no other file within so long, s."""
-    ring_size: int
-    """Bytes."""
-    ring_base: Path
-    folder: Path
-    """For files."""
-    most_files: int
-    most_size: int
-    """Of all files together, bytes."""
-    compression: Compression
-
-
-class Recorder(NamedTuple):
-    """Which flight recorder it is."""
-
-    full_name: str
-    namespace: str
-    """Of its robot."""
-    run: str
-    """The id of its run, or one of its own."""
-    launched: bool
-    """Whether a supervisor runs it."""
-
-
-class Log(Protocol):
-    """Where it tells what happens."""
-
-    def info(self, text: str, *values: object) -> None:
-        """What goes as it should."""
-
-    def warning(self, text: str, *values: object) -> None:
-        """What may need somebody's attention."""
-
-    def error(self, text: str, *values: object) -> None:
-        """What does not work."""
-
-
-class Job:
-    """A file to be written."""
-
-    def __init__(self, window: Window) -> None:
-        self.window = window
-        self.done = threading.Event()
-        self.snapshot: Snapshot | None = None
-        """What has come of it."""
-        self.problem = ""
-        """Why there is none."""
 
 
 class Flight:
@@ -140,30 +75,25 @@ class Flight:
         self._recorder = recorder
         self._settings = settings
         self._log = log
-        self._publish = publish
         now = time.time_ns()
-        self._shelf = Shelf(settings.folder)
         self._windows = Windows(settings.before, settings.after, settings.again)
         self._jobs: dict[int, Job] = {}
         self._lock = threading.Lock()
         """Around windows and jobs."""
-        self._writing = threading.Lock()
         self._told: set[str] = set()
-        self.ring_problem = self.file_problem = ""
-        """Why nothing is kept just now; why the last file could not be written. Empty where all is well."""
-        self.files = 0
-        """Written so far."""
+        self.ring_problem = ""
+        """Why nothing is kept just now; empty where all is well."""
         self._folder = ring_folder(settings.ring_base, recorder.namespace, recorder.run)
         self._ring: Ring | None = self._new_ring(now)
         self._ring_due = time.monotonic() + _RETRY
         run = recorder.run if recorder.launched else ""
         self._witnesses = Witnesses(session, recorder.namespace, run)
+        self.files = FlightFiles(recorder, settings, self._witnesses, log, publish)
         self._intake = FlightIntake(session, selection, self._tell_once, now)
         self._events = session.declare_subscriber(event_key("**"), zenoh.handlers.RingChannel(_MOST_EVENTS))
         self._seen_events: dict[tuple[int, str], None] = {}
         self._begun = self._looked = now
         self._stop = threading.Event()
-        self._writers: list[threading.Thread] = []
         self._thread = threading.Thread(target=self._run, name="robo-flight", daemon=True)
 
     def start(self) -> None:
@@ -186,13 +116,16 @@ class Flight:
         until = time.monotonic() + timeout
         self._stop.set()
         self._thread.join(timeout)
-        for writer in self._writers:
-            writer.join(max(0.0, until - time.monotonic()))
+        finished = self.files.finish(until)
         self._intake.close()
         self._events.undeclare()
+        with self._lock:
+            for job in self._jobs.values():  # asked for when it was too late
+                job.problem = "the flight recorder ends"
+                job.done.set()
         if self._ring is not None:
             # What could not be written in time is found by whoever comes next.
-            self._ring.close(remove=not any(writer.is_alive() for writer in self._writers))
+            self._ring.close(remove=finished)
 
     # -- its thread ------------------------------------------------------------------------------
 
@@ -257,7 +190,9 @@ class Flight:
         self._seen_events[what] = None
         if len(self._seen_events) > _MOST_EVENTS:
             del self._seen_events[next(iter(self._seen_events))]
-        self.happened(Reason(event.time, event.alarm, event.node, event.reason))
+        now = time.time_ns()  # of a supervisor on another machine the clock may be another one
+        at = event.time if abs(event.time - now) < CLOCKS_AGREE else now
+        self.happened(Reason(at, event.alarm, event.node, event.reason))
 
     # -- the ring --------------------------------------------------------------------------------
 
@@ -290,7 +225,6 @@ class Flight:
         elif time.monotonic() >= self._ring_due:
             self._ring_due = time.monotonic() + _RETRY
             self._renew_ring(now)
-        self._writers = [writer for writer in self._writers if writer.is_alive()]
 
     def _renew_ring(self, now: int) -> None:
         try:
@@ -309,75 +243,13 @@ class Flight:
     # -- files -----------------------------------------------------------------------------------
 
     def _begin_writing(self, job: Job, now: int, patience: float) -> None:
-        held: tuple[Path | None, list[list[Path]]] = (None, [])
+        held: Held = (None, [])
         if self._ring is not None:
             try:
                 held = self._ring.hold(now)
             except BagError as error:
                 self._lose_ring(error)
-        writer = threading.Thread(target=self._write, args=(job, held, patience), name="robo-flight-file", daemon=True)
-        self._writers.append(writer)
-        writer.start()
-
-    def _write(self, job: Job, held: tuple[Path | None, list[list[Path]]], patience: float) -> None:
-        with suppress(OSError, AttributeError):
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
-        folder, recordings = held
-        try:
-            with self._writing:
-                evidence = self._witnesses.testimony(job.window.begin, patience)
-                self._write_file(job, recordings, evidence)
-        except BagError as error:
-            job.problem = self.file_problem = str(error)
-            self._tell_once(f"no file could be written: {error}")
-        finally:
-            job.done.set()
-            if folder is not None:
-                shutil.rmtree(folder, ignore_errors=True)
-
-    def _write_file(self, job: Job, recordings: list[list[Path]], evidence: Evidence) -> None:
-        window, who, settings = job.window, self._recorder, self._settings
-        words = {
-            "robot": who.namespace,
-            "recorder": who.full_name,
-            "host": hostname(),
-            "run": who.run,
-            "time": str(window.first.time),
-            "begin": str(window.begin),
-            "end": str(window.due),
-            "nodes": " ".join(window.nodes),
-        } | {f"reason_{number}": f"{one.time} {one.kind}: {one.line}" for number, one in enumerate(window.reasons)}
-
-        def write(path: Path) -> None:
-            excerpt(
-                recordings,
-                path,
-                window.begin,
-                window.due,
-                lambda writer: write_beside(writer, window.due, evidence, window.nodes, words),
-                settings.compression,
-            )
-
-        path = self._shelf.add(file_name(who.namespace, window), write)
-        gone = self._shelf.keep_newest(settings.most_files, settings.most_size)
-        self.files += 1
-        self.file_problem = ""
-        self._told = {text for text in self._told if not text.startswith("no file")}
-        job.snapshot = Snapshot(
-            stamp=Time.from_nanoseconds(window.first.time),
-            file=str(path),
-            host=hostname(),
-            recorder=who.full_name,
-            reasons=[one.line for one in window.reasons],
-            nodes=window.nodes,
-            begin=Time.from_nanoseconds(max(window.begin, 0)),
-            end=Time.from_nanoseconds(window.due),
-            size=path.stat().st_size,
-        )
-        self._publish(job.snapshot)
-        self._log.info("wrote %s: %s", path, window.text)
-        if gone:
-            self._log.info("%d older files are gone, the last one %s", len(gone), gone[-1])
+        self.files.begin(job, held, patience)
 
     def _look_for_the_dead(self) -> None:
         """Write what was kept by recorders of runs that have ended without a word."""
@@ -385,17 +257,9 @@ class Flight:
         for folder in rings_without_owner(base, who.namespace, who.run, supervisor_lives):
             left = [files for _, files in sorted(taken_over(folder).items())]
             if left:
-                self._write_last_words(folder, left)
+                end = max(one.end for files in left for one in files)
+                self.files.write_last_words(folder.name, end, [[one.path for one in files] for files in left])
             shutil.rmtree(folder, ignore_errors=True)
-
-    def _write_last_words(self, folder: Path, left: list[list[OldFile]]) -> None:
-        end = max(one.end for files in left for one in files)
-        text = f"run {folder.name} ended without stopping its flight recorder"
-        window = Window(
-            end - round(self._settings.before * 1e9), end + 1, end + 1, [Reason(end, "run ended", "", text)]
-        )
-        with suppress(BagError):  # a full disk is told of with the next file
-            self._write_file(Job(window), [[one.path for one in files] for files in left], Evidence())
 
     def _tell_once(self, text: str) -> None:
         if text not in self._told and len(self._told) < _MOST_EVENTS:

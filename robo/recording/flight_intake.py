@@ -54,7 +54,7 @@ class FlightIntake(Intake):
         for number, handler in self._channels:
             try_recv = handler.try_recv
             while (sample := try_recv()) is not None:
-                row.append((now, _LIVE, (number, sample)))
+                row.append((now, _LIVE, sample, number, 0))
         convert, see = self._conversion.convert, self._transforms.take
         before: list[Converted] = []
         live: list[Converted] = []

@@ -14,6 +14,8 @@ Kind = Literal["died", "degraded", "emergency stop", "asked", "run ended"]
 
 _LONGEST_NAME = 80
 """Of a file, without its end, characters."""
+CLOCKS_AGREE = 5_000_000_000
+"""Whose time differs by more has another clock, ns."""
 MOST_REASONS = 100
 """Of one window; more are counted."""
 
@@ -115,7 +117,12 @@ class Windows:
     def take(self, now: int, *, at_once: bool = False) -> Window | None:
         """The window that is due; where `at_once`, the open one in any case. It ends now at the latest."""
         window = self.open
-        if window is None or (window.due > now and not at_once):
+        if window is None:
+            return None
+        if now < window.first.time - CLOCKS_AGREE:  # the clock was set back: what has come bears the old time
+            self.open = None
+            return window
+        if window.due > now and not at_once:
             return None
         self.open = None
         window.due = min(window.due, now)

@@ -11,10 +11,12 @@ from msgspec import Meta, field
 
 import robo
 from robo import READ_ONLY, Health, Node, Publisher, Unit, check, service
+from robo.bag.compression import compressor
 from robo.environment import RUN_VARIABLE, SUPERVISED_VARIABLE
 from robo.errors import BagError, FlightRecorderError, InvalidName, ParameterError
 from robo.node.turn import paused
-from robo.recording.flight import Flight, Recorder, Settings
+from robo.recording.flight import Flight
+from robo.recording.flight_files import Recorder, Settings
 from robo.recording.ring import best_compression, default_base
 from robo.recording.selection import Selection
 from robo.recording.windows import Reason
@@ -97,6 +99,7 @@ class FlightRecorder(Node):
         p = self.parameters
         self._refuse_another()
         compression = best_compression() if p.compression == "auto" else p.compression
+        compressor(compression)  # says what is missing
         robot = self.namespace.replace("/", ".") or "robot"
         settings = Settings(
             before=p.before,
@@ -113,10 +116,10 @@ class FlightRecorder(Node):
         run = os.environ.get(RUN_VARIABLE) or new_run_id()
         recorder = Recorder(self.full_name, self.namespace, run, launched)
         selection = self._selection()
-        self._flight = Flight(self.session, recorder, settings, selection, self.logger, self.snapshots.publish)
         self._stopped: dict[str, bool] = {}
         for topic in p.stop_topics:
             self.create_subscription(DiagnosticStatus, topic, self._watching(topic), latched=True)
+        self._flight = Flight(self.session, recorder, settings, selection, self.logger, self.snapshots.publish)
         self._flight.start()
 
     def on_stop(self) -> None:
@@ -144,9 +147,9 @@ class FlightRecorder(Node):
             return Health.ok()
         if flight.ring_problem:
             return Health.error(f"nothing is kept: {flight.ring_problem}")
-        if flight.file_problem:
-            return Health.error(f"no file could be written: {flight.file_problem}")
-        return Health.ok(ring_size=flight.ring_size, files=flight.files)
+        if flight.files.problem:
+            return Health.error(f"no file could be written: {flight.files.problem}")
+        return Health.ok(ring_size=flight.ring_size, files=flight.files.count)
 
     def _watching(self, topic: str) -> Callable[[DiagnosticStatus], None]:
         return partial(self._on_state, topic)

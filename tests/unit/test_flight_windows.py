@@ -77,6 +77,15 @@ def test_the_end_takes_an_open_window_at_once() -> None:
     assert window.due == NOON + SECOND
 
 
+def test_a_clock_that_is_set_back_holds_nothing_up() -> None:
+    found = windows()
+    window = found.add(reason(0.0))
+    assert found.take(NOON - 3600 * SECOND) is window
+    assert window is not None
+    assert window.due == NOON + 2 * SECOND
+    assert found.open is None
+
+
 def test_a_file_says_robot_time_and_reason() -> None:
     at = time.strftime("%Y-%m-%d_%H-%M-%S", time.localtime(NOON / SECOND))
     for given_reason, word in [

@@ -1,0 +1,219 @@
+"""The files of a flight recorder: written by a thread of their own, each whole or not at all."""
+
+import os
+import shutil
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import msgspec
+
+from robo.bag.compression import Compression
+from robo.bag.excerpt import excerpt
+from robo.errors import BagError
+from robo.recording.evidence import Evidence, Witnesses, write_beside
+from robo.recording.shelf import Shelf
+from robo.recording.windows import Reason, Window, file_name
+from robo.wire.discovery import hostname
+from robo_messages import Snapshot, Time
+
+_NICE = 10
+"""Of the thread that writes a file: a robot has other things to do."""
+
+Held = tuple[Path | None, list[list[Path]]]
+"""A folder that is to be removed, and the files of the recordings in it."""
+
+
+class Settings(msgspec.Struct, frozen=True, kw_only=True):
+    """What a flight recorder keeps, and where."""
+
+    before: float
+    """Kept before something happens, s."""
+    after: float
+    """And after it, s."""
+    again: float
+    """The same of the same node makes no other file within so long, s."""
+    ring_size: int
+    """Bytes."""
+    ring_base: Path
+    folder: Path
+    """For files."""
+    most_files: int
+    most_size: int
+    """Of all files together, bytes."""
+    compression: Compression
+
+
+class Recorder(NamedTuple):
+    """Which flight recorder it is."""
+
+    full_name: str
+    namespace: str
+    """Of its robot."""
+    run: str
+    """The id of its run, or one of its own."""
+    launched: bool
+    """Whether a supervisor runs it."""
+
+
+class Log(Protocol):
+    """Where it tells what happens."""
+
+    def info(self, text: str, *values: object) -> None:
+        """What goes as it should."""
+
+    def warning(self, text: str, *values: object) -> None:
+        """What may need somebody's attention."""
+
+    def error(self, text: str, *values: object) -> None:
+        """What does not work."""
+
+
+class Job:
+    """A file to be written."""
+
+    def __init__(self, window: Window) -> None:
+        self.window = window
+        self.done = threading.Event()
+        self.snapshot: Snapshot | None = None
+        """What has come of it."""
+        self.problem = ""
+        """Why there is none."""
+
+
+class FlightFiles:
+    """Writes files, one at a time."""
+
+    def __init__(
+        self,
+        recorder: Recorder,
+        settings: Settings,
+        witnesses: Witnesses,
+        log: Log,
+        publish: Callable[[Snapshot], None],
+    ) -> None:
+        """
+        Args:
+            recorder: whose files they are.
+            settings: how many may be where.
+            witnesses: know what is written beside messages.
+            log: where it is told.
+            publish: is told each file.
+        """
+        self._recorder = recorder
+        self._settings = settings
+        self._witnesses = witnesses
+        self._log = log
+        self._publish = publish
+        self._shelf = Shelf(settings.folder)
+        self._writing = threading.Lock()
+        self._writers: list[threading.Thread] = []
+        self.problem = ""
+        """Why the last file could not be written; empty where it was."""
+        self.count = 0
+        """Written so far."""
+
+    def begin(self, job: Job, held: Held, patience: float) -> None:
+        """Begin to write a file.
+
+        Args:
+            job: which.
+            held: what it is made of.
+            patience: with a supervisor that does not answer, s.
+        """
+        self._writers = [one for one in self._writers if one.is_alive()]
+        writer = threading.Thread(target=self._write, args=(job, held, patience), name="robo-flight-file", daemon=True)
+        self._writers.append(writer)
+        writer.start()
+
+    def finish(self, until: float) -> bool:
+        """Wait until all is written, or a time by the monotonic clock; whether it is."""
+        for writer in self._writers:
+            writer.join(max(0.0, until - time.monotonic()))
+        return not any(writer.is_alive() for writer in self._writers)
+
+    def write_last_words(self, run: str, end: int, recordings: list[list[Path]]) -> None:
+        """Write what the recorder of a run has left that ended without a word.
+
+        Args:
+            run: its id.
+            end: the last arrival, ns since the epoch.
+            recordings: the files of each.
+        """
+        begin = end - round(self._settings.before * 1e9)
+        reason = Reason(end, "run ended", "", f"run {run} ended without stopping its flight recorder")
+        job = Job(Window(begin, end + 1, end + 1, [reason]))
+        self._try(job, recordings, Evidence())
+
+    def _write(self, job: Job, held: Held, patience: float) -> None:
+        with suppress(OSError, AttributeError):
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
+        folder, recordings = held
+        try:
+            with self._writing:
+                self._try(job, recordings, self._witnesses.testimony(job.window.begin, patience))
+        finally:
+            job.done.set()
+            if folder is not None:
+                shutil.rmtree(folder, ignore_errors=True)
+
+    def _try(self, job: Job, recordings: list[list[Path]], evidence: Evidence) -> None:
+        try:
+            self._write_file(job, recordings, evidence)
+        except (BagError, OSError) as error:
+            job.problem = str(error)
+            if job.problem != self.problem:
+                self.problem = job.problem
+                self._log.warning("no file could be written: %s", error)
+        else:
+            self.problem = ""
+
+    def _write_file(self, job: Job, recordings: list[list[Path]], evidence: Evidence) -> None:
+        window, settings = job.window, self._settings
+        words = self._words(window)
+
+        def write(path: Path) -> None:
+            excerpt(
+                recordings,
+                path,
+                window.begin,
+                window.due,
+                lambda writer: write_beside(writer, window.due, evidence, window.nodes, words),
+                settings.compression,
+            )
+
+        path = self._shelf.add(file_name(self._recorder.namespace, window), write)
+        gone = self._shelf.keep_newest(settings.most_files, settings.most_size)
+        self.count += 1
+        job.snapshot = Snapshot(
+            stamp=Time.from_nanoseconds(window.first.time),
+            file=str(path),
+            host=hostname(),
+            recorder=self._recorder.full_name,
+            reasons=[one.line for one in window.reasons],
+            nodes=window.nodes,
+            begin=Time.from_nanoseconds(max(window.begin, 0)),
+            end=Time.from_nanoseconds(window.due),
+            size=path.stat().st_size,
+        )
+        self._publish(job.snapshot)
+        self._log.info("wrote %s: %s", path, window.text)
+        if gone:
+            self._log.info("%d older files are gone, the last one %s", len(gone), gone[-1])
+
+    def _words(self, window: Window) -> dict[str, str]:
+        """For the metadata."""
+        who = self._recorder
+        return {
+            "robot": who.namespace,
+            "recorder": who.full_name,
+            "host": hostname(),
+            "run": who.run,
+            "time": str(window.first.time),
+            "begin": str(window.begin),
+            "end": str(window.due),
+            "nodes": " ".join(window.nodes),
+        } | {f"reason_{number}": f"{one.time} {one.kind}: {one.line}" for number, one in enumerate(window.reasons)}
