@@ -46,6 +46,7 @@ _LAST_PATIENCE = 0.5
 """The same when the recorder itself is to end, s."""
 _MOST_EVENTS = 1000
 """That wait."""
+_NOTHING_KEPT = "nothing is kept"
 
 
 class Flight:
@@ -84,8 +85,11 @@ class Flight:
         self.ring_problem = ""
         """Why nothing is kept just now; empty where all is well."""
         self._folder = ring_folder(settings.ring_base, recorder.namespace, recorder.run)
+        self._ring_due = 0.0
+        """When it is tried again, by the monotonic clock, s."""
         self._ring: Ring | None = self._new_ring(now)
-        self._ring_due = time.monotonic() + _RETRY
+        self.ring_size = 0
+        """Of the ring, bytes."""
         run = recorder.run if recorder.launched else ""
         self._witnesses = Witnesses(session, recorder.namespace, run)
         self.files = FlightFiles(recorder, settings, self._witnesses, log, publish)
@@ -99,11 +103,6 @@ class Flight:
     def start(self) -> None:
         """Begin to keep what comes."""
         self._thread.start()
-
-    @property
-    def ring_size(self) -> int:
-        """Of the ring, bytes."""
-        return self._ring.size if self._ring is not None else 0
 
     def happened(self, reason: Reason) -> Job | None:
         """Something has happened, by any thread: the file that it will be in; None where there is one already."""
@@ -132,7 +131,7 @@ class Flight:
     def _run(self) -> None:
         begin = time.monotonic()
         tend, ask_parameters, pause = begin, begin + _FIRST_PARAMETERS, LOOK
-        self._look_for_the_dead()
+        threading.Thread(target=self._look_for_the_dead, name="robo-flight-dead", daemon=True).start()
         while not self._stop.wait(pause):
             pause = self._look(time.time_ns())
             now = time.monotonic()
@@ -147,7 +146,7 @@ class Flight:
     def _look(self, now: int, *, last: bool = False) -> float:
         """Take in what has come, and write what is due. Returns how long to wait until the next look, s."""
         batch = self._intake.batch(now)
-        if self._ring is not None:
+        if self._ring is not None and not self.ring_problem:
             recording = self._ring.recording
             try:
                 for topic, data, arrived, published, sequence, source in batch.messages:
@@ -210,9 +209,8 @@ class Flight:
 
     def _lose_ring(self, error: BagError) -> None:
         self.ring_problem = str(error)
-        self._tell_once(f"nothing is kept: {error}; trying again every {_RETRY:g} s")
-        if getattr(self, "_ring", None) is not None:
-            self._ring_due = time.monotonic() + _RETRY
+        self._tell_once(f"{_NOTHING_KEPT}: {error}; trying again every {_RETRY:g} s")
+        self._ring_due = time.monotonic() + _RETRY
 
     def _tend(self) -> None:
         now = time.time_ns()
@@ -222,8 +220,8 @@ class Flight:
                 self._ring.look(now)
             except BagError as error:
                 self._lose_ring(error)
+            self.ring_size = self._ring.size
         elif time.monotonic() >= self._ring_due:
-            self._ring_due = time.monotonic() + _RETRY
             self._renew_ring(now)
 
     def _renew_ring(self, now: int) -> None:
@@ -238,6 +236,7 @@ class Flight:
             self._lose_ring(error)
             return
         self.ring_problem = ""
+        self._told = {text for text in self._told if not text.startswith(_NOTHING_KEPT)}
         self._log.info("all topics are kept again")
 
     # -- files -----------------------------------------------------------------------------------

@@ -146,7 +146,8 @@ class FlightFiles:
         begin = end - round(self._settings.before * 1e9)
         reason = Reason(end, "run ended", "", f"run {run} ended without stopping its flight recorder")
         job = Job(Window(begin, end + 1, end + 1, [reason]))
-        self._try(job, recordings, Evidence())
+        with self._writing:
+            self._try(job, recordings, Evidence())
 
     def _write(self, job: Job, held: Held, patience: float) -> None:
         with suppress(OSError, AttributeError):

@@ -154,13 +154,16 @@ class Ring:
             A folder, to be removed when they are not needed any more; and the files of each recording.
 
         Raises:
-            BagError: nothing can be written.
+            BagError: no folder can be made.
         """
-        self.recording.split(at)
+        present = self.recording.files
+        with suppress(BagError):  # it cannot be written any more: what is there is there
+            self.recording.split(at)
+            present = self.recording.files[:-1]
         self._holds += 1
         folder = self.folder / "held" / str(self._holds)
         recordings = [[one.path for one in files] for _, files in sorted(self._old.items())]
-        recordings.append(self.recording.files[:-1])
+        recordings.append(present)
         found = []
         for number, files in enumerate(recordings):
             inner = folder / str(number)

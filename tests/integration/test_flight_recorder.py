@@ -213,6 +213,19 @@ def test_a_ring_that_cannot_be_written_is_tried_again(lab: Lab, monkeypatch: pyt
     assert len(values(lab.snapshot(1))) == 5
 
 
+def test_a_ring_whose_disk_is_full_goes_on_when_there_is_room(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robo.recording.flight._RETRY", 0.1)
+    monkeypatch.setattr("robo.recording.ring._LEAST_FREE", 10**18)
+    recorder = lab.record()
+    lab.drive(5)
+    eventually(lambda: "the recording has ended" in warned(recorder), "the disk is full")
+    monkeypatch.setattr("robo.recording.ring._LEAST_FREE", 0)
+    eventually(lambda: warned(recorder) == "", "there is room")
+    lab.drive(5)
+    assert ask(lab.robot).success
+    assert len(values(lab.snapshot())) >= 5
+
+
 def test_a_recorder_that_is_stopped_writes_what_is_due_and_leaves_no_ring(lab: Lab, other: zenoh.Session) -> None:
     recorder = lab.record(after=60.0)
     lab.drive(5)
