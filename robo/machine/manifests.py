@@ -5,7 +5,8 @@ from pathlib import Path
 
 import msgspec
 
-from robo.machine.log_files import RunInfo, log_base
+from robo.machine.log_files import RunInfo
+from robo.text.folders import log_base
 from robo.text.unreadable import UNREADABLE
 
 _MOST = 1_000_000
