@@ -18,6 +18,9 @@ from robo.wire.qos import QoS
 _MOST_FORMS = 10_000
 """That are remembered: topics and encodings that a stranger makes up fill no memory."""
 
+_MOST_NUMBER = 2**53
+"""No publisher has sent so many messages: what says so is a stranger's attachment that means something else."""
+
 
 class Came(NamedTuple):
     """A message as it came."""
@@ -94,7 +97,7 @@ class Conversion:
             return None
         attachment = sample.attachment
         stamp = unpack_attachment(attachment.to_bytes()) if attachment is not None else None
-        if stamp is None:
+        if stamp is None or not 0 < stamp.sequence_number < _MOST_NUMBER:
             return Converted(form.topic, data, arrived, arrived, None, None)
         source, (sequence, published) = sample.source_info, stamp
         signed = source_id(source.source_id) if source is not None else None

@@ -161,15 +161,19 @@ class Recorder:
         try:
             while not self._over.wait(PERIOD):
                 self._write()
-            self._intake.close()
-            self._watch.close()
+            self._leave()
             self._write()
-        except BagError as error:
+        except (BagError, zenoh.ZError) as error:
             self._ended = str(error)
-            self._intake.close()
-            self._watch.close()
+            self._leave()
         finally:
             self._close()
+
+    def _leave(self) -> None:
+        """Listen no more."""
+        for leave in (self._intake.close, self._watch.close):
+            with suppress(zenoh.ZError):  # the network has been left already
+                leave()
 
     def _write(self) -> None:
         with self._work:

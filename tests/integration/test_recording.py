@@ -21,6 +21,8 @@ from robo.wire import codec
 from robo_messages import Header, Odometry, String, TFMessage, Time, TransformStamped, Twist, Vector3
 from tests.support import eventually
 
+TWIST = codec.encoding_of(Twist)
+
 
 class Driver(Node):
     command = Publisher(Twist, "cmd_vel", depth=KEEP_ALL)
@@ -115,6 +117,16 @@ def test_what_did_not_come_is_counted_to_the_message(
         eventually(lambda: received(recorder, "r1/cmd_vel") == 8, "all that was sent")
         assert figures(recorder.status()) == {"r1/cmd_vel": (8, 2 + 13 + 1, 0)}
     assert [one.lost for one in bag.info(tmp_path / "a.mcap").topics] == [16]
+
+
+def test_what_a_stranger_attaches_is_no_number(
+    session: zenoh.Session, other: zenoh.Session, told: Told, tmp_path: Path
+) -> None:
+    with recording(other, tmp_path / "a.mcap", told, "r1/*") as recorder:
+        for text in ("about 17 bytes ..", "at 18:30 and so on", "nothing"):
+            session.put("r1/cmd_vel", robo_messages.encode(Twist()), encoding=TWIST, attachment=text.encode())
+        eventually(lambda: received(recorder, "r1/cmd_vel") == 3, "all that was sent")
+        assert figures(recorder.status()) == {"r1/cmd_vel": (3, 0, 0)}
 
 
 def test_latched_topics_come_first_in_every_file(

@@ -70,9 +70,9 @@ def record(names: list[str] | None, reach: Reach, words: "RecordWords", *, json:
         told: deque[str] = deque()
         tf = not words.no_tf
         recorder = Recorder(session, path, selection, options, tell=told.append, make_tf=tf, manifests=manifests_of)
-        note(f"recording {', '.join(map(shown_key, keys))} to {path}")
         view = _View(recorder, told, Link(session, reach), path, live=sys.stdout.isatty() and not json)
         try:
+            note(f"recording {', '.join(map(shown_key, keys))} to {path}")
             view.follow(session, reach, words.duration)
         except KeyboardInterrupt:
             pass
