@@ -1,10 +1,12 @@
 """Receiving what is recorded, without ever holding up who publishes.
 
-Zenoh's own threads put each message with the time of its arrival into a row, which costs some microseconds; whoever
-records takes out all that has come, some twenty times a second. That is a third of what it costs to be woken for each
-message, and the times are exact. What waits has a limit in bytes; beyond it new messages are left out and counted.
+A thread for each expression blocks in Zenoh's channel and puts each message with the time of its arrival into a row;
+whoever records takes out all that has come, some twenty times a second. A callback on Zenoh's own threads costs twice
+as much, for they have to wait for Python. What waits has a limit in bytes; beyond it new messages are left out and
+counted.
 """
 
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -66,6 +68,7 @@ class Intake:
         self._taken = 0
         self._latched = LatchedFirst()
         self._closed = False
+        self._threads: list[threading.Thread] = []
         self._begin()
         begun = time.monotonic()
         self._ask_at = [begun + pause for pause in ASK_AGAIN]
@@ -106,6 +109,8 @@ class Intake:
         self._closed = True
         for end in self._ends:
             end.undeclare()
+        for thread in self._threads:  # what is in its channel comes before the end
+            thread.join(_END)
 
     def _begin(self) -> None:
         """Listen; tokens first, so that publishers are known before they speak."""
@@ -133,16 +138,25 @@ class Intake:
 
     def _subscribe(self, number: int, key: str) -> Any:
         """Begin to receive one of the selection's expressions, by its number."""
-        return self._session.declare_subscriber(key, _at_once(partial(self._receive, number)))
+        subscriber = self._session.declare_subscriber(key, zenoh.handlers.FifoChannel(_CHANNEL))
+        drain = threading.Thread(target=self._drain, args=(number, subscriber.handler), name="robo-intake", daemon=True)
+        self._threads.append(drain)
+        drain.start()
+        return subscriber
 
-    def _receive(self, number: int, sample: zenoh.Sample) -> None:
-        """Called by Zenoh's threads."""
-        size = len(sample.payload)
-        if self._bytes - self._taken + size > self._most_bytes and self._row:
-            self.left_out += 1
-            return
-        self._bytes += size
-        self._row.append((time.time_ns(), _LIVE, sample, number, size))
+    def _drain(self, number: int, handler: "zenoh.handlers.Handler[zenoh.Sample]") -> None:
+        recv, put, now = handler.recv, self._row.append, time.time_ns
+        while True:
+            try:
+                sample = recv()
+            except zenoh.ZError:
+                return  # undeclared
+            arrived, size = now(), len(sample.payload)
+            if self._bytes - self._taken + size > self._most_bytes and self._row:
+                self.left_out += 1
+                continue
+            self._bytes += size
+            put((arrived, _LIVE, sample, number, size))
 
     def _post(self, kind: int, news: Any = None) -> None:
         """Called by Zenoh's threads."""
@@ -197,6 +211,10 @@ class Intake:
         )
 
 
+_CHANNEL = 10_000
+"""Messages that Zenoh may hand over before the thread has run."""
+_END = 1.0
+"""How long what is in a channel may take at the end, s."""
 _MOST_NEWS = 1_000_000
 """Tokens and replies that may wait."""
 

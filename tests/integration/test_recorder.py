@@ -33,10 +33,18 @@ def driver(session: zenoh.Session) -> Iterator[Driver]:
 
 
 def ask(session: zenoh.Session, name: str) -> Trigger.Response:
-    """Call a service of the recorder."""
-    replies = session.get(f"r1/recorder/{name}", payload=robo_messages.encode(Trigger.Request()), timeout=30.0)
-    (reply,) = [one.ok for one in replies if one.ok is not None]
-    return robo_messages.decode(reply.payload.to_bytes(), Trigger.Response)
+    """Call a service of the recorder, once it is known."""
+    payload = robo_messages.encode(Trigger.Request())
+    found: list[Trigger.Response] = []
+
+    def answers() -> bool:
+        for reply in session.get(f"r1/recorder/{name}", payload=payload, timeout=30.0):
+            if reply.ok is not None:
+                found.append(robo_messages.decode(reply.ok.payload.to_bytes(), Trigger.Response))
+        return bool(found)
+
+    eventually(answers, f"it answers to {name}")
+    return found[0]
 
 
 def drive(driver: Driver, node: Recorder, count: int, before: int = 0) -> None:
