@@ -150,6 +150,7 @@ def test_merge_and_diff(folder: Path) -> None:
         ("cut", "cut.mcap", "-o", "new", "--start", "0"),
         ("filter", "cut.mcap", "r1/*", "-o", "new"),
         ("merge", "cut.mcap", "drive.mcap", "-o", "new"),
+        ("cut", "cut.mcap", "-o", "new", "--start", "0.8"),
     ],
 )
 def test_recover_is_named_where_a_file_is_cut(words: tuple[str, ...], folder: Path) -> None:

@@ -27,11 +27,12 @@ def cut(path: str, output: str, start: str | None, end: str | None, compression:
     with progress(f"cutting {path}") as tell:
         with bag.open(path) as opened:
             first, last = opened.begin, opened.end
+            known = bool(opened.count) and not opened.faults
         begin = moment(start, first, last) if start is not None else None
         until = moment(end, first, last) if end is not None else None
         if begin is not None and until is not None and begin >= until:
             raise UsageError(f"--end {end} is not after --start {start}")
-        if (begin is not None and begin > last) or (until is not None and until <= first):
+        if known and ((begin is not None and begin > last) or (until is not None and until <= first)):
             there = f"it begins {date(first)} and lasts {duration(last - first)}"
             raise BagError(f"nothing is there at that time: {there}", path)
         _tell(bag.cut(path, output, begin, until, compression, force=force, tell=tell))
