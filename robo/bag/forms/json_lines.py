@@ -80,7 +80,9 @@ def to_json_lines(
     said: set[Topic] = set()
     count = 0
     with new_text(output, force=force) as file:
-        for message in counted(bag.messages([topic.name for topic in topics]), total, tell):
+        # Of all topics whatever is there, also where a damaged index does not say so.
+        names = [topic.name for topic in topics] if len(topics) < len(bag.topics) else None
+        for message in counted(bag.messages(names), total, tell):
             words = None if message.topic in said else _words(bag, message.topic)
             said.add(message.topic)
             line = line_of(message, words)
