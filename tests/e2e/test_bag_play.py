@@ -24,8 +24,9 @@ import robo_messages
 from robo import bag
 from robo.bag.types import topic_of
 from robo.interfaces import cdr
+from robo.samples.publishing import Sender
 from robo.testing import Launch
-from robo_messages import LaserScan, Odometry, Twist
+from robo_messages import LaserScan, Odometry, String, Twist
 from robo_services import carmen
 from tests import bags
 from tests.bags import MS, START
@@ -110,6 +111,27 @@ def test_it_waits_for_who_listens(session: zenoh.Session, endpoint: str, tmp_pat
         assert player.wait() == 0
         assert "played 20 messages" in player.output
         assert values(samples(heard, 20)) == list(range(20))
+
+
+def test_what_nodes_say_of_themselves_is_left_to_those_that_are_there(
+    session: zenoh.Session, other: zenoh.Session, endpoint: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "robot.mcap"
+    text = cdr.encoder(String)(String("said"))
+    with bag.Recording(path, bag.Options(compression="none", sync=False)) as recording:
+        for name in ("a", "log", "z"):
+            number = recording.topic(topic_of(f"r-1/{name}", String))
+            recording.write(number, text, START, START, 1)
+    log = Sender(other, "r-1/log", "std/String", node="/r1/base")
+    eventually(lambda: "r-1/log" in run_robo("topic", "list", "--connect", endpoint).stdout, "it is announced")
+    heard = hear(session, "r-1/*")
+    result = run_robo("bag", "play", str(path), "--connect", endpoint)
+    assert result.returncode == 0, result.stderr
+    assert "not played, for nodes that run say it themselves: r-1/log" in result.stderr
+    assert "; /bag_player" in result.stdout, "nodes may not be called as this robot is"
+    assert [str(sample.key_expr) for sample in samples(heard, 2)] == ["r-1/a", "r-1/z"]
+    assert run_robo("bag", "play", str(path), "--topics", "log", "--connect", endpoint).returncode == 1
+    log.close()
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])

@@ -18,7 +18,7 @@ from robo.cli.link import Link
 from robo.cli.printing import amount, hint, note, print_json, print_line
 from robo.cli.reach import Reach
 from robo.cli.views.bag_keys import FAR, SEEK, Decoder, Key, next_rate, status_line
-from robo.errors import DamagedBag, RoboError
+from robo.errors import BagError, DamagedBag, InvalidName, RoboError
 from robo.recording.outputs import ClockOutput, Outputs
 from robo.recording.play_topics import CLOCK, Choice, Played, Selection, select
 from robo.recording.player import Player
@@ -64,9 +64,12 @@ def play(path: str, reach: Reach, words: "PlayWords", *, json: bool) -> int:
     with bag.open(path) as recording, ExitStack() as ends:
         _tell_all(f"{fault}; what can be read is played, and `robo bag recover` mends it" for fault in recording.faults)
         selection = select(recording.topics, _choice(words, reach), recording.path, _robot_of(recording))
-        tape = BagTape(recording, selection.played, words.order, Window(words.start, words.end, words.duration))
+        window = Window(words.start, words.end, words.duration)
+        tape = BagTape(recording, selection.played, words.order, window)  # a mistake is told before anything is dialled
         session = ends.enter_context(connect_to_robot(reach))
         played = _allowed(session, selection, words, reach)
+        if len(played) < len(selection.played):
+            tape = BagTape(recording, played, words.order, window)
         run = _Run(session, recording, tape, selection._replace(played=played), words, reach, json=json)
         run.play()
     return 1 if recording.faults or tape.converter.unreadable else 0
@@ -92,6 +95,7 @@ def _allowed(session: zenoh.Session, selection: Selection, words: "PlayWords", r
     Raises:
         MessageError: nodes know one as another type.
         TopicTaken: somebody publishes one already.
+        BagError: no other one is there.
     """
     wanted = {one.key: one.type for one in selection.played}
     if _tells_time(selection.played, words):
@@ -110,12 +114,23 @@ def _allowed(session: zenoh.Session, selection: Selection, words: "PlayWords", r
             topics.refuse_type(topic, wanted[topic.key])
         if topic.key not in left_out and not words.beside:
             topics.refuse_taken(topic, "--exclude leaves it out, --remap and --robot-name play it elsewhere")
-    return [one for one in selection.played if one.key not in left_out]
+    allowed = [one for one in selection.played if one.key not in left_out]
+    if not allowed:
+        raise BagError("nothing else is left to be played")
+    return allowed
 
 
 def _tells_time(played: list[Played], words: "PlayWords") -> bool:
     """Whether to tell the time: a recording that has a clock tells it itself."""
     return (words.clock or words.clock_rate is not None) and all(one.key != CLOCK for one in played)
+
+
+def _as_namespace(robot: str) -> str:
+    """The recorded robot, if nodes may be called so."""
+    try:
+        return names.normalize_namespace(robot)
+    except InvalidName:
+        return ""
 
 
 def _free_name(session: zenoh.Session, namespace: str, timeout: float) -> str:
@@ -159,7 +174,7 @@ class _Run:
     def play(self) -> None:
         """Play it, and tell of it."""
         words, session, played = self._words, self._session, self._selection.played
-        namespace = self._reach.namespace or self._selection.robot
+        namespace = self._reach.namespace or _as_namespace(self._selection.robot)
         with ExitStack() as ends:
             ends.enter_context(_ends_on_sigterm())
             node = _free_name(session, namespace, self._reach.timeout)
