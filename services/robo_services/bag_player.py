@@ -14,7 +14,7 @@ from robo.recording.outputs import ClockOutput, Outputs
 from robo.recording.play_topics import CLOCK, Choice, Played, select
 from robo.recording.player import Player
 from robo.recording.player_services import PlayerServices
-from robo.recording.tape import BagTape
+from robo.recording.tape import BagTape, robot_of
 
 
 class BagPlayer(Node):
@@ -72,7 +72,8 @@ class BagPlayer(Node):
     def _prepare(self, recording: Bag) -> None:
         p = self.parameters
         try:
-            chosen = select(recording.topics, Choice(p.topics, p.exclude, (), self.namespace), recording.path)
+            choice = Choice(p.topics, p.exclude, (), self.namespace)
+            chosen = select(recording.topics, choice, recording.path, robot_of(recording))
             played = [msgspec.structs.replace(one, key=self._key(one)) for one in chosen.played]
             self._tape = BagTape(recording, played)
         except UsageError as error:

@@ -17,7 +17,7 @@ from robo.errors import DamagedBag, RoboError, UsageError
 from robo.recording.ahead import MOST_ITEMS, Ahead
 from robo.recording.play_topics import Choice, select
 from robo.recording.playback import Item
-from robo.recording.tape import BagTape, Ready, Window
+from robo.recording.tape import BagTape, Ready, Window, robot_of
 from tests import bags
 from tests.bags import MS, START
 
@@ -85,6 +85,24 @@ def test_damaged_recordings_are_played_or_refused_and_nothing_else(
         for at in (tape.begin, (tape.begin + tape.end) // 2):
             for item in itertools.islice(tape.run(at), 10_000):
                 assert isinstance(item.what, Ready)
+
+
+@pytest.mark.parametrize(
+    ("metadata", "expected"),
+    [
+        ({}, None),
+        ({"robo": {"robot": "r1"}}, "r1"),
+        ({"robo.about": {"robots": "r1 r1/arm", "host": "h"}}, "r1"),
+        ({"robo.about": {"robots": "r1 r12"}}, None),
+        ({"robo.about": {"robots": ""}}, None),
+    ],
+)
+def test_which_robot_was_recorded(metadata: dict[str, dict[str, str]], expected: str | None, tmp_path: Path) -> None:
+    with bag.Recording(tmp_path / "a.mcap", bag.Options(compression="none", sync=False)) as recording:
+        for name, words in metadata.items():
+            recording.add_metadata(name, words)
+    with bag.open(tmp_path / "a.mcap") as opened:
+        assert robot_of(opened) == expected
 
 
 def numbers(at: int) -> Iterator[Item[int]]:

@@ -18,12 +18,12 @@ from robo.cli.link import Link
 from robo.cli.printing import amount, hint, note, print_json, print_line
 from robo.cli.reach import Reach
 from robo.cli.views.bag_keys import FAR, SEEK, Decoder, Key, next_rate, status_line
-from robo.errors import BagError, DamagedBag, InvalidName, RoboError
+from robo.errors import BagError, DamagedBag, InvalidName
 from robo.recording.outputs import ClockOutput, Outputs
 from robo.recording.play_topics import CLOCK, Choice, Played, Selection, select
 from robo.recording.player import Player
 from robo.recording.player_services import PlayerServices
-from robo.recording.tape import BagTape, Window
+from robo.recording.tape import BagTape, Window, robot_of
 from robo.samples.publishing import Audience
 from robo.text.brief import brief
 from robo.text.keyboard import KeyboardTerminal, NoTerminal
@@ -63,7 +63,7 @@ def play(path: str, reach: Reach, words: "PlayWords", *, json: bool) -> int:
     """
     with bag.open(path) as recording, ExitStack() as ends:
         _tell_all(f"{fault}; what can be read is played, and `robo bag recover` mends it" for fault in recording.faults)
-        selection = select(recording.topics, _choice(words, reach), recording.path, _robot_of(recording))
+        selection = select(recording.topics, _choice(words, reach), recording.path, robot_of(recording))
         window = Window(words.start, words.end, words.duration)
         tape = BagTape(recording, selection.played, words.order, window)  # a mistake is told before anything is dialled
         session = ends.enter_context(connect_to_robot(reach))
@@ -77,16 +77,6 @@ def play(path: str, reach: Reach, words: "PlayWords", *, json: bool) -> int:
 
 def _choice(words: "PlayWords", reach: Reach) -> Choice:
     return Choice(words.topics or (), words.exclude or (), words.remap or (), reach.namespace)
-
-
-def _robot_of(recording: Bag) -> str | None:
-    """The robot that was recorded, where the recording says so and it was one."""
-    words: dict[str, str] = {}
-    with suppress(RoboError):
-        words = recording.metadata.get("robo", {})
-    robots = words.get("robot", words.get("robots", "")).split()
-    first = min(robots, key=len, default="")
-    return first if all(f"{one}/".startswith(f"{first}/") for one in robots) else None
 
 
 def _allowed(session: zenoh.Session, selection: Selection, words: "PlayWords", reach: Reach) -> list[Played]:
