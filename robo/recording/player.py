@@ -45,6 +45,10 @@ class _Tape:
         return self._ahead.run(at)
 
 
+def _size_of(message: Ready) -> int:
+    return len(message.payload)
+
+
 class Player:
     """Plays in the thread that calls `run`; all else may be called by any other."""
 
@@ -74,7 +78,9 @@ class Player:
         Raises:
             UsageError: the rate makes no sense.
         """
-        self._ahead: Ahead[Ready] = Ahead(tape.run, lambda message: len(message.payload))
+        # Who does not wait for anything to be due has no time in which another thread could read: both would only wait
+        # for each other.
+        self._ahead = Ahead(tape.run, _size_of) if rate else None
         self._outputs = outputs
         self._clock = clock
         self._clock_period = round(clock_period * 1e9) if clock_period else None
@@ -90,10 +96,14 @@ class Player:
         try:
             now = time.monotonic_ns()
             self._playback: Playback[Ready] = Playback(
-                _Tape(tape, self._ahead), now, rate=rate, paused=paused, loop=loop
+                _Tape(tape, self._ahead) if self._ahead is not None else tape,
+                now,
+                rate=rate,
+                paused=paused,
+                loop=loop,
             )
         except BaseException:
-            self._ahead.close()
+            self.close()
             raise
 
     def run(self) -> bool:
@@ -174,7 +184,8 @@ class Player:
     def close(self) -> None:
         """Read no more; after this the recording may be closed."""
         self.stop()
-        self._ahead.close()
+        if self._ahead is not None:
+            self._ahead.close()
 
     def _do(self, what: Callable[[int], R]) -> R:
         with self._changed:
