@@ -71,6 +71,7 @@ class Tolerances:
     """What may differ. Of several rules that fit the last one holds."""
 
     def __init__(self, rules: Sequence[Rule] = (), times: Sequence[TimeRule] = ()) -> None:
+        self._said = rules
         self._rules = [(_topics(rule.topics), _fields(rule.fields), rule.tolerance) for rule in rules]
         self._times = [(_topics(rule.topics), rule.seconds) for rule in times]
         self.patterns = list(dict.fromkeys([rule.topics for rule in rules] + [rule.topics for rule in times]))
@@ -89,6 +90,11 @@ class Tolerances:
         """By how much a message may come earlier or later, s; None where nothing is said."""
         fitting = [seconds for topics, seconds in self._times if topics(topic)]
         return fitting[-1] if fitting else None
+
+    def only_ignored(self) -> "Tolerances":
+        """The same, but what counts is compared bit for bit, at its exact time."""
+        exact = [msgspec.structs.replace(rule, tolerance=EXACT) for rule in self._said]
+        return Tolerances([rule if rule.tolerance.ignored else exact[n] for n, rule in enumerate(self._said)])
 
     def idle(self, topics: Sequence[str]) -> list[str]:
         """The patterns of topics that fit none of these."""

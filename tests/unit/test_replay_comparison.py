@@ -81,6 +81,9 @@ def test_rules_hold_for_topics_and_fields_that_fit(tmp_path: Path) -> None:
     assert (some.of("r1/odom", "frame").ignored, some.of("x", "frame").ignored) == (True, False)
     assert some.idle(["r1/scan"]) == ["r1/odom"]
     assert load(None).of("x", "y") == Tolerance()
+    exact = some.only_ignored()
+    assert (exact.of("r1/odom", "pose.pose.position.x"), exact.time_of("r1/odom")) == (Tolerance(), None)
+    assert exact.of("x", "covariance.3").ignored
 
 
 @pytest.mark.parametrize(
