@@ -136,7 +136,7 @@ def test_nodes_of_a_manifest_and_what_one_says_to_another(birds: Path) -> None:
     report = replay(reference, "parrot", "relay", manifest="birds.yaml")
     assert [one.topic for one in report.inputs] == ["r1/word"]
     assert [(topic.name, topic.same) for topic in report.topics] == [("r1/said", True), ("r1/passed", True)]
-    relay = replay(reference, "relay", manifest="birds.yaml")
+    relay = replay(reference, "birds:Relay", manifest="birds.yaml")
     assert [one.topic for one in relay.inputs] == ["r1/said"]
     (birds / "birds.yaml").write_text((birds / "birds.yaml").read_text().replace("birds:Relay}", "birds:Parrot}"))
     shared = different(reference, "relay", manifest="birds.yaml")

@@ -45,7 +45,8 @@ def choose(
 
     Args:
         recording: what is replayed.
-        words: names, full names, groups of the manifest, or services: `package.module`, `module:Class`.
+        words: names, full names, groups of the manifest, or services: `package.module`, `module:Class`; with a
+            manifest, those of its nodes.
         manifest: a file, as for `robo up`; None for robot.yaml, of which only classes are taken then where the
             recording says parameters.
         robot: the robot's name; None for the one in the recording.
@@ -59,11 +60,13 @@ def choose(
         raise UsageError("say which node: --node position_tracker, or --node my_package.my_module")
     robot = robot if robot is not None else _robot_of(recording)
     said = _recorded(recording)
-    services = [word for word in words if set(".:") & set(word)]
+    services = [word for word in words if set(".:") & set(word)] if manifest is None else []
     named = [word for word in words if word not in services]
     nodes = [NodeOrder(service=word, namespace=robot or "", recorded=said) for word in services]
+    if arguments and not named:
+        raise UsageError(f"{next(iter(arguments))}:= is an argument of a manifest; --manifest names one")
     others: dict[str, list[str]] = {}
-    if named or (manifest is not None and not services):
+    if named:
         found = _resolved(manifest, robot, arguments)
         plans = _meant(found, named)
         nodes += [_of_plan(plan, said if manifest is None else {}) for plan in plans]
@@ -140,7 +143,10 @@ def _meant(found: Resolution, words: Collection[str]) -> list[ProcessPlan]:
 
 
 def _is_meant(process: ProcessPlan, word: str) -> bool:
-    return word in (process.name, process.full_name, process.full_name[1:])
+    if word in (process.name, process.full_name, process.full_name[1:]):
+        return True
+    (module, _, class_), (own, _, own_class) = word.partition(":"), (process.service or "").partition(":")
+    return module == own and (class_ == own_class or not (class_ and own_class))
 
 
 def _others(found: Resolution, chosen: Collection[str]) -> dict[str, list[str]]:
