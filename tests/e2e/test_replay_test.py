@@ -2,14 +2,16 @@
 
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
+import psutil
 import pytest
 
 from robo.bag.replay_report import ReplayReport
 from tests import replays
-from tests.support import Running, plain_environment, run_robo
+from tests.support import Running, eventually, plain_environment, run_robo
 
 pytestmark = pytest.mark.timeout(240)
 
@@ -101,17 +103,32 @@ def test_mistakes_are_sentences(recorded: Path, words: tuple[str, ...], told: st
     assert "Traceback" not in done.stderr
 
 
+def _words(process: psutil.Process) -> list[str]:
+    with suppress(psutil.Error):  # it may be just ending
+        return process.cmdline()
+    return []
+
+
 def test_ctrl_c_leaves_nothing_behind(project: Path) -> None:
     command = [sys.executable, "-m", "robo", "replay-test", "words.mcap", "--node", "birds:Hangs"]
     running = Running(command, cwd=str(project), env=plain_environment() | {"TMPDIR": str(project)}, terminal=True)
     try:
-        running.wait_for("run 1 of 2")
+        eventually(lambda: any("robo.testing.regression.run" in _words(one) for one in running.children()), "a run")
         running.interrupt()
         assert running.wait() == 130, running.output
         assert "Traceback" not in running.output
     finally:
         running.close()
     assert not list(project.glob("robo-replay-*"))
+    assert not [
+        one for one in psutil.process_iter() if "robo.testing.regression.run" in _words(one) and _in(one, project)
+    ]
+
+
+def _in(process: psutil.Process, folder: Path) -> bool:
+    with suppress(psutil.Error):
+        return process.cwd() == str(folder)
+    return False
 
 
 def test_the_helper_in_a_test_of_pytest(project: Path) -> None:
