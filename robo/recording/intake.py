@@ -171,6 +171,8 @@ class Intake:
         if kind == _KEPT:
             if self._selection.source(key) < 0:
                 return []
+            if self.offers.latch(key):  # its token is still on its way, or it is no node's
+                self._offer_changed(key)
             return self._latched.kept(Came(key, arrived, news))
         is_there = news.kind == zenoh.SampleKind.PUT
         if kind == _PUBLISHER:

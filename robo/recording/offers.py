@@ -45,6 +45,14 @@ class Offers:
         self._count -= 1
         self._offers[token.topic] = _offer(list(publishers.values()))
 
+    def latch(self, topic: str) -> bool:
+        """A topic turns out to be latched before any node has said so; returns whether that is new."""
+        offer = self.of(topic)
+        if offer.qos.latched or len(self._offers) >= _MOST_TOKENS:
+            return False
+        self._offers[topic] = offer._replace(qos=QoS(latched=True))
+        return True
+
     def of(self, topic: str) -> Offer:
         """What is known of a topic: one latched publisher makes it latched, and the deepest says how deep."""
         return self._offers.get(topic, _NOTHING)

@@ -54,7 +54,7 @@ def test_a_robot_is_recorded_until_ctrl_c(robot: Robot, tmp_path: Path) -> None:
     assert found["r1/odom"] > 10
     assert found["r1/scan"] > 2
     assert found["r1/tf_static"] >= 1
-    assert found["r1/tf"] >= found["r1/odom"] - 1
+    assert found["r1/tf"] > 10
     assert not any(name.startswith("@") for name in found)
     with bag.open(path) as opened:
         first = next(iter(opened.messages()))

@@ -90,6 +90,16 @@ def test_of_several_publishers_the_latched_and_the_deepest_count() -> None:
     assert offers.of("r1/other").publishers == ()
 
 
+def test_what_turns_out_to_be_latched_is_until_a_node_says_more() -> None:
+    offers = Offers()
+    assert offers.latch("r1/cmd")
+    assert not offers.latch("r1/cmd")
+    assert offers.of("r1/cmd").qos.latched
+    assert offers.put(publisher("a", QoS(depth=3, latched=True)))
+    assert not offers.latch("r1/cmd")
+    assert offers.of("r1/cmd").qos == QoS(depth=3, latched=True)
+
+
 def test_what_was_offered_last_holds_until_somebody_offers_something_else() -> None:
     offers = Offers()
     offers.put(publisher("a", QoS.LATCHED))
