@@ -23,8 +23,9 @@ SECTIONS = {
     "From ROS 2": ("from_ros2", "from_ros2_launch"),
     "Robots": (
         "running", "launch", "driving", "simulation", "sensors", "localization",
-        "several_robots", "hosts", "tools", "recording", "debugging",
+        "several_robots", "hosts", "tools", "debugging",
     ),
+    "Recordings": ("recording", "playing", "recordings", "flight_recorder", "replay_test"),
     "Nodes": (
         "messages", "services", "actions", "parameters", "lifecycle",
         "transforms", "pictures", "performance", "clients",
