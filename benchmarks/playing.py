@@ -28,13 +28,13 @@ import zenoh
 
 from benchmarks.__main__ import machine
 from robo import bag
+from robo.bag.forms import carmen
 from robo.bag.types import topic_of
 from robo.interfaces import cdr
 from robo.tf import Transform3
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from robo_messages import Header, LaserScan, Message, Odometry, TFMessage, Time, Twist, Vector3
-from robo_services import carmen
 
 RESULTS = Path(__file__).parent / "PLAYING.md"
 ROOM = Path(__file__).parents[1] / "robo" / "share" / "logs"

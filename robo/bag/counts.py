@@ -48,7 +48,7 @@ class Counter:
                     self._forget_one()
                 elif sequence > last + 1:
                     lost = sequence - last - 1
-                self._last[key] = sequence
+                self._last[key] = sequence if last is None else max(sequence, last)  # one that came late counts for none
             else:
                 series = self._unnamed.get(topic)
                 if series is None:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import msgspec
 import zenoh
 
+from robo.bag.of_robot import PARAMETERS, ROBOTS
 from robo.text import graph
 from robo.text.paths import nested
 from robo.text.unreadable import UNREADABLE
@@ -60,7 +61,7 @@ def look(session: zenoh.Session, manifests: Manifests = no_manifests, timeout: f
     tokens = discovery.tokens(session, timeout)
     nodes = [token for token in tokens if isinstance(token, NodeToken)]
     attachments = [
-        Attachment("parameters.yaml", parameters_yaml(_parameters(session, timeout)).encode(), "text/yaml"),
+        Attachment(PARAMETERS, parameters_yaml(_parameters(session, timeout)).encode(), "text/yaml"),
         Attachment("graph.json", msgspec.json.format(msgspec.json.encode(graph_of(tokens))), "application/json"),
     ]
     for name, text in manifests({token.run for token in nodes if token.run}).items():
@@ -72,7 +73,7 @@ def words(nodes: Iterable[NodeToken]) -> dict[str, str]:
     """Who records what, and with which versions."""
     nodes = list(nodes)
     return {
-        "robots": " ".join(sorted({token.namespace for token in nodes})),
+        ROBOTS: " ".join(sorted({token.namespace for token in nodes})),
         "nodes": " ".join(sorted(token.full_name for token in nodes)),
         "runs": " ".join(sorted({token.run for token in nodes if token.run})),
         "host": discovery.hostname(),

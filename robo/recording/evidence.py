@@ -13,9 +13,9 @@ import msgspec
 import zenoh
 
 from robo.bag.file_writer import FileWriter
+from robo.bag.of_robot import ABOUT, PARAMETERS
 from robo.recording.about import Attachment, graph_of, parameters_yaml, words
 from robo.recording.explained import explained
-from robo.recording.recorder import ABOUT
 from robo.text.unreadable import UNREADABLE
 from robo.wire import discovery
 from robo.wire.keys import EndpointToken, NodeToken, control_key, parameters_key
@@ -61,7 +61,7 @@ def attachments(evidence: Evidence, concerned: Sequence[str]) -> list[Attachment
         Attachment("why.json", _json(ordered), "application/json"),
         Attachment("processes.json", _json([one.process for one in ordered]), "application/json"),
         Attachment("events.jsonl", _encoder.encode_lines(evidence.events), "application/x-ndjson"),
-        Attachment("parameters.yaml", parameters, "text/yaml"),
+        Attachment(PARAMETERS, parameters, "text/yaml"),
         Attachment("graph.json", _json(graph_of(evidence.tokens)) if evidence.tokens else b"", "application/json"),
     ]
     return [one for one in known if one.data]

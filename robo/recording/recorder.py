@@ -11,6 +11,7 @@ import msgspec
 import zenoh
 
 from robo.bag import Options, Recording, TopicInFile
+from robo.bag.of_robot import ABOUT
 from robo.errors import BagError
 from robo.recording.about import About, Manifests, Watch, no_manifests
 from robo.recording.conversion import Conversion, Converted
@@ -22,8 +23,6 @@ from robo.recording.tally import Tally, TopicFigures
 PERIOD = 0.05
 """How often what has come is written down, s."""
 
-ABOUT = "robo.about"
-"""The metadata that say who recorded what, with which versions."""
 MADE = "robo.made"
 """The metadata that say which topics nobody published, and of which they were made."""
 

@@ -18,22 +18,6 @@ _LONGEST = 1e9
 """Of a recording, s: 30 years."""
 
 
-_ABOUT = ("robo.about", "robo")
-"""Metadata that say which robots were recorded."""
-
-
-def robot_of(recording: Bag) -> str | None:
-    """The namespace of the robot that was recorded, where the recording says so and it was one."""
-    try:
-        every = recording.metadata
-    except BagError:
-        return None  # it can be played all the same
-    words = next((every[name] for name in _ABOUT if name in every), {})
-    robots = words.get("robots", words.get("robot", "")).split()
-    first = min(robots, key=len, default="")
-    return first if first and all(f"{one}/".startswith(f"{first}/") for one in robots) else None
-
-
 class Ready(NamedTuple):
     """A message as it is published."""
 

@@ -22,12 +22,12 @@ import zenoh
 
 import robo_messages
 from robo import bag
+from robo.bag.forms import carmen
 from robo.bag.types import topic_of
 from robo.interfaces import cdr
 from robo.samples.publishing import Sender
 from robo.testing import Launch
 from robo_messages import LaserScan, Odometry, String, Twist
-from robo_services import carmen
 from tests import bags
 from tests.bags import MS, START
 from tests.e2e.test_teleop import ALONE, SHELL

@@ -9,6 +9,7 @@ import pytest
 from robo import bag
 from robo.bag.replay_report import ReplayReport
 from robo.errors import UsageError
+from robo.recording.about import parameters_yaml
 from robo.testing import ReplayDiffers, replay
 from robo.testing.regression.judge import Request, judge
 from robo.wire.qos import QoS
@@ -187,15 +188,15 @@ def test_a_new_reference_takes_the_place_of_the_old_one(birds: Path) -> None:
 
 def test_parameters_come_from_the_recording_unless_a_manifest_says_them(birds: Path) -> None:
     with bag.Recording(birds / "with.mcap", replays.PLAIN) as recording:
-        said = {"r1/ticks": {"rate": 5.0, "gone": 1}}
-        recording.attach("parameters.json", msgspec.json.encode(said), "application/json", START)
+        said = parameters_yaml({"/r1/ticks": {"rate": 5.0, "gone": 1}})
+        recording.attach("parameters.yaml", said.encode(), "text/yaml", START)
         log = replays.Log(recording)
         for number in range(11):
             log.write("r1/word", String("a"), number * 100 * MS)
     reference = accepted(birds / "with.mcap", "birds:Ticks")
     with bag.open(reference) as recorded:
         assert recorded.topic("r1/said").count == 5
-        assert "parameters.json" in recorded.attachments
+        assert "parameters.yaml" in recorded.attachments
     report = replay(reference, "birds:Ticks")
     assert any("birds:Ticks has no parameter gone any more" in note for note in report.notes)
     faster = different(reference, "birds:Ticks", parameters={"rate": 10.0})

@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 
 import robo_messages
 from robo import bag
+from robo.bag.of_robot import robot_of
 from robo.errors import DamagedBag, RoboError, UsageError
 from robo.recording.ahead import MOST_ITEMS, Ahead
 from robo.recording.play_topics import Choice, select
 from robo.recording.playback import Item
-from robo.recording.tape import BagTape, Ready, Window, robot_of
+from robo.recording.tape import BagTape, Ready, Window
 from tests import bags
 from tests.bags import MS, START
 
@@ -91,7 +92,6 @@ def test_damaged_recordings_are_played_or_refused_and_nothing_else(
     ("metadata", "expected"),
     [
         ({}, None),
-        ({"robo": {"robot": "r1"}}, "r1"),
         ({"robo.about": {"robots": "r1 r1/arm", "host": "h"}}, "r1"),
         ({"robo.about": {"robots": "r1 r12"}}, None),
         ({"robo.about": {"robots": ""}}, None),

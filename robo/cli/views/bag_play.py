@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NoReturn
 import zenoh
 
 from robo import bag
+from robo.bag.of_robot import robot_of
 from robo.bag.reader import Bag
 from robo.cli.connection import connect_to_robot
 from robo.cli.link import Link
@@ -23,7 +24,7 @@ from robo.recording.outputs import ClockOutput, Outputs
 from robo.recording.play_topics import CLOCK, Choice, Played, Selection, select
 from robo.recording.player import Player
 from robo.recording.player_services import PlayerServices
-from robo.recording.tape import BagTape, Window, robot_of
+from robo.recording.tape import BagTape, Window
 from robo.samples.publishing import Audience
 from robo.text.brief import brief
 from robo.text.keyboard import KeyboardTerminal, NoTerminal

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from robo.bag.of_robot import parameters_of, robot_of
 from robo.bag.reader import Bag
 from robo.errors import RoboError, UsageError
 from robo.launch.faults import ManifestFaults
@@ -18,9 +19,6 @@ from robo.launch.substitution import Word
 from robo.node.identity import Identity
 from robo.testing.regression.order import NodeOrder
 from robo.text.suggestions import suggest
-
-PARAMETERS = "parameters.json"
-"""The attachment of a recording that has the parameters of its nodes: {"r1/position_tracker": {"log_rate": 1.0}}."""
 
 DEFAULT_MANIFEST = "robot.yaml"
 
@@ -59,7 +57,7 @@ def choose(
     if not words:
         raise UsageError("say which node: --node position_tracker, or --node my_package.my_module")
     robot = robot if robot is not None else _robot_of(recording)
-    said = _recorded(recording)
+    said = parameters_of(recording)
     services = [word for word in words if set(".:") & set(word)] if manifest is None else []
     named = [word for word in words if word not in services]
     nodes = [NodeOrder(service=word, namespace=robot or "", recorded=said) for word in services]
@@ -76,22 +74,11 @@ def choose(
 
 def _robot_of(recording: Bag) -> str | None:
     """The robot of a recording: as it says, or what all its topics begin with."""
-    said = recording.metadata.get("robo", {}).get("robot")
-    if said:
+    said = robot_of(recording)
+    if said is not None:
         return said
     begins = {name.partition("/")[0] for name in recording.topics if "/" in name}
     return begins.pop() if len(begins) == 1 else None
-
-
-def _recorded(recording: Bag) -> dict[str, dict[str, Any]]:
-    """Parameters by the full name of a node, without its leading slash."""
-    if PARAMETERS not in recording.attachments:
-        return {}
-    try:
-        said = msgspec.json.decode(recording.attachment(PARAMETERS), type=dict[str, dict[str, Any]])
-    except msgspec.DecodeError as error:
-        raise UsageError(f"{recording.path}: its attachment {PARAMETERS} cannot be read: {error}") from None
-    return {name.strip("/"): values for name, values in said.items()}
 
 
 def _of_plan(plan: ProcessPlan, said: Mapping[str, dict[str, Any]]) -> NodeOrder:
