@@ -32,7 +32,7 @@ class SetRate:
         """How fast."""
 
         rate: float = 0.0
-        """1 for as recorded, 2 for twice as fast, 0 for as fast as nothing is lost."""
+        """Without unit: 1 for as recorded, 2 for twice as fast, 0 for as fast as nothing is lost."""
 
     @message("rosbag2/SetRate_Response")
     class Response(Message):
@@ -54,7 +54,7 @@ class GetRate:
         """How fast."""
 
         rate: float = 0.0
-        """1 for as recorded, 0 for as fast as nothing is lost."""
+        """Without unit: 1 for as recorded, 0 for as fast as nothing is lost."""
 
 
 class IsPaused:

@@ -48,7 +48,8 @@ class Counter:
                     self._forget_one()
                 elif sequence > last + 1:
                     lost = sequence - last - 1
-                self._last[key] = sequence if last is None else max(sequence, last)  # one that came late counts for none
+                # One that came late has been counted as lost; those that follow it are not.
+                self._last[key] = sequence if last is None else max(sequence, last)
             else:
                 series = self._unnamed.get(topic)
                 if series is None:

@@ -7,6 +7,7 @@ from msgspec import Meta
 
 import robo
 from robo import READ_ONLY, Node, ParameterError, Unit
+from robo.bag.of_robot import robot_of
 from robo.bag.opening import open_bag
 from robo.bag.reader import Bag
 from robo.errors import BagError, InvalidName, UsageError
@@ -14,7 +15,7 @@ from robo.recording.outputs import ClockOutput, Outputs
 from robo.recording.play_topics import CLOCK, Choice, Played, select
 from robo.recording.player import Player
 from robo.recording.player_services import PlayerServices
-from robo.recording.tape import BagTape, robot_of
+from robo.recording.tape import BagTape
 
 
 class BagPlayer(Node):

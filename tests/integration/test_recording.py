@@ -14,8 +14,9 @@ import zenoh
 import robo_messages
 from robo import KEEP_ALL, Node, Publisher, bag
 from robo.bag.index import COUNTS
+from robo.bag.of_robot import ABOUT
 from robo.recording.intake import Intake
-from robo.recording.recorder import ABOUT, MADE, Recorder, Status
+from robo.recording.recorder import MADE, Recorder, Status
 from robo.recording.selection import EVERYTHING, Selection
 from robo.wire import codec
 from robo_messages import Header, Odometry, String, TFMessage, Time, TransformStamped, Twist, Vector3
