@@ -25,7 +25,7 @@ import zenoh
 
 from benchmarks.__main__ import machine
 from robo import bag
-from robo.recording.flight import LOOK
+from robo.recording.flight.flight import LOOK
 from robo.wire import codec, sources
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session

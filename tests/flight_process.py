@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from robo.bag.types import topic_of
-from robo.recording.ring import Limits, Ring
+from robo.recording.flight.ring import Limits, Ring
 from robo_messages import Twist
 from tests import bags
 

@@ -34,7 +34,7 @@ ASK_AGAIN = (1.0, 5.0)
 """After how long all latched publishers are asked once more, s: a token that is announced while two routers are
 linking may be lost (zenoh 1.10.2, about one in three)."""
 
-_LIVE, _KEPT, _DONE, _PUBLISHER, _KEEPER = range(5)
+LIVE, _KEPT, _DONE, _PUBLISHER, _KEEPER = range(5)
 
 
 class Intake:
@@ -85,7 +85,7 @@ class Intake:
         taken = 0
         for _ in range(len(row)):
             arrived, kind, sample, number, size = row.popleft()
-            if kind != _LIVE:
+            if kind != LIVE:
                 found += self._learn(arrived, kind, sample)
                 continue
             taken += size
@@ -156,7 +156,7 @@ class Intake:
                 self.left_out += 1
                 continue
             self._bytes += size
-            put((arrived, _LIVE, sample, number, size))
+            put((arrived, LIVE, sample, number, size))
 
     def _post(self, kind: int, news: Any = None) -> None:
         """Called by Zenoh's threads."""

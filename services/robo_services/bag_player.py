@@ -11,11 +11,11 @@ from robo.bag.of_robot import robot_of
 from robo.bag.opening import open_bag
 from robo.bag.reader import Bag
 from robo.errors import BagError, InvalidName, UsageError
-from robo.recording.outputs import ClockOutput, Outputs
-from robo.recording.play_topics import CLOCK, Choice, Played, select
-from robo.recording.player import Player
-from robo.recording.player_services import PlayerServices
-from robo.recording.tape import BagTape
+from robo.recording.play.outputs import ClockOutput, Outputs
+from robo.recording.play.player import Player
+from robo.recording.play.services import PlayerServices
+from robo.recording.play.tape import BagTape
+from robo.recording.play.topics import CLOCK, Choice, Played, select
 
 
 class BagPlayer(Node):

@@ -15,11 +15,11 @@ from robo.bag.compression import compressor
 from robo.environment import RUN_VARIABLE, SUPERVISED_VARIABLE
 from robo.errors import BagError, FlightRecorderError, InvalidName, ParameterError
 from robo.node.turn import paused
-from robo.recording.flight import Flight
-from robo.recording.flight_files import Recorder, Settings
-from robo.recording.ring import best_compression, default_base
+from robo.recording.flight.files import Recorder, Settings
+from robo.recording.flight.flight import Flight
+from robo.recording.flight.ring import best_compression, default_base
+from robo.recording.flight.windows import Reason
 from robo.recording.selection import Selection
-from robo.recording.windows import Reason
 from robo.text.folders import log_base
 from robo.wire import names
 from robo.wire.discovery import publishers_of

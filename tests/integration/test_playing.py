@@ -16,11 +16,11 @@ from robo.bag.types import nothing, topic_of
 from robo.errors import DamagedBag, RoboError, ServiceError
 from robo.interfaces import cdr
 from robo.node.services import ServiceClient, service_token
-from robo.recording.outputs import ClockOutput, Outputs
-from robo.recording.play_topics import Choice, select
-from robo.recording.player import Player
-from robo.recording.player_services import PlayerServices
-from robo.recording.tape import BagTape, Window
+from robo.recording.play.outputs import ClockOutput, Outputs
+from robo.recording.play.player import Player
+from robo.recording.play.services import PlayerServices
+from robo.recording.play.tape import BagTape, Window
+from robo.recording.play.topics import Choice, select
 from robo.samples.publishing import Audience
 from robo.wire import codec
 from robo.wire.latched import LatchedSubscriber

@@ -6,10 +6,10 @@ import msgspec
 import pytest
 
 import robo_messages
-from robo.recording.evidence import Evidence, attachments
-from robo.recording.explained import explained
+from robo.recording.flight.evidence import Evidence, attachments
 from robo.supervisor.journal import Journal
 from robo.supervisor.snapshots import Snapshots
+from robo.wire.explained import explained
 from robo.wire.reports import Event, Explanation, LogRecord, SnapshotFile
 from robo_messages import Snapshot, Time
 from tests.processes import FakeProcess, last_exit, process_plan

@@ -14,8 +14,8 @@ from robo import bag
 from robo.bag.excerpt import excerpt
 from robo.bag.types import topic_of
 from robo.errors import BagError, FlightRecorderError
-from robo.recording.ring import Limits, OldFile, Ring, ring_folder, rings_without_owner, taken_over
-from robo.recording.shelf import Shelf
+from robo.recording.flight.ring import Limits, OldFile, Ring, ring_folder, rings_without_owner, taken_over
+from robo.recording.flight.shelf import Shelf
 from robo.wire.qos import QoS
 from robo_messages import String, Twist
 from tests import bags

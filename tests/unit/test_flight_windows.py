@@ -5,7 +5,7 @@ import time
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robo.recording.windows import MOST_REASONS, Kind, Reason, Windows, arrivals, file_name, to_go
+from robo.recording.flight.windows import MOST_REASONS, Kind, Reason, Windows, arrivals, file_name, to_go
 
 SECOND = 1_000_000_000
 NOON = 1_700_000_000 * SECOND

@@ -15,10 +15,10 @@ import robo_messages
 from robo import bag
 from robo.bag.of_robot import robot_of
 from robo.errors import DamagedBag, RoboError, UsageError
-from robo.recording.ahead import MOST_ITEMS, Ahead
-from robo.recording.play_topics import Choice, select
-from robo.recording.playback import Item
-from robo.recording.tape import BagTape, Ready, Window
+from robo.recording.play.ahead import MOST_ITEMS, Ahead
+from robo.recording.play.playback import Item
+from robo.recording.play.tape import BagTape, Ready, Window
+from robo.recording.play.topics import Choice, select
 from tests import bags
 from tests.bags import MS, START
 

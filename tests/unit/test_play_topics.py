@@ -9,8 +9,8 @@ from robo.bag.topics import Topic
 from robo.bag.types import of_robo, topic_of
 from robo.cli.views.bag_keys import Decoder, next_rate, status_line
 from robo.errors import BagError, UsageError
-from robo.recording.play_topics import Choice, select
-from robo.recording.player import State
+from robo.recording.play.player import State
+from robo.recording.play.topics import Choice, select
 from robo.wire.qos import KEEP_ALL, QoS
 from robo_messages import String, Twist
 

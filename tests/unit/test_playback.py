@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo.errors import UsageError
-from robo.recording.playback import Item, Over, Playback, Say, Wait
-from robo.recording.timeline import Timeline
+from robo.recording.play.playback import Item, Over, Playback, Say, Wait
+from robo.recording.play.timeline import Timeline
 
 MS = 1_000_000
 START = 1_700_000_000_000_000_000

@@ -7,12 +7,12 @@ import pytest
 from rich.console import Console
 
 from robo.cli.views.top import render, shares
-from robo.recording.explained import explained
 from robo.samples.stream import Arrival
 from robo.text.chart import Chart
 from robo.tools.top import NodeFigures, Snapshot, TopicFigures, Traffic
 from robo.tools.topics import Topic
 from robo.wire.codec import Attachment
+from robo.wire.explained import explained
 from robo.wire.reports import Explanation, HealthLevel, Input, ProcessStatus
 from robo_messages import DiagnosticStatus
 

@@ -2,7 +2,7 @@
 
 from typing import Final, Literal
 
-from robo.recording.player import State
+from robo.recording.play.player import State
 
 Key = Literal["pause", "step", "ahead", "back", "far ahead", "far back", "faster", "slower", "quit"]
 

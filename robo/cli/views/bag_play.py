@@ -20,11 +20,11 @@ from robo.cli.printing import amount, hint, note, print_json, print_line
 from robo.cli.reach import Reach
 from robo.cli.views.bag_keys import FAR, SEEK, Decoder, Key, next_rate, status_line
 from robo.errors import BagError, DamagedBag, InvalidName
-from robo.recording.outputs import ClockOutput, Outputs
-from robo.recording.play_topics import CLOCK, Choice, Played, Selection, select
-from robo.recording.player import Player
-from robo.recording.player_services import PlayerServices
-from robo.recording.tape import BagTape, Window
+from robo.recording.play.outputs import ClockOutput, Outputs
+from robo.recording.play.player import Player
+from robo.recording.play.services import PlayerServices
+from robo.recording.play.tape import BagTape, Window
+from robo.recording.play.topics import CLOCK, Choice, Played, Selection, select
 from robo.samples.publishing import Audience
 from robo.text.brief import brief
 from robo.text.keyboard import KeyboardTerminal, NoTerminal

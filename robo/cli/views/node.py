@@ -16,9 +16,9 @@ from robo.cli.printing import (
     print_text,
 )
 from robo.cli.reach import Reach
-from robo.recording.explained import duration
 from robo.text import colours
 from robo.text.columns import aligned
+from robo.text.durations import duration
 from robo.tools import nodes
 from robo.tools.nodes import NodeInfo
 from robo.wire.reports import EVERY_NODES, HEALTH_LEVELS, check_name

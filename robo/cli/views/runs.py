@@ -21,9 +21,10 @@ from robo.cli.printing import (
 )
 from robo.cli.reach import Reach
 from robo.errors import RunError, UsageError
-from robo.recording.explained import duration, explained
 from robo.text import colours
+from robo.text.durations import duration
 from robo.tools import nodes, runs, strangers
+from robo.wire.explained import explained
 from robo.wire.keys import NodeToken, SupervisorToken
 from robo.wire.reports import Event, ProcessStatus
 

@@ -21,7 +21,7 @@ from robo.cli.link import Link, watched
 from robo.cli.printing import data_size, print_json
 from robo.cli.reach import Reach
 from robo.cli.views.screen import Screen
-from robo.recording.explained import duration
+from robo.text.durations import duration
 from robo.text.terminal import visible
 from robo.tools.top import NodeFigures, Snapshot, TopicFigures, Watch
 

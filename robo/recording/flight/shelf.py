@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from robo.errors import BagError
-from robo.recording.windows import to_go
+from robo.recording.flight.windows import to_go
 
 _NAME = re.compile(r".+_\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(_[A-Za-z0-9_]+)?\.mcap")
 """Of a recorder's own files: others in the folder are left alone."""

@@ -14,9 +14,9 @@ import msgspec
 from robo.bag.compression import Compression
 from robo.bag.excerpt import excerpt
 from robo.errors import BagError
-from robo.recording.evidence import Evidence, Witnesses, write_beside
-from robo.recording.shelf import Shelf
-from robo.recording.windows import Reason, Window, file_name
+from robo.recording.flight.evidence import Evidence, Witnesses, write_beside
+from robo.recording.flight.shelf import Shelf
+from robo.recording.flight.windows import Reason, Window, file_name
 from robo.wire.discovery import hostname
 from robo_messages import Snapshot, Time
 

@@ -8,8 +8,8 @@ import robo_messages
 from robo.bag.reader import Bag, Order
 from robo.bag.topics import BagMessage, last_of_each
 from robo.errors import BagError, UsageError
-from robo.recording.play_topics import Played
-from robo.recording.playback import Item
+from robo.recording.play.playback import Item
+from robo.recording.play.topics import Played
 from robo_messages import TFMessage
 
 _MOST_PARTS = 64

@@ -7,7 +7,7 @@ import zenoh
 
 from robo.node.services import ServiceServer, service_token
 from robo.node.turn import Turn
-from robo.recording.player import Player
+from robo.recording.play.player import Player
 from robo.wire import names
 from robo_messages import GetRate, IsPaused, Seek, SetRate, Trigger
 

@@ -14,12 +14,12 @@ import msgspec
 import zenoh
 
 from robo.errors import BagError
-from robo.recording.evidence import Witnesses
-from robo.recording.flight_files import FlightFiles, Held, Job, Log, Recorder, Settings
-from robo.recording.flight_intake import FlightIntake
-from robo.recording.ring import Limits, Ring, ring_folder, rings_without_owner, taken_over
+from robo.recording.flight.evidence import Witnesses
+from robo.recording.flight.files import FlightFiles, Held, Job, Log, Recorder, Settings
+from robo.recording.flight.intake import FlightIntake
+from robo.recording.flight.ring import Limits, Ring, ring_folder, rings_without_owner, taken_over
+from robo.recording.flight.windows import CLOCKS_AGREE, Reason, Windows
 from robo.recording.selection import Selection
-from robo.recording.windows import CLOCKS_AGREE, Reason, Windows
 from robo.text.unreadable import UNREADABLE
 from robo.wire.keys import event_key
 from robo.wire.reports import Event

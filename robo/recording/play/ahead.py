@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Generic, TypeVar
 
-from robo.recording.playback import Item
+from robo.recording.play.playback import Item
 
 T = TypeVar("T")
 

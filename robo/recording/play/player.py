@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import NamedTuple, TypeVar
 
-from robo.recording.ahead import Ahead
-from robo.recording.outputs import ClockOutput, Outputs
-from robo.recording.playback import Item, Over, Playback, Say, Wait
-from robo.recording.tape import BagTape, Ready
+from robo.recording.play.ahead import Ahead
+from robo.recording.play.outputs import ClockOutput, Outputs
+from robo.recording.play.playback import Item, Over, Playback, Say, Wait
+from robo.recording.play.tape import BagTape, Ready
 
 R = TypeVar("R")
 

@@ -5,8 +5,8 @@ from contextlib import suppress
 import zenoh
 
 import robo_messages
-from robo.recording.play_topics import CLOCK, Played
-from robo.recording.tape import Ready
+from robo.recording.play.tape import Ready
+from robo.recording.play.topics import CLOCK, Played
 from robo.samples.publishing import Sender
 from robo.wire import keys, names
 from robo.wire.qos import KEEP_ALL, QoS

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
-from robo.recording.timeline import Timeline
+from robo.recording.play.timeline import Timeline
 
 T = TypeVar("T")
 

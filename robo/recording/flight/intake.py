@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import zenoh
 
 from robo.recording.conversion import Conversion, Converted
-from robo.recording.intake import _LIVE, Intake
+from robo.recording.flight.windows import arrivals
+from robo.recording.intake import LIVE, Intake
 from robo.recording.odometry import TransformsOfOdometry
 from robo.recording.selection import Selection
-from robo.recording.windows import arrivals
 from robo.wire.shared_buffers import LARGE, is_torn
 
 SLOTS = 2048
@@ -54,7 +54,7 @@ class FlightIntake(Intake):
         for number, handler in self._channels:
             try_recv = handler.try_recv
             while (sample := try_recv()) is not None:
-                row.append((now, _LIVE, sample, number, 0))
+                row.append((now, LIVE, sample, number, 0))
         convert, see = self._conversion.convert, self._transforms.take
         before: list[Converted] = []
         live: list[Converted] = []

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 
+from robo.text.durations import duration
 from robo.wire.reports import HEALTH_LEVELS, Explanation, check_name, health_of
 
 _FLOW = 5
@@ -78,15 +79,3 @@ def _clock(at: int) -> str:
 def times(count: int) -> str:
     """How often, in words."""
     return "once" if count == 1 else f"{count} times"
-
-
-def duration(seconds: float) -> str:
-    """A time span in words, coarser the longer it is."""
-    if seconds < 60:
-        return f"{seconds:.1f}s"
-    minutes, rest = divmod(int(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    days, hours = divmod(hours, 24)
-    if days:
-        return f"{days}d{hours:02d}h"
-    return f"{hours}h{minutes:02d}m" if hours else f"{minutes}m{rest:02d}s"

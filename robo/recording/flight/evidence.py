@@ -15,9 +15,9 @@ import zenoh
 from robo.bag.file_writer import FileWriter
 from robo.bag.of_robot import ABOUT, PARAMETERS
 from robo.recording.about import Attachment, graph_of, parameters_yaml, words
-from robo.recording.explained import explained
 from robo.text.unreadable import UNREADABLE
 from robo.wire import discovery
+from robo.wire.explained import explained
 from robo.wire.keys import EndpointToken, NodeToken, control_key, parameters_key
 from robo.wire.reports import Event, Explanation, LogRecord, LogsRequest, ProcessStatus, Request
 
