@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from robo import bag
-from robo.bag import format as mcap
-from robo.bag import packing
-from robo.bag.compression import CannotRestore, restored
-from robo.bag.format import MESSAGE, PREFIX, WHOLE_MESSAGE_HEAD
+from robo.bag.mcap import format as mcap
+from robo.bag.mcap import packing
+from robo.bag.mcap.compression import CannotRestore, restored
+from robo.bag.mcap.format import MESSAGE, PREFIX, WHOLE_MESSAGE_HEAD
 from robo.bag.types import topic_of
 from robo.interfaces import cdr
 from robo.wire.qos import QoS

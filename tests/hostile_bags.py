@@ -66,7 +66,7 @@ def bombs(plain: bytes) -> dict[str, bytes]:
 
 def compressors() -> dict[str, Callable[[bytes], bytes]]:
     """What is installed."""
-    from robo.bag import compression
+    from robo.bag.mcap import compression
 
     found = {}
     if (zstd := compression._module(compression._ZSTD)) is not None:

@@ -11,20 +11,20 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from robo.bag.comparison import Diff, Difference, TopicDifference
-    from robo.bag.compression import Compression
-    from robo.bag.counts import Counts
-    from robo.bag.editing import Edited, cut, keep, merge
-    from robo.bag.inspection import Finding, Kind, Report
+    from robo.bag.edit.editing import Edited, cut, keep, merge
+    from robo.bag.edit.recovery import Recovered, recover
+    from robo.bag.look.comparison import Diff, Difference, TopicDifference
+    from robo.bag.look.inspection import Finding, Kind, Report
+    from robo.bag.look.summary import Info, TopicInfo
+    from robo.bag.mcap.compression import Compression
     from robo.bag.opening import check, diff, info
     from robo.bag.opening import open_bag as open  # noqa: A004 - as gzip.open and its like
     from robo.bag.options import Options, TopicInFile
-    from robo.bag.reader import Bag
-    from robo.bag.recovery import Recovered, recover
-    from robo.bag.summary import Info, TopicInfo
-    from robo.bag.topics import BagMessage, Topic
+    from robo.bag.read.reader import Bag
+    from robo.bag.read.topics import BagMessage, Topic
     from robo.bag.types import topic_of
-    from robo.bag.writer import Recording
+    from robo.bag.write.counts import Counts
+    from robo.bag.write.writer import Recording
     from robo.errors import BagError, DamagedBag, DiskFull
 
 __all__ = [
@@ -61,19 +61,19 @@ __all__ = [
 ]
 
 _HOMES = {
-    "bag.comparison": ("Diff", "Difference", "TopicDifference"),
-    "bag.compression": ("Compression",),
-    "bag.counts": ("Counts",),
-    "bag.editing": ("Edited", "cut", "keep", "merge"),
-    "bag.inspection": ("Finding", "Kind", "Report"),
+    "bag.look.comparison": ("Diff", "Difference", "TopicDifference"),
+    "bag.mcap.compression": ("Compression",),
+    "bag.write.counts": ("Counts",),
+    "bag.edit.editing": ("Edited", "cut", "keep", "merge"),
+    "bag.look.inspection": ("Finding", "Kind", "Report"),
     "bag.opening": ("check", "diff", "info"),
     "bag.options": ("Options", "TopicInFile"),
-    "bag.reader": ("Bag",),
-    "bag.recovery": ("Recovered", "recover"),
-    "bag.summary": ("Info", "TopicInfo"),
-    "bag.topics": ("BagMessage", "Topic"),
+    "bag.read.reader": ("Bag",),
+    "bag.edit.recovery": ("Recovered", "recover"),
+    "bag.look.summary": ("Info", "TopicInfo"),
+    "bag.read.topics": ("BagMessage", "Topic"),
     "bag.types": ("topic_of",),
-    "bag.writer": ("Recording",),
+    "bag.write.writer": ("Recording",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Final
 from robo.errors import BagError
 
 if TYPE_CHECKING:
-    from robo.bag.reader import Bag
+    from robo.bag.read.reader import Bag
 
 ABOUT: Final = "robo.about"
 """The metadata that say who recorded what, with which versions."""

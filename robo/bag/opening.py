@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from robo.bag import comparison, inspection, summary
-from robo.bag.comparison import Diff
-from robo.bag.files import Files, files_of
-from robo.bag.inspection import Report
+from robo.bag.look import comparison, inspection, summary
+from robo.bag.look.comparison import Diff
+from robo.bag.look.inspection import Report
+from robo.bag.look.summary import Info
 from robo.bag.progress import Tell, silent
-from robo.bag.reader import Bag
-from robo.bag.summary import Info
+from robo.bag.read.files import Files, files_of
+from robo.bag.read.reader import Bag
 from robo.bag.types import Find, of_robo
 from robo.errors import DamagedBag
 

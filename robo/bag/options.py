@@ -4,8 +4,8 @@ from typing import Literal
 
 import msgspec
 
-from robo.bag.compression import COMPRESSIONS, Compression
-from robo.bag.file_writer import CHUNK_SIZE
+from robo.bag.mcap.compression import COMPRESSIONS, Compression
+from robo.bag.mcap.file_writer import CHUNK_SIZE
 from robo.errors import BagError
 from robo.wire.qos import QoS
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import zenoh
 
 from robo.bag.options import TopicInFile
-from robo.bag.writer import MOST_MESSAGE
+from robo.bag.write.writer import MOST_MESSAGE
 from robo.recording.forms import Form, form_of
 from robo.recording.senders import Senders
 from robo.text.brief import brief

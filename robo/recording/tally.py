@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import msgspec
 
-from robo.bag.counts import Counts
+from robo.bag.write.counts import Counts
 from robo.recording.conversion import Converted
 
 WINDOW = 1.0

@@ -18,6 +18,10 @@ _AT_REST = ("", "unconfigured", "inactive", "active", "finalized")
 _FRESH = 3 * BEAT_PERIOD
 """For how long a rate is shown after the last sign of life, s; and what a node said last counts for so long."""
 
+_TO_NOTICE = 2.0
+"""How long a check of a node's own may take to notice what ails it, s: it is asked once a second, and machines are
+busy."""
+
 
 def beat_period(watchdog: float) -> float:
     """The time between two beats of a node that hangs after `watchdog` s without one; 0 for never, s."""
@@ -123,11 +127,14 @@ class Pulse:
         """Why it hangs: nothing comes on a topic that it promised, for as long as the watchdog allows.
 
         The time does not count in which a check of its own said what ails it, such as a port that is not there: it is
-        alive and knows, and a new one would have to wait for the same.
+        alive and knows, and a new one would have to wait for the same. A node with such checks has the time to say so.
         """
+        limit = self._watchdog
+        if _own(self.checks):
+            limit = max(limit, _TO_NOTICE + beat_period(self._watchdog))
         for flow in self._flows():
             silent = flow.silent(now, max(self._ready_at, self._excused_at)) or 0.0
-            if self._watchdog and silent > self._watchdog:
+            if self._watchdog and silent > limit:
                 return f"hangs: nothing on {flow.promise.key} for {silent:.1f} s"
         return None
 
@@ -186,8 +193,12 @@ class Pulse:
 
 def _own_trouble(checks: Iterable[DiagnosticStatus]) -> DiagnosticStatus | None:
     """The first error that a check of the node's own has found."""
-    errors = (one for one in checks if one.level == DiagnosticStatus.ERROR)
-    return next((one for one in errors if check_name(one) not in EVERY_NODES), None)
+    return next((one for one in _own(checks) if one.level == DiagnosticStatus.ERROR), None)
+
+
+def _own(checks: Iterable[DiagnosticStatus]) -> list[DiagnosticStatus]:
+    """What checks of the node's own have found, well or not."""
+    return [one for one in checks if check_name(one) not in EVERY_NODES]
 
 
 def _rates(old: Mapping[str, int], new: Mapping[str, int], span: float) -> dict[str, float]:

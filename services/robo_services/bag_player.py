@@ -9,7 +9,7 @@ import robo
 from robo import READ_ONLY, Node, ParameterError, Unit
 from robo.bag.of_robot import robot_of
 from robo.bag.opening import open_bag
-from robo.bag.reader import Bag
+from robo.bag.read.reader import Bag
 from robo.errors import BagError, InvalidName, UsageError
 from robo.recording.play.outputs import ClockOutput, Outputs
 from robo.recording.play.player import Player

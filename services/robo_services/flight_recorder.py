@@ -11,7 +11,7 @@ from msgspec import Meta, field
 
 import robo
 from robo import READ_ONLY, Health, Node, Publisher, Unit, check, service
-from robo.bag.compression import compressor
+from robo.bag.mcap.compression import compressor
 from robo.environment import RUN_VARIABLE, SUPERVISED_VARIABLE
 from robo.errors import BagError, FlightRecorderError, InvalidName, ParameterError
 from robo.node.turn import paused

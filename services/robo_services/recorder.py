@@ -9,7 +9,7 @@ from msgspec import Meta, field
 
 import robo
 from robo import READ_ONLY, Health, Node, Publisher, Unit, check, service, timer
-from robo.bag.compression import Compression, compressor
+from robo.bag.mcap.compression import Compression, compressor
 from robo.bag.options import Options
 from robo.errors import BagError, InvalidName, ParameterError
 from robo.machine.manifests import manifests_of

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from robo import bag
-from robo.bag.inspection import FATAL, Kind
+from robo.bag.look.inspection import FATAL, Kind
 from robo.testing import Launch, Robot
 from tests import bags
 from tests.support import Running, eventually, plain_environment, robo, run_robo

@@ -37,7 +37,7 @@ def reason_of(state: DiagnosticStatus) -> str:
 def let_time_pass(robot: Robot) -> None:
     """More than twice the time after which a silent topic would be a hang."""
     robot.clear()
-    robot.wait_for_count("ground_truth", round(30 * 4.0))
+    robot.wait_for_count("ground_truth", round(30 * 6.0))
 
 
 @pytest.mark.timeout(120)

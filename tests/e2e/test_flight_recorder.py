@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from robo import bag
-from robo.bag.reader import Bag
+from robo.bag.read.reader import Bag
 from robo.testing import Launch, Robot
 from robo_messages import TakeSnapshot
 from tests.support import eventually, run_robo

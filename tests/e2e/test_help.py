@@ -129,10 +129,6 @@ class Lab:
         }.items():
             (folder / name).parent.mkdir(exist_ok=True, parents=True)
             (folder / name).write_text(text)
-        for file in ("drive.mcap", "again.mcap", "other.mcap", "recordings/drive.mcap"):
-            (folder / file).parent.mkdir(exist_ok=True)
-            bags.drive(folder / file)
-        (folder / "cut.mcap").write_bytes((folder / "drive.mcap").read_bytes()[:-1000])
         (folder / "bin").mkdir()
         for program in ("jq", "dot"):  # where there is none, one that passes on what it reads
             if shutil.which(program) is None:
@@ -148,6 +144,19 @@ class Lab:
             code, said = self._desk.run("robo down --all")
             assert code == 0, said
         self._runs = runs
+
+    def lay_out_recordings(self, verb: str) -> None:
+        """Have the recordings that a verb's examples name, as if nothing had been done with them before."""
+        folder = self._desk.folder
+        (folder / "recordings").mkdir(exist_ok=True)
+        for file in ("drive.mcap", "again.mcap", "other.mcap", "recordings/drive.mcap"):
+            (folder / file).unlink(missing_ok=True)
+            bags.drive(folder / file)
+        (folder / "cut.mcap").write_bytes((folder / "drive.mcap").read_bytes()[:-1000])
+        if verb == "replay-test":
+            self._make_reference()
+        elif verb == "record":  # which makes it itself
+            (folder / "drive.mcap").unlink()
 
     def type(self, line: str) -> None:
         """Type a line as an example has it, and see it do what it does."""
@@ -165,8 +174,6 @@ class Lab:
             self._name_a_run(match[1])
         if "< log.jsonl" in line:  # which another example writes
             (self._desk.folder / "log.jsonl").write_text(RECORD)
-        if "replay-test" in line and not (self._desk.folder / "reference.mcap").exists():
-            self._make_reference()
         beside = self._desk.start("robo topic echo r1/chatter") if "--wait-for-subscriber" in line else None
         # What goes on for long is left earlier.
         endless = is_endless(line) or re.search(r"--duration \d\d", line) is not None
@@ -203,7 +210,9 @@ class Lab:
 
     def _make_reference(self) -> None:
         """Record a drive, with what the tracker says of it."""
-        drive = replays.odometry(self._desk.folder / "drive.mcap")
+        drive = self._desk.folder / "drive.mcap"
+        drive.unlink()
+        replays.odometry(drive)
         code, said = self._desk.run(f"robo replay-test {drive} --node position_tracker --accept")
         assert code == 0, said
         shutil.copy(drive, drive.with_name("reference.mcap"))
@@ -233,6 +242,8 @@ def test_every_verb_has_examples() -> None:
 def test_the_examples_of_a_verb_work(lab: Lab, path: tuple[str, ...]) -> None:
     if path in NOT_RUN:
         pytest.skip(NOT_RUN[path])
+    if path[0] in ("bag", "replay-test"):
+        lab.lay_out_recordings(path[-1])
     for line in EXAMPLES[path]:
         if path not in NO_MATTER:
             lab.robot(runs=path not in ALONE)

@@ -9,7 +9,7 @@ import msgspec
 import psutil
 import pytest
 
-from robo.bag.replay_report import ReplayReport
+from robo.bag.regression.report import ReplayReport
 from tests import replays
 from tests.support import Running, eventually, plain_environment, run_robo
 

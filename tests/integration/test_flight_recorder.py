@@ -13,7 +13,7 @@ import pytest
 import zenoh
 
 from robo import Node, Publisher, bag
-from robo.bag.reader import Bag
+from robo.bag.read.reader import Bag
 from robo.errors import FlightRecorderError
 from robo.testing.heard import Heard
 from robo.wire.keys import event_key

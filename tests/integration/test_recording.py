@@ -13,7 +13,7 @@ import zenoh
 
 import robo_messages
 from robo import KEEP_ALL, Node, Publisher, bag
-from robo.bag.index import COUNTS
+from robo.bag.mcap.index import COUNTS
 from robo.bag.of_robot import ABOUT
 from robo.recording.intake import Intake
 from robo.recording.recorder import MADE, Recorder, Status

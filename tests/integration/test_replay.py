@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from robo import bag
-from robo.bag.replay_report import ReplayReport
+from robo.bag.regression.report import ReplayReport
 from robo.errors import UsageError
 from robo.recording.about import parameters_yaml
 from robo.testing import ReplayDiffers, replay

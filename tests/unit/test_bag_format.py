@@ -8,12 +8,12 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from robo.bag import format as mcap
-from robo.bag import packing
-from robo.bag.compression import MOST, CannotRestore, compressor, restored
 from robo.bag.definitions import differs
-from robo.bag.format import PREFIX, Malformed, rows
-from robo.bag.losses import Losses
+from robo.bag.look.losses import Losses
+from robo.bag.mcap import format as mcap
+from robo.bag.mcap import packing
+from robo.bag.mcap.compression import MOST, CannotRestore, compressor, restored
+from robo.bag.mcap.format import PREFIX, Malformed, rows
 from robo.bag.offered import OFFERED, qos_of, words_of
 from robo.wire.qos import KEEP_ALL, QoS
 from tests import bags
@@ -131,7 +131,7 @@ def test_of_an_unknown_compression_is_told() -> None:
 
 
 def test_a_library_that_is_missing_is_told_with_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    from robo.bag import compression
+    from robo.bag.mcap import compression
     from robo.errors import BagError
 
     monkeypatch.setattr(compression, "_module", lambda _: None)

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robo.bag.format import Malformed, Row
-from robo.bag.order import Cache, Data, Span, in_order
+from robo.bag.mcap.format import Malformed, Row
+from robo.bag.read.order import Cache, Data, Span, in_order
 from tests import bags
 
 times = st.integers(0, 30)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from robo import bag
-from robo.bag.order import MOST_KEPT
+from robo.bag.read.order import MOST_KEPT
 from robo.bag.types import nothing, topic_of
 from robo.errors import BagError, DamagedBag
 from robo.wire.qos import QoS

@@ -7,8 +7,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from robo import bag
-from robo.bag import format as mcap
-from robo.bag.format import PREFIX
+from robo.bag.mcap import format as mcap
+from robo.bag.mcap.format import PREFIX
 from robo.errors import BagError, DamagedBag
 from tests import bags
 

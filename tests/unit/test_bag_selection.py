@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo import bag
-from robo.bag import pairing
-from robo.bag.comparison import Diff
+from robo.bag.look import pairing
+from robo.bag.look.comparison import Diff
+from robo.bag.look.pairing import Pairing
 from robo.bag.moments import moment
-from robo.bag.pairing import Pairing
 from robo.bag.patterns import chosen, matcher
 from robo.bag.types import topic_of
 from robo.errors import BagError

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from robo import bag
-from robo.bag import format as mcap
+from robo.bag.mcap import format as mcap
 from robo.bag.types import topic_of
 from robo.errors import BagError, DamagedBag
 from robo.wire.qos import QoS

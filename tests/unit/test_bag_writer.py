@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo import bag
-from robo.bag.part import Part
 from robo.bag.types import topic_of
+from robo.bag.write.part import Part
 from robo.errors import BagError, DiskFull
 from robo.interfaces import cdr
 from robo.wire.qos import KEEP_ALL, QoS
@@ -222,7 +222,7 @@ def test_losses_are_counted_exactly_live_and_in_the_file(tmp_path: Path) -> None
 
 @given(st.lists(st.integers(1, 5), min_size=1, max_size=30), st.integers(0, 2**33))
 def test_one_publisher_that_nobody_names_is_counted_as_well(steps: list[int], first: int) -> None:
-    from robo.bag.counts import Counter
+    from robo.bag.write.counts import Counter
 
     counter = Counter()
     number = first
@@ -410,8 +410,8 @@ def test_files_end_when_somebody_says_so(tmp_path: Path) -> None:
 
 
 def test_a_message_that_nobody_could_read_again_is_not_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("robo.bag.writer.MOST_MESSAGE", 1_000)
-    monkeypatch.setattr("robo.bag.writer.MOST_ATTACHMENT", 1_000)
+    monkeypatch.setattr("robo.bag.write.writer.MOST_MESSAGE", 1_000)
+    monkeypatch.setattr("robo.bag.write.writer.MOST_ATTACHMENT", 1_000)
     with bag.Recording(tmp_path / "drive.mcap", plain()) as recording:
         number = recording.topic(TWIST)
         with pytest.raises(BagError, match="r1/cmd_vel: a message of 1,001 bytes is larger than 1,000"):

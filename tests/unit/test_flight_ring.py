@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from robo import bag
-from robo.bag.excerpt import excerpt
+from robo.bag.edit.excerpt import excerpt
 from robo.bag.types import topic_of
 from robo.errors import BagError, FlightRecorderError
 from robo.recording.flight.ring import Limits, OldFile, Ring, ring_folder, rings_without_owner, taken_over

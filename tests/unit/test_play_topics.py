@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from robo import bag
-from robo.bag.topics import Topic
+from robo.bag.read.topics import Topic
 from robo.bag.types import of_robo, topic_of
 from robo.cli.views.bag_keys import Decoder, next_rate, status_line
 from robo.errors import BagError, UsageError

@@ -13,13 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo import bag
-from robo.bag import regression, replay_report
-from robo.bag.alignment import by_time, in_order
-from robo.bag.fields import unequal
-from robo.bag.regression import Extent
-from robo.bag.renewal import renew
-from robo.bag.replay_report import Input, NodeTopics, ReplayReport, TopicReport, Trouble, Verdict, lines
-from robo.bag.tolerances import Tolerance, Tolerances, load, read_tolerances
+from robo.bag.look.fields import unequal
+from robo.bag.regression import comparing
+from robo.bag.regression import report as replay_report
+from robo.bag.regression.alignment import by_time, in_order
+from robo.bag.regression.comparing import Extent
+from robo.bag.regression.renewal import renew
+from robo.bag.regression.report import Input, NodeTopics, ReplayReport, TopicReport, Trouble, Verdict, lines
+from robo.bag.regression.tolerances import Tolerance, Tolerances, load, read_tolerances
 from robo.errors import BagError, UsageError
 from robo.testing.regression.phase import phase, start_before
 from robo.testing.regression.pictures import thinned
@@ -166,7 +167,7 @@ def record(path: Path, topic: str, *messages: tuple[int, Message], qos: QoS = Qo
 
 def compared(then: Path, now: Path, *, some: Tolerances | None = None, extent: Extent = EXACT) -> TopicReport:
     with bag.open(then) as first, bag.open(now) as second:
-        return regression.compare(first, second, "r1/x", some or Tolerances(), extent)
+        return comparing.compare(first, second, "r1/x", some or Tolerances(), extent)
 
 
 def twist(x: float) -> Twist:
@@ -208,7 +209,7 @@ def test_stamps_are_one_value(tmp_path: Path) -> None:
     assert (field.first.expected, field.first.actual) == ("1700000000.999999999", "1700000001.000000001")
     (tmp_path / "t.yaml").write_text("topics: {'**': {fields: {stamp: 3.0e-9}}}")
     assert compared(then, now, some=load(tmp_path / "t.yaml")).same
-    assert regression.number(Duration(1, 500_000_000)) == 1.5
+    assert comparing.number(Duration(1, 500_000_000)) == 1.5
 
 
 def test_missing_and_additional_messages_are_told_alone(tmp_path: Path) -> None:

@@ -4,15 +4,15 @@ from collections.abc import Callable
 
 import msgspec
 
-from robo.bag import format as mcap
-from robo.bag.contents import Contents
-from robo.bag.file_writer import FileWriter
-from robo.bag.index import COUNTS, REPEATED
+from robo.bag.mcap import format as mcap
+from robo.bag.mcap.file_writer import FileWriter
+from robo.bag.mcap.index import COUNTS, REPEATED
+from robo.bag.mcap.packing import U32
 from robo.bag.options import TopicInFile
-from robo.bag.packing import U32
-from robo.bag.reader import Bag
-from robo.bag.topics import Topic
-from robo.bag.writer import MOST_MESSAGE
+from robo.bag.read.reader import Bag
+from robo.bag.read.topics import Topic
+from robo.bag.write.contents import Contents
+from robo.bag.write.writer import MOST_MESSAGE
 from robo.errors import BagError
 
 LAST_TIME = 2**63 - 1

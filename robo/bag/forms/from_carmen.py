@@ -4,11 +4,11 @@ from pathlib import Path
 
 import msgspec
 
-from robo.bag.compression import Compression
+from robo.bag.edit.output import new_file
 from robo.bag.forms import carmen
 from robo.bag.forms.converted import Added, Converted, Wanted
+from robo.bag.mcap.compression import Compression
 from robo.bag.options import TopicInFile
-from robo.bag.output import new_file
 from robo.bag.progress import Tell, silent
 from robo.bag.types import topic_of
 from robo.errors import MessageError

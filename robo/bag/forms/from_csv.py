@@ -6,11 +6,11 @@ from heapq import merge
 from pathlib import Path
 from typing import NamedTuple
 
-from robo.bag.compression import Compression
+from robo.bag.edit.output import new_file
 from robo.bag.forms.columns import HEAD, columns_of, message_from
 from robo.bag.forms.converted import LAST_TIME, Added, Converted, Wanted
 from robo.bag.forms.lines import MOST_LINE, STANDARD, lines_of
-from robo.bag.output import new_file
+from robo.bag.mcap.compression import Compression
 from robo.bag.progress import Tell, silent
 from robo.bag.types import topic_of
 from robo.errors import BagError, ContractError, MessageError, RoboError

@@ -11,14 +11,14 @@ from typing import Any
 
 import msgspec
 
-from robo.bag.compression import Compression
+from robo.bag.edit.output import new_file
 from robo.bag.forms.converted import Added, Converted, Wanted, left_behind, schema_of
 from robo.bag.forms.lines import lines_of, new_text
+from robo.bag.mcap.compression import Compression
 from robo.bag.options import CDR, ROS_TEXT, TopicInFile
-from robo.bag.output import new_file
 from robo.bag.progress import Tell, counted, silent
-from robo.bag.reader import Bag
-from robo.bag.topics import BagMessage, Topic
+from robo.bag.read.reader import Bag
+from robo.bag.read.topics import BagMessage, Topic
 from robo.bag.types import topic_of
 from robo.errors import BagError, ContractError, MessageError, RoboError
 from robo.interfaces import catalogue, cdr

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, Final, Protocol
 
-from robo.bag.output import new_output
+from robo.bag.edit.output import new_output
 from robo.bag.progress import Tell, silent
 from robo.errors import BagError, UnreadableFile
 from robo.text.files import open_regular

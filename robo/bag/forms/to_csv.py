@@ -16,8 +16,8 @@ from robo.bag.forms.columns import HEAD, Column, cells_of, columns_of
 from robo.bag.forms.converted import Converted, Wanted, left_behind
 from robo.bag.forms.lines import STANDARD, new_text
 from robo.bag.progress import Tell, counted, silent
-from robo.bag.reader import Bag
-from robo.bag.topics import BagMessage, Topic
+from robo.bag.read.reader import Bag
+from robo.bag.read.topics import BagMessage, Topic
 from robo.errors import BagError
 from robo.interfaces import catalogue
 from robo_messages import Message

@@ -3,7 +3,7 @@
 import msgspec
 
 from robo import bag
-from robo.bag.inspection import FATAL, Report
+from robo.bag.look.inspection import FATAL, Report
 from robo.cli.printing import amount, hint, paint, print_json, print_line, print_table
 from robo.cli.views.bag_progress import progress
 from robo.cli.views.bag_times import date

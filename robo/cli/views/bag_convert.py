@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from robo import bag
-from robo.bag.compression import Compression
 from robo.bag.forms.choice import Form, form_of_input, form_of_output
 from robo.bag.forms.converted import Converted, Wanted
 from robo.bag.forms.from_carmen import Setting, from_carmen
@@ -12,6 +11,7 @@ from robo.bag.forms.from_csv import from_csv
 from robo.bag.forms.json_lines import from_json_lines, to_json_lines
 from robo.bag.forms.lines import STANDARD
 from robo.bag.forms.to_csv import to_csv
+from robo.bag.mcap.compression import Compression
 from robo.bag.patterns import chosen, matcher
 from robo.bag.progress import Tell
 from robo.cli.printing import amount, note, print_line

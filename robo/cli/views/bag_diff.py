@@ -3,7 +3,7 @@
 import msgspec
 
 from robo import bag
-from robo.bag.comparison import TopicDifference
+from robo.bag.look.comparison import TopicDifference
 from robo.cli.printing import amount, paint, print_json, print_line, print_table
 from robo.cli.views.bag_progress import progress
 from robo.text import colours

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from robo import bag
-from robo.bag.compression import Compression
-from robo.bag.editing import Edited
+from robo.bag.edit.editing import Edited
+from robo.bag.mcap.compression import Compression
 from robo.bag.moments import moment
 from robo.bag.patterns import chosen
 from robo.cli.printing import amount, data_size, note, print_line

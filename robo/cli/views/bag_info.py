@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from robo import bag
-from robo.bag.summary import Info, TopicInfo
+from robo.bag.look.summary import Info, TopicInfo
 from robo.cli.printing import amount, data_size, note, paint, print_json, print_line, print_table
 from robo.cli.views.bag_progress import progress
 from robo.cli.views.bag_times import date, duration

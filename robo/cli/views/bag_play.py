@@ -13,7 +13,7 @@ import zenoh
 
 from robo import bag
 from robo.bag.of_robot import robot_of
-from robo.bag.reader import Bag
+from robo.bag.read.reader import Bag
 from robo.cli.connection import connect_to_robot
 from robo.cli.link import Link
 from robo.cli.printing import amount, hint, note, print_json, print_line

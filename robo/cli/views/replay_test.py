@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from robo.bag.replay_report import ReplayReport, lines
+from robo.bag.regression.report import ReplayReport, lines
 from robo.cli.printing import paint, print_json, print_line
 from robo.errors import RunError, UsageError
 from robo.parameters.words import sorted_out

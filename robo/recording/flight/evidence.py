@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import msgspec
 import zenoh
 
-from robo.bag.file_writer import FileWriter
+from robo.bag.mcap.file_writer import FileWriter
 from robo.bag.of_robot import ABOUT, PARAMETERS
 from robo.recording.about import Attachment, graph_of, parameters_yaml, words
 from robo.text.unreadable import UNREADABLE

@@ -11,8 +11,8 @@ from typing import NamedTuple, Protocol
 
 import msgspec
 
-from robo.bag.compression import Compression
-from robo.bag.excerpt import excerpt
+from robo.bag.edit.excerpt import excerpt
+from robo.bag.mcap.compression import Compression
 from robo.errors import BagError
 from robo.recording.flight.evidence import Evidence, Witnesses, write_beside
 from robo.recording.flight.shelf import Shelf

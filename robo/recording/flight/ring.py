@@ -17,14 +17,14 @@ from pathlib import Path
 
 import msgspec
 
-from robo.bag.compression import Compression, compressor
-from robo.bag.disk import Free, free_room
-from robo.bag.files import files_of
-from robo.bag.index import index_of
+from robo.bag.edit.recovery import recover
+from robo.bag.mcap.compression import Compression, compressor
+from robo.bag.mcap.index import index_of
+from robo.bag.mcap.source import Source
 from robo.bag.options import Options
-from robo.bag.recovery import recover
-from robo.bag.source import Source
-from robo.bag.writer import Recording
+from robo.bag.read.files import files_of
+from robo.bag.write.disk import Free, free_room
+from robo.bag.write.writer import Recording
 from robo.errors import BagError, FlightRecorderError
 
 _PARTS = 8

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import robo_messages
-from robo.bag.reader import Bag, Order
-from robo.bag.topics import BagMessage, last_of_each
+from robo.bag.read.reader import Bag, Order
+from robo.bag.read.topics import BagMessage, last_of_each
 from robo.errors import BagError, UsageError
 from robo.recording.play.playback import Item
 from robo.recording.play.topics import Played

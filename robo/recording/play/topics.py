@@ -6,7 +6,7 @@ from typing import NamedTuple
 import msgspec
 import zenoh
 
-from robo.bag.topics import Topic
+from robo.bag.read.topics import Topic
 from robo.errors import BagError, InvalidName, UsageError
 from robo.text.brief import brief
 from robo.text.suggestions import suggest

@@ -11,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from robo.bag.replay_report import ReplayReport
+from robo.bag.regression.report import ReplayReport
 from robo.errors import RoboError
 from robo.launch.faults import ManifestFaults, as_text
 from robo.testing.regression.judge import Request, judge

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from robo.bag.replay_report import ReplayReport, lines
+from robo.bag.regression.report import ReplayReport, lines
 from robo.testing.regression.judge import RUNS, Request, judge, nodes_of
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from robo.bag.replay_report import Trouble
+from robo.bag.regression.report import Trouble
 from robo.testing.bench import Bench
 from robo.testing.clock import Clock
 from robo.text.brief import brief

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from robo.bag.of_robot import parameters_of, robot_of
-from robo.bag.reader import Bag
+from robo.bag.read.reader import Bag
 from robo.errors import RoboError, UsageError
 from robo.launch.faults import ManifestFaults
 from robo.launch.find import find_manifest

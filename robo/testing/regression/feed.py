@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import zenoh
 
-from robo.bag.topics import BagMessage, Topic
+from robo.bag.read.topics import BagMessage, Topic
 from robo.node.message_info import PLAIN
 from robo.node.node import Node
 from robo.parameters.model import flat

@@ -11,12 +11,12 @@ from typing import Any
 import msgspec
 
 from robo import bag as bags
-from robo.bag import regression
-from robo.bag.reader import Bag
-from robo.bag.regression import Extent
-from robo.bag.renewal import renew
-from robo.bag.replay_report import ReplayReport, TopicReport
-from robo.bag.tolerances import Tolerances, load
+from robo.bag.read.reader import Bag
+from robo.bag.regression import comparing
+from robo.bag.regression.comparing import Extent
+from robo.bag.regression.renewal import renew
+from robo.bag.regression.report import ReplayReport, TopicReport
+from robo.bag.regression.tolerances import Tolerances, load
 from robo.errors import UsageError
 from robo.testing.regression.chosen import choose
 from robo.testing.regression.order import RunOrder, RunResult
@@ -145,7 +145,7 @@ class _Judge:
 
     def _compare(self, then: Bag, now: Bag, name: str, tolerances: Tolerances, extent: Extent) -> TopicReport:
         self._progress(1.0, f"comparing {name}")
-        return regression.compare(then, now, name, tolerances, extent)
+        return comparing.compare(then, now, name, tolerances, extent)
 
     # -- against the recording ---------------------------------------------------------------------------------------
 
@@ -170,7 +170,7 @@ class _Judge:
         if live:
             report.notes.append(
                 f"recorded from a live node: {', '.join(live)}; there, messages may come "
-                f"{regression.LIVE:g} s earlier or later where no tolerance says otherwise"
+                f"{comparing.LIVE:g} s earlier or later where no tolerance says otherwise"
             )
         for pattern in self._tolerances.idle([topic.name for topic in report.topics]):
             report.notes.append(f"tolerances of {pattern} fit no topic that is compared")

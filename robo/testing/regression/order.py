@@ -4,7 +4,7 @@ from typing import Any
 
 import msgspec
 
-from robo.bag.replay_report import Input, NodeTopics, Trouble
+from robo.bag.regression.report import Input, NodeTopics, Trouble
 from robo.wire.qos import Quality
 
 

@@ -4,9 +4,9 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from robo.bag.reader import Bag
-from robo.bag.regression import at, number
-from robo.bag.replay_report import Spot
+from robo.bag.read.reader import Bag
+from robo.bag.regression.comparing import at, number
+from robo.bag.regression.report import Spot
 from robo.errors import UsageError
 from robo.text.svg import Point, plot
 

@@ -17,9 +17,9 @@ import msgspec
 import zenoh
 
 from robo import bag as bags
-from robo.bag.reader import Bag
-from robo.bag.replay_report import Input
-from robo.bag.topics import BagMessage, Topic
+from robo.bag.read.reader import Bag
+from robo.bag.read.topics import BagMessage, Topic
+from robo.bag.regression.report import Input
 from robo.errors import BagError, DamagedBag, RoboError, UsageError
 from robo.node.contract import contract_of
 from robo.node.loading import load_node_class

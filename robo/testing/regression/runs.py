@@ -15,7 +15,7 @@ from typing import IO
 
 import msgspec
 
-from robo.bag.replay_report import Trouble
+from robo.bag.regression.report import Trouble
 from robo.errors import UsageError
 from robo.testing.regression.order import Line, RunOrder, RunResult
 from robo.testing.run import clean_environment

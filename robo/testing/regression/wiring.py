@@ -7,8 +7,8 @@ from typing import Any
 
 import zenoh
 
-from robo.bag.replay_report import NodeTopics
-from robo.bag.topics import Topic
+from robo.bag.read.topics import Topic
+from robo.bag.regression.report import NodeTopics
 from robo.errors import UsageError
 from robo.node.contract import contract_of
 from robo.node.node import Node

@@ -5,8 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import msgspec
 
 from robo.bag import definitions, offered
-from robo.bag import format as mcap
-from robo.bag.index import Index
+from robo.bag.mcap import format as mcap
+from robo.bag.mcap.index import Index
 from robo.bag.options import CDR, ROS_TEXT
 from robo.bag.types import Find, Known
 from robo.errors import BagError, RoboError

@@ -4,7 +4,7 @@ import struct
 import zlib
 from collections.abc import Mapping, Sequence
 
-from robo.bag.format import (
+from robo.bag.mcap.format import (
     ATTACHMENT,
     ATTACHMENT_INDEX,
     CHANNEL,

@@ -11,7 +11,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple, Protocol
 
-from robo.bag.format import MESSAGE_HEAD, PREFIX, Malformed, Row, rows
+from robo.bag.mcap.format import MESSAGE_HEAD, PREFIX, Malformed, Row, rows
 
 Data = bytes | memoryview
 

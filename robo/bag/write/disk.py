@@ -7,9 +7,9 @@ import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from robo.bag import ros2_folder
 from robo.bag.options import Options
-from robo.bag.ros2_folder import FileOf, TopicOf
+from robo.bag.write import ros2_folder
+from robo.bag.write.ros2_folder import FileOf, TopicOf
 from robo.errors import BagError
 
 _METADATA = "metadata.yaml"

@@ -5,8 +5,8 @@ import io
 import os
 from collections.abc import Iterator
 
-from robo.bag.compression import Compress
-from robo.bag.file_writer import FileWriter
+from robo.bag.mcap.compression import Compress
+from robo.bag.mcap.file_writer import FileWriter
 from robo.errors import BagError
 
 _sync = getattr(os, "fdatasync", os.fsync)

@@ -4,12 +4,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from types import TracebackType
 from typing import Any, Literal
 
-from robo.bag.files import Files
-from robo.bag.format import ATTACHMENT, Attachment, Malformed, Metadata, Row, attachment, rows
-from robo.bag.index import COUNTS, REPEATED
-from robo.bag.order import Data, Span, in_order
-from robo.bag.source import Source
-from robo.bag.topics import BagMessage, ChannelOf, Topic, last_of_each, topics_of
+from robo.bag.mcap.format import ATTACHMENT, Attachment, Malformed, Metadata, Row, attachment, rows
+from robo.bag.mcap.index import COUNTS, REPEATED
+from robo.bag.mcap.source import Source
+from robo.bag.read.files import Files
+from robo.bag.read.order import Data, Span, in_order
+from robo.bag.read.topics import BagMessage, ChannelOf, Topic, last_of_each, topics_of
 from robo.bag.types import Find
 from robo.errors import BagError, DamagedBag
 from robo.text.suggestions import suggest

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from robo.bag.format import METADATA, Malformed, Metadata, MetadataIndex, metadata
-from robo.bag.index import Block, Index, index_of, scanned
-from robo.bag.order import Cache, Data, Span
+from robo.bag.mcap.format import METADATA, Malformed, Metadata, MetadataIndex, metadata
+from robo.bag.mcap.index import Block, Index, index_of, scanned
+from robo.bag.mcap.source import Source
 from robo.bag.progress import Tell, silent
-from robo.bag.source import Source
+from robo.bag.read.order import Cache, Data, Span
 from robo.errors import BagError, DamagedBag
 
 _MOST_OPEN = 16

@@ -5,12 +5,12 @@ import os
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
-from robo.bag.compression import Compression, compressor
-from robo.bag.index import COUNTS, REPEATED
+from robo.bag.mcap.compression import Compression, compressor
+from robo.bag.mcap.index import COUNTS, REPEATED
 from robo.bag.options import Options, TopicInFile
-from robo.bag.reader import Bag
-from robo.bag.topics import BagMessage, Topic
-from robo.bag.writer import Recording
+from robo.bag.read.reader import Bag
+from robo.bag.read.topics import BagMessage, Topic
+from robo.bag.write.writer import Recording
 from robo.errors import BagError
 
 

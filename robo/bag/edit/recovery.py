@@ -5,13 +5,13 @@ from pathlib import Path
 
 import msgspec
 
-from robo.bag import format as mcap
-from robo.bag.file_writer import FileWriter
-from robo.bag.format import Malformed, rows
-from robo.bag.index import Index, scanned
-from robo.bag.output import new_file
+from robo.bag.edit.output import new_file
+from robo.bag.mcap import format as mcap
+from robo.bag.mcap.file_writer import FileWriter
+from robo.bag.mcap.format import Malformed, rows
+from robo.bag.mcap.index import Index, scanned
+from robo.bag.mcap.source import Place, Source
 from robo.bag.progress import Tell, silent
-from robo.bag.source import Place, Source
 from robo.errors import DamagedBag
 
 _MOST_ATTACHMENT = 2**30

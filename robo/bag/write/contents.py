@@ -5,13 +5,13 @@ from collections.abc import Hashable
 
 import msgspec
 
-from robo.bag import format as mcap
 from robo.bag import offered
-from robo.bag.file_writer import FileWriter
-from robo.bag.index import REPEATED
-from robo.bag.kept import Kept, Said
+from robo.bag.mcap import format as mcap
+from robo.bag.mcap.file_writer import FileWriter
+from robo.bag.mcap.index import REPEATED
 from robo.bag.options import TopicInFile
-from robo.bag.ros2_folder import TopicOf
+from robo.bag.write.kept import Kept, Said
+from robo.bag.write.ros2_folder import TopicOf
 from robo.errors import BagError
 
 TYPE_HASH = "topic_type_hash"

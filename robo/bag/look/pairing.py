@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Collection, Iterable, Iterator
 from typing import Final, NamedTuple
 
-from robo.bag.topics import BagMessage
+from robo.bag.read.topics import BagMessage
 
 MOST_WAITING: Final = 2**26
 """Of messages that wait for their fellows, bytes: 67 MB."""

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
-from robo.bag.format import Malformed
+from robo.bag.mcap.format import Malformed
 from robo.errors import BagError
 from robo.text.brief import shown
 

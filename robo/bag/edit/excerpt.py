@@ -3,12 +3,12 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from robo.bag.compression import Compression
-from robo.bag.editing import Edited, say_topics
-from robo.bag.file_writer import FileWriter
-from robo.bag.files import Files
-from robo.bag.output import new_file
-from robo.bag.reader import Bag
+from robo.bag.edit.editing import Edited, say_topics
+from robo.bag.edit.output import new_file
+from robo.bag.mcap.compression import Compression
+from robo.bag.mcap.file_writer import FileWriter
+from robo.bag.read.files import Files
+from robo.bag.read.reader import Bag
 from robo.bag.types import nothing
 from robo.errors import BagError
 

@@ -6,8 +6,8 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from robo.bag.compression import SMALL, Compression, compressor
-from robo.bag.file_writer import FileWriter
+from robo.bag.mcap.compression import SMALL, Compression, compressor
+from robo.bag.mcap.file_writer import FileWriter
 from robo.errors import BagError
 
 

@@ -9,15 +9,15 @@ from typing import NamedTuple
 
 import msgspec
 
-from robo.bag import format as mcap
-from robo.bag.compression import Compression
-from robo.bag.file_writer import FileWriter
-from robo.bag.files import Files, files_of
-from robo.bag.index import COUNTS, REPEATED
-from robo.bag.output import new_file
+from robo.bag.edit.output import new_file
+from robo.bag.mcap import format as mcap
+from robo.bag.mcap.compression import Compression
+from robo.bag.mcap.file_writer import FileWriter
+from robo.bag.mcap.index import COUNTS, REPEATED
 from robo.bag.progress import Tell, counted, silent
-from robo.bag.reader import Bag
-from robo.bag.topics import Topic
+from robo.bag.read.files import Files, files_of
+from robo.bag.read.reader import Bag
+from robo.bag.read.topics import Topic
 from robo.bag.types import nothing
 from robo.errors import BagError, DamagedBag
 

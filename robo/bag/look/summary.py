@@ -2,12 +2,12 @@
 
 import msgspec
 
-from robo.bag.counts import counts_of
-from robo.bag.index import COUNTS
-from robo.bag.losses import Losses
+from robo.bag.look.losses import Losses
+from robo.bag.mcap.index import COUNTS
 from robo.bag.progress import Tell, counted, silent
-from robo.bag.reader import Bag
-from robo.bag.topics import Topic
+from robo.bag.read.reader import Bag
+from robo.bag.read.topics import Topic
+from robo.bag.write.counts import counts_of
 
 
 class TopicInfo(msgspec.Struct, kw_only=True):

@@ -7,12 +7,12 @@ from typing import Any
 
 import msgspec
 
-from robo.bag.alignment import Pairs, by_time, in_order
-from robo.bag.fields import Unequal, unequal
-from robo.bag.reader import Bag
-from robo.bag.replay_report import FieldReport, Spot, TopicReport, Value
-from robo.bag.tolerances import Tolerance, Tolerances
-from robo.bag.topics import BagMessage
+from robo.bag.look.fields import Unequal, unequal
+from robo.bag.read.reader import Bag
+from robo.bag.read.topics import BagMessage
+from robo.bag.regression.alignment import Pairs, by_time, in_order
+from robo.bag.regression.report import FieldReport, Spot, TopicReport, Value
+from robo.bag.regression.tolerances import Tolerance, Tolerances
 from robo.errors import BagError
 from robo.text.brief import shown
 from robo_messages import Duration, Time

@@ -4,10 +4,10 @@ import zlib
 from collections.abc import Iterable
 from typing import Final, Protocol
 
-from robo.bag import format as mcap
-from robo.bag import packing
-from robo.bag.compression import Compress
-from robo.bag.format import MESSAGE, MESSAGE_HEAD, WHOLE_MESSAGE_HEAD
+from robo.bag.mcap import format as mcap
+from robo.bag.mcap import packing
+from robo.bag.mcap.compression import Compress
+from robo.bag.mcap.format import MESSAGE, MESSAGE_HEAD, WHOLE_MESSAGE_HEAD
 
 PROFILE: Final = "ros2"
 LIBRARY: Final = "robo"

@@ -5,16 +5,16 @@ from collections.abc import Callable, Hashable
 from pathlib import Path
 from types import TracebackType
 
-from robo.bag import counts
-from robo.bag.compression import MOST, compressor
-from robo.bag.contents import Contents
-from robo.bag.counts import Counter, Counts
-from robo.bag.disk import Disk, Free, free_room
-from robo.bag.index import COUNTS
-from robo.bag.kept import Said
+from robo.bag.mcap.compression import MOST, compressor
+from robo.bag.mcap.index import COUNTS
+from robo.bag.mcap.packing import U32, U64
 from robo.bag.options import Options, TopicInFile
-from robo.bag.packing import U32, U64
-from robo.bag.part import Part
+from robo.bag.write import counts
+from robo.bag.write.contents import Contents
+from robo.bag.write.counts import Counter, Counts
+from robo.bag.write.disk import Disk, Free, free_room
+from robo.bag.write.kept import Said
+from robo.bag.write.part import Part
 from robo.errors import BagError, DiskFull
 
 MOST_MESSAGE = MOST - 2**26

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import msgspec
 
-from robo.bag.files import Files, files_of
-from robo.bag.index import Index, index_of
-from robo.bag.losses import Losses
+from robo.bag.look.losses import Losses
+from robo.bag.mcap.index import Index, index_of
+from robo.bag.mcap.source import Place, Source
 from robo.bag.progress import Tell, counted, silent
-from robo.bag.reader import Bag
-from robo.bag.source import Place, Source
-from robo.bag.topics import BagMessage, Topic
+from robo.bag.read.files import Files, files_of
+from robo.bag.read.reader import Bag
+from robo.bag.read.topics import BagMessage, Topic
 from robo.bag.types import Find
 from robo.errors import BagError, DamagedBag
 

@@ -8,10 +8,10 @@ from typing import Final, NamedTuple, TypeVar
 
 import msgspec
 
-from robo.bag import format as mcap
-from robo.bag.format import Malformed
+from robo.bag.mcap import format as mcap
+from robo.bag.mcap.format import Malformed
+from robo.bag.mcap.source import Place, Source
 from robo.bag.progress import Tell, silent
-from robo.bag.source import Place, Source
 from robo.errors import BagError, DamagedBag
 
 T = TypeVar("T")

@@ -8,8 +8,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, NamedTuple
 
-from robo.bag import compression
-from robo.bag.format import (
+from robo.bag.mcap import compression
+from robo.bag.mcap.format import (
     CHUNK,
     DATA_END,
     FOOTER,

@@ -5,11 +5,11 @@ from typing import Any
 
 import msgspec
 
-from robo.bag.fields import Unequal, unequal
-from robo.bag.pairing import Pair, Pairing
+from robo.bag.look.fields import Unequal, unequal
+from robo.bag.look.pairing import Pair, Pairing
 from robo.bag.progress import Tell, counted, silent
-from robo.bag.reader import Bag
-from robo.bag.topics import BagMessage, Topic
+from robo.bag.read.reader import Bag
+from robo.bag.read.topics import BagMessage, Topic
 from robo.errors import BagError
 from robo.text.brief import shown
 

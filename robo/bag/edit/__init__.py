@@ -1,0 +1,1 @@
+"""New recordings made of others: whole, or not there."""

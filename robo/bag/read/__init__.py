@@ -1,0 +1,1 @@
+"""Reading recordings: files as one, messages in order, as values."""

@@ -1,0 +1,1 @@
+"""What nodes say now beside what they said in a recording."""
