@@ -149,6 +149,22 @@ class Recorder:
             self._write_what_came()
             self._recording.split(time.time_ns())
 
+    def snapshot(self, folder: Path) -> list[Path]:
+        """Keep what has been recorded so far, and is still there, as a recording of its own; go on in another file.
+
+        Args:
+            folder: of the new recording.
+
+        Returns:
+            Its files.
+
+        Raises:
+            BagError: as `split`; or the folder is there already, or cannot be made.
+        """
+        with self._work:
+            self._write_what_came()
+            return self._recording.snapshot(folder, time.time_ns())
+
     def stop(self) -> Status:
         """End: what has come is written, and the file is whole. Once more only tells again how it went."""
         if self._duration is None:

@@ -121,6 +121,18 @@ class Recorder(Node):
             return Trigger.Response(success=False, message=str(error))
         return Trigger.Response(message=f"goes on in {self._recording.status().files[-1]}")
 
+    @service("~/snapshot", turn="recorder")
+    def snapshot(self, _request: Trigger.Request) -> Trigger.Response:
+        """Keep what has been recorded and is still there as a recording of its own, and go on."""
+        if self._recording is None or not self._is_recording():
+            return Trigger.Response(success=False, message="it does not record")
+        folder = _unused(self._path.with_name(f"{self._path.name}_snapshot"))
+        try:
+            files = self._recording.snapshot(folder)
+        except BagError as error:
+            return Trigger.Response(success=False, message=str(error))
+        return Trigger.Response(message=f"{folder} has {len(files)} {'file' if len(files) == 1 else 'files'}")
+
     @timer(rate=1.0, turn="recorder")
     def watch(self) -> None:
         """Tell how it goes."""
@@ -148,13 +160,8 @@ class Recorder(Node):
         from robo.recording.recorder import Recorder as Recording  # who only may record does without
 
         p = self.parameters
-        name = time.strftime("robo_%Y_%m_%d-%H_%M_%S", time.localtime())
-        path = Path(p.folder) / name
-        number = 1
-        while path.exists():  # started again within a second
-            number += 1
-            path = path.with_name(f"{name}_{number}")
-        self._path = path
+        # One may have been started within this second.
+        self._path = path = _unused(Path(p.folder) / time.strftime("robo_%Y_%m_%d-%H_%M_%S", time.localtime()))
         self._recording = Recording(
             self.session,
             path,
@@ -232,6 +239,15 @@ class Recorder(Node):
     def _keys(self, patterns: Sequence[str]) -> list[str]:
         """Patterns of names as key expressions."""
         return [names.key_of(one if one.startswith("/") else f"/{self.namespace}/{one}") for one in patterns]
+
+
+def _unused(path: Path) -> Path:
+    """This name, or with a number where there is something of this name."""
+    name, number = path.name, 1
+    while path.exists():
+        number += 1
+        path = path.with_name(f"{name}_{number}")
+    return path
 
 
 def _best() -> Compression:

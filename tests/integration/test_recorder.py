@@ -96,6 +96,19 @@ def test_it_is_started_split_and_stopped_by_services(
     assert len(list(min(tmp_path.iterdir()).glob("*.mcap"))) == 2
 
 
+def test_a_snapshot_is_a_recording_beside_that_which_goes_on(
+    session: zenoh.Session, other: zenoh.Session, driver: Driver, tmp_path: Path
+) -> None:
+    with running(other, tmp_path, autostart=False) as node:
+        assert ask(session, "snapshot") == Trigger.Response(False, "it does not record")
+        assert ask(session, "start").success
+        drive(driver, node, 5)
+        assert ask(session, "snapshot").message.endswith("_snapshot has 1 file")
+        drive(driver, node, 8, before=5)
+        assert ask(session, "snapshot").message.endswith("_snapshot_2 has 2 files")
+    assert counts(tmp_path) == [13, 5, 13]
+
+
 def test_it_tells_how_it_goes(session: zenoh.Session, other: zenoh.Session, driver: Driver, tmp_path: Path) -> None:
     with running(other, tmp_path, topics=["cmd_vel", "nobody"]) as node:
         drive(driver, node, 5)

@@ -1,6 +1,7 @@
 """Writing recordings: what is in the file when, splits, latched topics, counts, and disks that fill."""
 
 import errno
+import os
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -407,6 +408,51 @@ def test_files_end_when_somebody_says_so(tmp_path: Path) -> None:
     assert count_of(path) == 3
     with bag.open(path) as opened:  # the last one is empty
         assert (opened.begin, opened.end) == (START, START + 2)
+
+
+@pytest.mark.parametrize("links", [True, False], ids=["links", "copies"])
+def test_a_snapshot_stays_when_the_oldest_files_go(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool
+) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    if not links:
+        monkeypatch.setattr("os.link", refuse)
+    with bag.Recording(tmp_path / "run", plain(split_by_hand=True, keep=2)) as recording:
+        number = recording.topic(TWIST)
+        for step in range(6):
+            recording.write(number, bags.twist(step), START + step, START, step + 1)
+            if step == 3:
+                files = recording.snapshot(tmp_path / "kept", START + step)
+            else:
+                recording.split(START + step)
+    assert [file.name for file in files] == ["run_3.mcap"], "its next one, which is empty, is one of the two"
+    assert count_of(tmp_path / "kept") == 1
+    assert bag.check(tmp_path / "kept").findings == []
+    assert (tmp_path / "kept" / "metadata.yaml").exists()
+    assert [file.name for file in recording.files] == ["run_5.mcap", "run_6.mcap"]
+
+
+def test_a_snapshot_that_cannot_be_made_leaves_nothing_and_the_recording_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    (tmp_path / "there").mkdir()
+    with bag.Recording(tmp_path / "run", plain(split_by_hand=True)) as recording:
+        number = recording.topic(TWIST)
+        recording.write(number, bags.twist(1), START, START, 1)
+        with pytest.raises(BagError, match="there: it cannot be made: File exists"):
+            recording.snapshot(tmp_path / "there", START)
+        monkeypatch.setattr("os.link", refuse)
+        monkeypatch.setattr("shutil.copyfile", refuse)
+        with pytest.raises(BagError, match="kept: it cannot be made: No space left"):
+            recording.snapshot(tmp_path / "kept", START)
+        assert not (tmp_path / "kept").exists()
+        recording.write(number, bags.twist(2), START + 1, START + 1, 2)
+    assert count_of(tmp_path / "run") == 2
 
 
 def test_a_message_that_nobody_could_read_again_is_not_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,6 +23,20 @@ def free_room(folder: Path) -> int:
     return shutil.disk_usage(folder).free
 
 
+def second_name(file: Path, name: Path) -> None:
+    """Have a file under another name, too, whatever becomes of the first one; on a disk without such names, a copy.
+
+    Raises:
+        OSError: it is not there, or no room is.
+    """
+    try:
+        os.link(file, name)
+    except FileNotFoundError:
+        raise
+    except OSError:
+        shutil.copyfile(file, name)
+
+
 class Disk:
     """One file, or files with numbers in a folder, of which the oldest may have to go."""
 
@@ -77,7 +91,7 @@ class Disk:
         self._old.append(self.now)
         self.now = None
         if self._options.splits:
-            self._write_metadata(topics)
+            self._write_metadata(self._folder, topics)
 
     def keep_newest(self, now: int) -> None:
         """Delete files beyond those that are to be kept, the one that is being written among them.
@@ -97,6 +111,30 @@ class Disk:
             return True
         return o.most_size is not None and sum(map(_size, self.files)) + (o.split_size or 0) > o.most_size
 
+    def snapshot(self, folder: Path, topics: Sequence[TopicOf]) -> list[Path]:
+        """Give the whole files second names, which stay when the first ones go.
+
+        Args:
+            folder: where they are to stand; it is made.
+            topics: all so far.
+
+        Raises:
+            BagError: the folder or a name in it cannot be made; nothing is left of it.
+        """
+        try:
+            folder.mkdir(parents=True)
+        except (OSError, ValueError) as error:
+            raise _error(error, folder) from None
+        names = [folder / file.name for file in self._old]
+        try:
+            for file, name in zip(self._old, names, strict=True):
+                second_name(file, name)
+        except OSError as error:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise _error(error, folder) from None
+        self._write_metadata(folder, topics)
+        return names
+
     def has_room(self) -> bool:
         """Whether others have enough left, after old files have been deleted where that is wanted."""
         least = self._options.least_free
@@ -114,10 +152,10 @@ class Disk:
         with contextlib.suppress(OSError):
             oldest.unlink()
 
-    def _write_metadata(self, topics: Sequence[TopicOf]) -> None:
+    def _write_metadata(self, folder: Path, topics: Sequence[TopicOf]) -> None:
         """For ROS 2, which wants it; robo reads the files themselves, so that a full disk does not matter."""
         text = ros2_folder.metadata_yaml([self._whole[path] for path in self._old], topics)
-        target = self._folder / _METADATA
+        target = folder / _METADATA
         draft = target.with_suffix(".yaml.part")
         with contextlib.suppress(OSError):
             draft.write_text(text, encoding="utf-8")

@@ -199,6 +199,23 @@ class Recording:
         self._ended = None
         self._disk.keep_newest(at)
 
+    def snapshot(self, folder: str | Path, at: int) -> list[Path]:
+        """Go on in another file, and give all files that are there second names: they stay when the recording lets go
+        of its oldest ones.
+
+        Args:
+            folder: where they are to stand; it is made.
+            at: the time of now, ns since the epoch.
+
+        Returns:
+            The second names, the oldest file first.
+
+        Raises:
+            BagError: as `split`; or the folder is there already, or cannot be made.
+        """
+        self.split(at)
+        return self._disk.snapshot(Path(folder), self._contents.types)
+
     def close(self) -> None:
         """End the recording: its last file is whole. Once more does nothing.
 

@@ -23,7 +23,7 @@ from robo.bag.mcap.index import index_of
 from robo.bag.mcap.source import Source
 from robo.bag.options import Options
 from robo.bag.read.files import files_of
-from robo.bag.write.disk import Free, free_room
+from robo.bag.write.disk import Free, free_room, second_name
 from robo.bag.write.writer import Recording
 from robo.errors import BagError, FlightRecorderError
 
@@ -295,16 +295,11 @@ def ring_folder(base: Path, robot: str, run: str) -> Path:
 
 
 def _linked(path: Path, link: Path) -> bool:
-    """Give a file a second name; where the disk has none, copy it."""
+    """Whether a file has a second name now."""
     try:
-        os.link(path, link)
-    except FileNotFoundError:
-        return False
+        second_name(path, link)
     except OSError:
-        try:
-            shutil.copyfile(path, link)
-        except OSError:
-            return False
+        return False
     return True
 
 
