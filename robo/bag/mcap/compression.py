@@ -57,6 +57,15 @@ def compressor(compression: Compression, level: int = QUICK) -> tuple[str, Compr
     return "zstd", lambda data: bytes(zstd.compress(data, level))
 
 
+def best_compression() -> Compression:
+    """What this machine has."""
+    try:
+        compressor("zstd")
+    except BagError:
+        return "none"
+    return "zstd"
+
+
 def restored(compression: str, data: memoryview, size: int) -> bytes | memoryview:
     """What a chunk's data were before they were compressed.
 

@@ -1,8 +1,9 @@
 """What a node says now beside what it said in a recording: counts, times and fields, with tolerances."""
 
+import itertools
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import msgspec
@@ -68,7 +69,7 @@ def compare(expected: Bag, actual: Bag, name: str, tolerances: Tolerances, exten
     found = _Comparison(name, types, tolerances, extent).of(in_order(then(), now()))
     if found.same:
         return found
-    time_of: Callable[[_Read], int] = _stamp if _has_stamp(then()) and _has_stamp(now()) else _published
+    time_of: Callable[[_Read], int] = _stamp_or_published if _has_stamp(then()) and _has_stamp(now()) else _published
     pairs = by_time(then(), now(), time_of, WINDOW)
     by_times = _Comparison(name, types, tolerances, extent).of(pairs)
     return by_times if by_times.trouble < found.trouble or by_times.same else found
@@ -96,15 +97,18 @@ def _published(one: _Read) -> int:
 
 
 def _stamp(one: _Read) -> int:
-    stamp: int = one.value.header.stamp.to_nanoseconds()
-    return stamp
+    """The time to which a message belongs, ns: 0 where it says none."""
+    stamp = getattr(getattr(one.value, "header", None), "stamp", None)
+    return stamp.to_nanoseconds() if isinstance(stamp, Time) else 0
+
+
+def _stamp_or_published(one: _Read) -> int:
+    return _stamp(one) or one.message.published  # of one that is damaged its bytes are all there is
 
 
 def _has_stamp(messages: Iterable[_Read]) -> bool:
     """Whether messages say to what time they belong."""
-    one = next(iter(messages), None)
-    stamp = getattr(getattr(one.value, "header", None), "stamp", None) if one is not None else None
-    return isinstance(stamp, Time) and stamp.to_nanoseconds() > 0
+    return any(map(_stamp, itertools.islice(messages, 1)))
 
 
 class _Comparison:
@@ -176,6 +180,25 @@ class _Comparison:
         known.differing += 1
         if size is not None and (known.largest is None or size > (known.largest.size or 0.0)):
             known.largest = spot
+
+
+def earliest_first(topics: Sequence[TopicReport], said: Bag) -> list[TopicReport]:
+    """Topics that differ by when they first do; those of one time in the order in which they were said.
+
+    Args:
+        topics: of the comparison of a recording with another one.
+        said: that recording.
+
+    Raises:
+        DamagedBag: a part of the file is damaged.
+    """
+    first = {topic.name: topic.first for topic in topics}
+    there = [name for name in first if name in said.topics]
+    order: dict[str, int] = {}
+    for message in said.messages(there, min(first.values()), max(first.values()) + 1) if there else ():
+        if message.arrived == first[message.topic.name]:
+            order.setdefault(message.topic.name, len(order))
+    return sorted(topics, key=lambda topic: (topic.first, order.get(topic.name, len(first))))
 
 
 def number(value: Any) -> float | None:

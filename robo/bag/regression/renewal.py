@@ -5,7 +5,7 @@ import os
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
-from robo.bag.mcap.compression import Compression, compressor
+from robo.bag.mcap.compression import best_compression
 from robo.bag.mcap.index import COUNTS, REPEATED
 from robo.bag.options import Options, TopicInFile
 from robo.bag.read.reader import Bag
@@ -43,7 +43,7 @@ def renew(old: Bag, new: Bag, outputs: Collection[str], words: Mapping[str, dict
 
 def _write(old: Bag, new: Bag, outputs: Collection[str], words: Mapping[str, dict[str, str]], path: Path) -> int:
     kept = [name for name in old.topics if name not in outputs]
-    with Recording(path, Options(compression=_compression())) as recording:
+    with Recording(path, Options(compression=best_compression())) as recording:
         numbers: dict[Topic, int] = {}
         for bag, names in ((old, kept), (new, [name for name in new.topics if name in outputs])):
             for name in names:
@@ -84,11 +84,3 @@ def _in_file(bag: Bag, topic: Topic, offered: Topic) -> TopicInFile:
         topic.encoding,
         schema.encoding if schema is not None else "",
     )
-
-
-def _compression() -> Compression:
-    try:
-        compressor("zstd")
-    except BagError:
-        return "none"  # its library is not installed
-    return "zstd"

@@ -69,6 +69,12 @@ class TopicReport(msgspec.Struct, kw_only=True):
         """How many messages are not as they were."""
         return self.differing + self.missing + self.additional
 
+    @property
+    def first(self) -> int:
+        """When it first is not as it was, ns since the epoch; 0 where that is no matter of time."""
+        times = [self.first_missing, self.first_additional, self.first_moved, *(one.first.time for one in self.fields)]
+        return min((time for time in times if time is not None), default=0)
+
 
 class Input(msgspec.Struct, frozen=True):
     """A topic that was fed."""
@@ -105,7 +111,7 @@ class ReplayReport(msgspec.Struct, kw_only=True):
     nodes: list[NodeTopics] = []
     inputs: list[Input] = []
     topics: list[TopicReport] = []
-    """Against the recording; where the runs differ, against each other."""
+    """Against the recording; where the runs differ, against each other, and the earliest first."""
     troubles: list[Trouble] = []
     notes: list[str] = []
     """What could not be replayed or compared, and what else one has to know."""
@@ -150,13 +156,15 @@ def verdict_line(report: ReplayReport) -> str:
     names = ", ".join(one.node for one in report.nodes)
     if report.verdict == "not deterministic":
         broken = [topic for topic in report.topics if not topic.same]
-        who = [one.node for one in report.nodes if any(topic.name in one.outputs for topic in broken)]
+        said = [one.node for topic in broken for one in report.nodes if topic.name in one.outputs]
+        who, *others = list(dict.fromkeys(said)) or [names]
         where = [f"{topic.name} {field.field}" for topic in broken for field in topic.fields]
         where = where or [topic.name for topic in broken]
         more = f" and {len(where) - 4} more" if len(where) > 4 else ""
+        also = f" So then does {', '.join(others)}, and may only pass it on" if others else ""
         return (
-            f"NOT DETERMINISTIC: {', '.join(who) or names} says something else in each run, in {', '.join(where[:4])}"
-            f"{more}; does it read the wall clock, random numbers without a seed, or the order of a set?"
+            f"NOT DETERMINISTIC: {who} says something else in each run, in {', '.join(where[:4])}"
+            f"{more}; does it read the wall clock, random numbers without a seed, or the order of a set?{also}"
         )
     if report.verdict == "failed":
         return f"FAILED: {', '.join(dict.fromkeys(one.node for one in report.troubles)) or names}"

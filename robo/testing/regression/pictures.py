@@ -21,11 +21,12 @@ def draw(folder: Path, topic: str, spot: Spot, then: Bag, now: Bag) -> Path | No
         UsageError: it cannot be written.
     """
     begin = then.begin
-    lines = [thinned(_points(recording, topic, spot.field, begin)) for recording in (then, now)]
+    lines = thinned(*(_points(recording, topic, spot.field, begin) for recording in (then, now)))
     if not all(lines):
         return None
     text = plot(f"{topic} {spot.field}", ("recorded", "now"), lines[0], lines[1], (spot.time - begin) * 1e-9)
-    path = folder / f"{re.sub(r'[^A-Za-z0-9_.-]+', '_', f'{topic}.{spot.field}')[:150]}.svg"
+    name = f"{topic.replace('/', '-')}.{spot.field}"  # no name has a hyphen: of two topics both have one of their own
+    path = folder / f"{re.sub(r'[^A-Za-z0-9_.-]+', '_', name)[:150]}.svg"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
@@ -42,8 +43,15 @@ def _points(recording: Bag, topic: str, field: str, begin: int) -> Iterable[Poin
             yield (message.published - begin) * 1e-9, value
 
 
-def thinned(points: Iterable[Point]) -> list[Point]:
-    """So many points that a picture shows them: always every n-th, so that both lines have the same ones."""
+def thinned(*lines: Iterable[Point]) -> list[list[Point]]:
+    """So many points of each line that a picture shows them: of all lines every n-th, so that they have the same."""
+    kept = [_thinned(line) for line in lines]
+    widest = max(step for _, step in kept)
+    return [points[:: widest // step] for points, step in kept]
+
+
+def _thinned(points: Iterable[Point]) -> tuple[list[Point], int]:
+    """Every n-th point, and n: a power of two."""
     kept: list[Point] = []
     step = 1
     for index, point in enumerate(points):
@@ -51,4 +59,4 @@ def thinned(points: Iterable[Point]) -> list[Point]:
             kept.append(point)
             if len(kept) > _MOST:
                 kept, step = kept[::2], step * 2
-    return kept
+    return kept, step
