@@ -1,11 +1,15 @@
 """Recordings for regression tests by replay, and nodes to replay them to."""
 
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+
+import msgspec
 
 from robo import bag
 from robo.bag.types import topic_of
 from robo.interfaces import cdr
+from robo.text import graph
 from robo.wire.qos import QoS
 from robo_messages import Header, JointState, LaserScan, Message, Odometry, String, Time, Twist, Vector3
 from tests.bags import MS, START
@@ -29,6 +33,19 @@ class Log:
         self._numbers[topic] = self._numbers.get(topic, 0) + 1
         data = cdr.encoder(kind)(message)
         self._recording.write(number, data, START + at + late, START + at, self._numbers[topic], topic)
+
+
+def attach_graph(recording: bag.Recording, publishers: Mapping[str, Sequence[str]]) -> None:
+    """Let a recording say who published what.
+
+    Args:
+        recording: the recording.
+        publishers: full names of nodes by topic.
+    """
+    nodes = {name for names in publishers.values() for name in names}
+    ends = [graph.Edge(name, "pub", topic, "std/String") for topic, names in publishers.items() for name in names]
+    built = graph.build([graph.GraphNode(name, None) for name in nodes], ends)
+    recording.attach("graph.json", msgspec.json.encode(built), "application/json", START)
 
 
 def odometry(path: Path, count: int = 100) -> Path:
@@ -71,8 +88,10 @@ def words(path: Path, count: int = 20) -> Path:
 
 NODES = '''
 import os, random, threading, time
+from datetime import date, datetime
+from typing import Annotated
 import robo
-from robo_messages import Float64, String, Trigger
+from robo_messages import Float64, Message, String, Trigger, message
 
 
 class Parrot(robo.Node):
@@ -93,6 +112,43 @@ class WallClock(robo.Node):
     @robo.subscribe("word")
     def hear(self, word: String) -> None:
         self.said.publish(Float64(time.time()))
+
+
+class Seldom(robo.Node):
+    """Say what it hears, but only so often by the wall."""
+
+    said = robo.Publisher(String, "said")
+
+    def on_start(self) -> None:
+        self._last = time.monotonic()
+
+    @robo.subscribe("word")
+    def hear(self, word: String) -> None:
+        if time.monotonic() - self._last > 60.0:
+            self._last = time.monotonic()
+            self.said.publish(word)
+
+
+class Hour(robo.Node):
+    """Say which hour it is."""
+
+    said = robo.Publisher(String, "said")
+
+    @robo.subscribe("word")
+    def hear(self, word: String) -> None:
+        self.said.publish(String(time.strftime("%H")))
+
+
+class Night(robo.Node):
+    """Say whether it is another day than the one before."""
+
+    said = robo.Publisher(String, "said")
+
+    @robo.subscribe("word")
+    def hear(self, word: String) -> None:
+        now = datetime.now()
+        assert type(now) is type(datetime(2020, 1, 1)) and isinstance(now, date)
+        self.said.publish(String(f"{now.year} {date.today().weekday()}"))
 
 
 class Dice(robo.Node):
@@ -193,6 +249,73 @@ class Ages(robo.Node):
     @robo.subscribe("word")
     def hear(self, word: String, info: robo.MessageInfo) -> None:
         self.said.publish(String(f"{info.age:.6f} {info.source} {info.sequence_number} {info.source_time}"))
+
+
+class Late(robo.Node):
+    """Say things on a topic that it makes when it hears the first word."""
+
+    class Parameters(robo.Parameters):
+        text: str = "a"
+
+    parameters: Parameters
+
+    def on_start(self) -> None:
+        self._more = None
+
+    @robo.subscribe("word")
+    def hear(self, word: String) -> None:
+        if self._more is None:
+            self._more = self.create_publisher(String, "more")
+        self._more.publish(String(self.parameters.text))
+
+
+class Choir(robo.Node):
+    """Sing what it hears of others, and count what comes on its own topic too."""
+
+    song = robo.Publisher(String, "song")
+    heard = robo.Publisher(String, "heard")
+
+    @robo.subscribe("word")
+    def hear(self, word: String) -> None:
+        self.song.publish(String(f"choir {word.data}"))
+
+    @robo.subscribe("song")
+    def listen(self, word: String) -> None:
+        self.heard.publish(word)
+
+
+@message("birds/Odd")
+class Odd(Message):
+    """ROS's names are of ASCII."""
+
+    café: float = 0.0
+
+
+class Oddity(robo.Node):
+    """Say what no recording can have."""
+
+    said = robo.Publisher(String, "said")
+    odd = robo.Publisher(Odd, "odd")
+
+    @robo.subscribe("word")
+    def hear(self, word: String) -> None:
+        self.said.publish(word)
+        self.odd.publish(Odd())
+
+
+class Limits(robo.Node):
+    """Say its limits."""
+
+    class Parameters(robo.Parameters):
+        most: Annotated[float, robo.NON_FINITE] = 1.0
+        least: Annotated[float, robo.NON_FINITE] = 1.0
+
+    parameters: Parameters
+    said = robo.Publisher(String, "said")
+
+    @robo.subscribe("word")
+    def hear(self, word: String) -> None:
+        self.said.publish(String(f"{self.parameters.least} {self.parameters.most}"))
 
 
 class Relay(robo.Node):

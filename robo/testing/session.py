@@ -6,7 +6,7 @@ wait for the stepper.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -44,6 +44,8 @@ class NodeSession:
         """The keys on which it answers, as it declared them."""
         self.topics: list[str] = []
         """The keys on which it publishes."""
+        self.unheard: set[str] = set()
+        """The keys on which nobody hears what it says from now on; it is noted all the same."""
         self._session = session
         self._stepper = stepper
 
@@ -53,12 +55,14 @@ class NodeSession:
     def put(self, key: str, payload: Any, **more: Any) -> None:
         """Publish without a publisher."""
         self._note(Sent(str(key), bytes(zenoh.ZBytes(payload)), _type(more.get("encoding"))))
-        self._session.put(key, payload, **more)
+        if str(key) not in self.unheard:
+            self._session.put(key, payload, **more)
 
     def declare_publisher(self, key: str, **more: Any) -> Any:
         """A publisher, whose messages are noted."""
         self.topics.append(key)
-        return _Publisher(self._session.declare_publisher(key, **more), self._note, _type(more.get("encoding")))
+        publisher = self._session.declare_publisher(key, **more)
+        return _Publisher(publisher, self._note, self.unheard, _type(more.get("encoding")))
 
     def declare_subscriber(self, key: str, handler: Any = None, **more: Any) -> Any:
         """A subscriber; where it is one with a channel, the stepper's is its."""
@@ -73,7 +77,7 @@ class NodeSession:
         """A publisher that keeps what it has said, whose messages are noted."""
         self.topics.append(key)
         publisher = zenoh.ext.declare_advanced_publisher(self._session, key, **more)
-        return _Publisher(publisher, self._note, _type(more.get("encoding")), signs=True)
+        return _Publisher(publisher, self._note, self.unheard, _type(more.get("encoding")), signs=True)
 
     def declare_latched_subscriber(self, key: str, depth: int, _slots: int) -> Any:
         """A subscriber that begins with what was said before; the stepper's channel is its."""
@@ -100,10 +104,13 @@ class NodeSession:
 class _Publisher:
     """Notes what is published and hands it on."""
 
-    def __init__(self, publisher: Any, note: Note, type_name: str, *, signs: bool = False) -> None:
-        """`signs` where it says by itself whose its messages are."""
+    def __init__(
+        self, publisher: Any, note: Note, unheard: Container[str], type_name: str, *, signs: bool = False
+    ) -> None:
+        """`unheard` has its key while nobody is to hear it; `signs` where it says by itself whose its messages are."""
         self._publisher = publisher
         self._note = note
+        self._unheard = unheard
         self._key = str(publisher.key_expr)
         self._type = type_name
         self._source = None if signs else sources.counted(publisher.id)
@@ -114,6 +121,8 @@ class _Publisher:
     def put(self, payload: bytes, **more: Any) -> None:
         """Publish. Each message says whose it is: under a clock that is stepped all publishers are quick."""
         self._note(Sent(self._key, payload, self._type))
+        if self._key in self._unheard:
+            return
         if self._source is not None:
             more.setdefault("source_info", self._source())
         self._publisher.put(payload, **more)

@@ -88,6 +88,7 @@ def test_what_is_not_deterministic_fails_and_is_no_reference(project: Path) -> N
         (("words.mcap", "--node", "birds:Parrot", "-o", "other.mcap"), "say --accept too"),
         (("birds.py", "--node", "birds:Parrot"), "birds.py"),
         (("words.mcap", "--node", "birds:Parrot", "--ignore", ":x"), "write FIELD or TOPIC:FIELD"),
+        (("words.mcap", "--node", "birds:Parrot", "--patience", "nan"), "a patience of nan s"),
         (("words.mcap", "--node", "birds:Parrot", "--tolerances", "no.yaml"), "no.yaml"),
         (
             ("words.mcap", "--node", "birds:Parrot", "--tolerances", "bad.yaml"),
@@ -101,6 +102,13 @@ def test_mistakes_are_sentences(recorded: Path, words: tuple[str, ...], told: st
     assert done.returncode == 2, done.stdout + done.stderr
     assert told in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_callback_has_as_long_as_is_said(recorded: Path) -> None:
+    words = "replay-test", "words.mcap", "--node", "birds:Hangs", "--patience", "0.5"
+    done = run_robo(*words, cwd=str(recorded))
+    assert (done.returncode, done.stdout.splitlines()[-1]) == (1, "FAILED: /r1/hangs")
+    assert "has been running for 0." in done.stdout
 
 
 def _words(process: psutil.Process) -> list[str]:

@@ -1,25 +1,33 @@
 """Regression by replay, with runs as processes of their own."""
 
+import math
+import os
 import re
+import textwrap
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
 import pytest
 
 from robo import bag
-from robo.bag.regression.report import ReplayReport
+from robo.bag.forms.from_carmen import Setting, from_carmen
+from robo.bag.regression.report import ReplayReport, lines
 from robo.errors import UsageError
 from robo.recording.about import parameters_yaml
 from robo.testing import ReplayDiffers, replay
 from robo.testing.regression.judge import Request, judge
 from robo.wire.qos import QoS
-from robo_messages import Clock, LaserScan, String, Time
+from robo_messages import Clock, LaserScan, Parameter, ParameterEvent, String, Time
 from robo_services.diff_drive_controller import DiffDriveController
 from robo_services.position_tracker import PositionTracker
-from tests import replays
+from tests import replays, room_log
 from tests.bags import MS, START
 
 pytestmark = pytest.mark.timeout(120)
+
+TIMES = int(os.environ.get("REPLAY_RUNS", "10"))
+"""How often the tracker is run."""
 
 
 @pytest.fixture
@@ -36,7 +44,8 @@ def accepted(recording: Path, *nodes: str | type, **more: object) -> Path:
 
     output = recording.with_name("reference.mcap")
     asked = {"bag": str(recording), "nodes": nodes_of(nodes), "accept": True, "output": str(output), **more}
-    assert judge(msgspec.convert(asked, Request)).verdict == "accepted"
+    report = judge(msgspec.convert(asked, Request))
+    assert report.verdict == "accepted", list(lines(report))
     return output
 
 
@@ -48,15 +57,52 @@ def different(recording: Path, *nodes: str | type, **more: object) -> ReplayRepo
     return raised.value.report
 
 
+@pytest.mark.timeout(60 + 6 * TIMES)
 def test_the_tracker_says_what_it_said_bit_for_bit_each_time(tmp_path: Path) -> None:
-    reference = accepted(replays.odometry(tmp_path / "drive.mcap"), PositionTracker)
-    report = replay(reference, PositionTracker, runs=6)
-    assert (report.verdict, report.runs, report.troubles) == ("same", 6, [])
+    """On the log that ships."""
+    drive = tmp_path / "drive.mcap"
+    from_carmen(room_log.LOG, drive, Setting(namespace="r1"), "none")
+    with bag.open(drive) as recording:
+        count = recording.topic("r1/odom").count
+    reference = accepted(drive, PositionTracker)
+    report = replay(reference, PositionTracker, runs=TIMES)
+    assert (report.verdict, report.runs, report.troubles) == ("same", TIMES, [])
     (topic,) = report.topics
-    assert (topic.name, topic.counts, topic.compared) == ("r1/current_position", (100, 100), 100)
+    assert count > 300
+    assert (topic.name, topic.counts, topic.compared) == ("r1/current_position", (count, count), count)
     assert (topic.shift, topic.fields) == (0.0, [])
-    assert [(one.topic, one.type, one.count) for one in report.inputs] == [("r1/odom", "nav/Odometry", 100)]
+    assert [(one.topic, one.type, one.count) for one in report.inputs] == [("r1/odom", "nav/Odometry", count)]
     assert any("reset_distance" in note for note in report.notes)
+
+
+def test_a_node_that_reckons_with_wheels_one_percent_further_apart_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The node itself has changed: no parameter says so."""
+    monkeypatch.chdir(tmp_path)
+    changed = """
+    from robo_services import diff_drive_controller
+
+    class DiffDriveController(diff_drive_controller.DiffDriveController):
+        class Parameters(diff_drive_controller.DiffDriveController.Parameters):
+            def drive(self):
+                return msgspec.structs.replace(super().drive(), wheel_separation=1.01 * self.wheel_separation)
+
+        parameters: Parameters
+    """
+    (tmp_path / "wider.py").write_text("import msgspec\n" + textwrap.dedent(changed))
+    reference = accepted(replays.wheels(tmp_path / "wheels.mcap"), DiffDriveController)
+    report = different(reference, "wider:DiffDriveController")
+    assert report.verdict == "different"
+    (odometry,) = [topic for topic in report.topics if topic.name == "r1/odom"]
+    (turned,) = [field for field in odometry.fields if field.field == "twist.twist.angular.z"]
+    first = turned.first
+    assert isinstance(first.expected, float)
+    assert isinstance(first.actual, float)
+    assert START < first.time < START + 200 * MS
+    assert first.expected / first.actual == pytest.approx(1.01)
+    assert first.size == pytest.approx(first.expected - first.actual)
+    assert any(line.startswith(f"    first   at {(first.time - report.begin) * 1e-9:.3f} s") for line in lines(report))
 
 
 def test_a_wheel_base_that_is_one_percent_off_is_told(tmp_path: Path) -> None:
@@ -74,7 +120,7 @@ def test_a_wheel_base_that_is_one_percent_off_is_told(tmp_path: Path) -> None:
     assert START < turned.first.time < START + 200 * MS
     assert turned.largest is not None
     assert turned.largest.size == pytest.approx(turned.first.expected * (1 - 1 / 1.01), rel=1e-6)
-    assert (tmp_path / "plots" / "r1_odom.twist.twist.angular.z.svg").read_text().startswith("<svg")
+    assert (tmp_path / "plots" / "r1-odom.twist.twist.angular.z.svg").read_text().startswith("<svg")
     assert report.plots
     tolerances = tmp_path / "tolerances.yaml"
     tolerances.write_text('topics:\n  "r1/*":\n    fields:\n      "**": {absolute: 0.1}\n')
@@ -83,7 +129,9 @@ def test_a_wheel_base_that_is_one_percent_off_is_told(tmp_path: Path) -> None:
     ).fine  # fmt: skip
 
 
-@pytest.mark.parametrize(("node", "field"), [("WallClock", "data"), ("Dice", "data"), ("Set", "data")])
+@pytest.mark.parametrize(
+    ("node", "field"), [("WallClock", "data"), ("Hour", "data"), ("Night", "data"), ("Dice", "data"), ("Set", "data")]
+)
 def test_a_node_that_is_not_deterministic_is_named_with_its_field(birds: Path, node: str, field: str) -> None:
     report = different(birds / "words.mcap", f"birds:{node}", robot_name="r1")
     assert report.verdict == "not deterministic"
@@ -98,6 +146,152 @@ def test_a_node_that_is_not_deterministic_is_named_with_its_field(birds: Path, n
     )
     assert judge(request).verdict == "not deterministic"
     assert not (birds / "no.mcap").exists()
+
+
+def test_who_waits_for_the_wall_is_found_and_is_no_reference(birds: Path) -> None:
+    """In the time of a run nothing of what it waits for passes: by true clocks both runs say the same."""
+    request = Request(bag=str(birds / "words.mcap"), nodes=["birds:Seldom"], robot="r1", accept=True)
+    report = judge(request)
+    assert report.verdict == "not deterministic"
+    assert [(topic.name, topic.missing, topic.counts[0]) for topic in report.topics] == [("r1/said", 0, 0)]
+    assert report.topics[0].additional > 0
+
+
+def test_of_a_group_who_passes_it_on_is_told_after_who_says_it(birds: Path) -> None:
+    for name in ("birds.yaml", "birds.py"):
+        text = (birds / name).read_text().replace("      relay: {service: birds:Relay}\n", "")
+        text = text.replace("    nodes:\n", "    nodes:\n      relay: {service: birds:Relay}\n")
+        text = text.replace("service: birds:Parrot", "service: birds:Dicing")
+        (birds / name).write_text(text)
+    with (birds / "birds.py").open("a") as file:
+        file.write(
+            "\n\nclass Dicing(Parrot):\n    @robo.subscribe('word')\n    def hear(self, word: String) -> None:\n"
+            "        self.said.publish(String(str(random.random())))\n"
+        )
+    report = different(birds / "words.mcap", "cage", manifest="birds.yaml")
+    assert [one.node for one in report.nodes] == ["/r1/relay", "/r1/parrot"]
+    assert [topic.name for topic in report.topics] == ["r1/said", "r1/passed"]
+    last = list(lines(report))[-1]
+    assert last.startswith("NOT DETERMINISTIC: /r1/parrot says something else in each run, in r1/said data, r1/passed")
+    assert last.endswith(" So then does /r1/relay, and may only pass it on")
+
+
+def spoken(path: Path, *more: str, publishers: Mapping[str, Sequence[str]] | None = None) -> Path:
+    """A recording of words and what a parrot said then; and of more topics, on which the words were said too."""
+    with bag.Recording(path, replays.PLAIN) as recording:
+        log = replays.Log(recording)
+        if publishers is not None:
+            replays.attach_graph(recording, publishers)
+        for number in range(20):
+            at = number * 100 * MS
+            log.write("r1/word", String(str(number)), at)
+            for topic in ("r1/said", *more):
+                log.write(topic, String(str(number)), at + replays.LATE, late=1000)
+    return path
+
+
+def test_a_topic_that_a_node_publishes_no_more_is_missing(birds: Path) -> None:
+    parrot = ["/r1/parrot"]
+    recording = spoken(birds / "a.mcap", "r1/more", publishers={"r1/said": parrot, "r1/more": parrot})
+    report = different(recording, "birds:Parrot")
+    assert [(one.name, one.same, one.counts) for one in report.topics] == [
+        ("r1/said", True, (20, 20)), ("r1/more", False, (20, 0)),
+    ]  # fmt: skip
+    assert report.topics[1].missing == 20
+    new = accepted(recording, "birds:Parrot")
+    with bag.open(new) as said:
+        assert "r1/more" not in said.topics
+    assert replay(new, "birds:Parrot").verdict == "same"  # whatever the graph says of then
+
+
+def test_what_others_said_too_is_not_missing(birds: Path) -> None:
+    publishers = {"r1/said": ["/r1/parrot"], "r1/more": ["/r1/parrot", "/r1/magpie"], "r1/other": ["/r1/magpie"]}
+    report = replay(spoken(birds / "a.mcap", "r1/more", "r1/other", publishers=publishers), "birds:Parrot")
+    assert [one.name for one in report.topics] == ["r1/said"]
+    renamed = {"r1/said": ["/r1/poll"]}
+    assert [one.name for one in replay(spoken(birds / "b.mcap", publishers=renamed), "birds:Parrot").topics] == [
+        "r1/said"
+    ]
+
+
+def test_a_topic_that_a_callback_makes_is_compared(birds: Path) -> None:
+    reference = accepted(birds / "words.mcap", "birds:Late")
+    with bag.open(reference) as said:
+        assert said.topic("r1/more").count == 20
+    assert replay(reference, "birds:Late").topics[0].counts == (20, 20)
+    report = different(reference, "birds:Late", parameters={"text": "b"})
+    assert [(one.name, one.differing) for one in report.topics] == [("r1/more", 20)]
+
+
+def test_what_a_node_says_and_hears_comes_as_it_was_recorded_where_others_say_it_too(birds: Path) -> None:
+    path = birds / "songs.mcap"
+    with bag.Recording(path, replays.PLAIN) as recording:
+        log = replays.Log(recording)
+        replays.attach_graph(recording, {"r1/song": ["/r1/choir", "/r1/soloist"], "r1/heard": ["/r1/choir"]})
+        for number in range(10):
+            at = number * 100 * MS
+            log.write("r1/word", String(str(number)), at)
+            for song, later in ((f"choir {number}", replays.LATE), ("solo", 50 * MS)):
+                log.write("r1/song", String(song), at + later)
+                log.write("r1/heard", String(song), at + later + replays.LATE)
+    report = replay(path, "birds:Choir")
+    assert {one.topic: one.count for one in report.inputs} == {"r1/word": 10, "r1/song": 20}
+    assert [(one.name, one.counts) for one in report.topics] == [("r1/heard", (20, 20))]
+    assert "r1/song is not compared: /r1/soloist publishes it too" in report.notes
+    assert "r1/song is fed as it was recorded; what /r1/choir says on it now reaches nobody" in report.notes
+
+
+def test_what_a_node_says_and_hears_is_told_where_nothing_tells_who_else_says_it(birds: Path) -> None:
+    path = spoken(birds / "a.mcap", "r1/song")
+    reference = accepted(path, "birds:Choir")
+    report = replay(reference, "birds:Choir")
+    assert [one.topic for one in report.inputs] == ["r1/word"]
+    (note,) = [note for note in report.notes if "r1/song" in note]
+    assert note == "r1/song is not fed: /r1/choir says it, and nothing tells whether others said it too"
+    with bag.open(reference) as said:
+        assert said.topic("r1/heard").count == 20
+
+
+def test_what_no_recording_can_have_is_no_part_of_a_reference(birds: Path) -> None:
+    reference = accepted(birds / "words.mcap", "birds:Oddity")
+    with bag.open(reference) as said:
+        assert said.metadata["robo.replay"]["/r1/oddity"] == "r1/said"
+    report = replay(reference, "birds:Oddity")
+    assert [one.name for one in report.topics] == ["r1/said"]
+    assert any("r1/odd is not compared" in note for note in report.notes)
+
+
+def test_parameters_need_not_be_finite(birds: Path) -> None:
+    limits = {"most": math.inf, "least": -math.inf}
+    reference = accepted(birds / "words.mcap", "birds:Limits", parameters=limits)
+    with bag.open(reference) as said:
+        assert next(said.messages("r1/said")).value == String("-inf inf")
+    assert replay(reference, "birds:Limits", parameters=limits).verdict == "same"
+
+
+def test_parameters_that_were_changed_meanwhile_are_told(birds: Path) -> None:
+    path = birds / "tuned.mcap"
+    with bag.Recording(path, replays.PLAIN) as recording:
+        log = replays.Log(recording)
+        for number in range(20):
+            log.write("r1/word", String(str(number)), number * 100 * MS)
+        for number, node in enumerate(("/r1/ticks", "/r1/other", "/r1/ticks")):
+            event = ParameterEvent(node=node, changed_parameters=[Parameter("rate", 5.0 + number)])
+            log.write("r1/parameter_events", event, 500 * MS + number)
+    request = Request(bag=str(path), nodes=["birds:Ticks"], accept=True)
+    notes = [note for note in judge(request).notes if "was changed" in note]
+    assert notes == ["/r1/ticks: rate was changed while it was recorded, first after 0.500 s, and stays as it is here"]
+
+
+def test_a_picture_that_cannot_be_drawn_costs_no_report(birds: Path) -> None:
+    recording = replays.wheels(birds / "wheels.mcap", 20)
+    reference = accepted(recording, DiffDriveController)
+    (birds / "plots").write_text("no folder")
+    report = different(
+        reference, DiffDriveController, parameters={"wheel_separation": 0.303}, plots=birds / "plots"
+    )  # fmt: skip
+    assert report.verdict == "different"
+    assert any("has no picture" in note and "plots" in note for note in report.notes)
 
 
 def test_what_a_node_raises_is_told(birds: Path) -> None:
@@ -220,6 +414,9 @@ def test_mistakes_are_told(birds: Path) -> None:
         replay(words, type("Local", (), {"__qualname__": "f.<locals>.Local"}))
     with pytest.raises(UsageError, match="0 runs"):
         replay(words, "birds:Parrot", runs=0)
+    for patience in (0.0, math.nan, math.inf):
+        with pytest.raises(UsageError, match="a patience of"):
+            replay(words, "birds:Parrot", patience=patience)
 
 
 def test_what_is_latched_comes_first(birds: Path) -> None:

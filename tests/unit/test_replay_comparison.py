@@ -1,8 +1,10 @@
 """What a node says now beside what it said: fields, tolerances, alignment, and how that is told."""
 
+import datetime
 import itertools
 import math
 import re
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,17 +16,23 @@ from hypothesis import strategies as st
 
 from robo import bag
 from robo.bag.look.fields import unequal
+from robo.bag.publishers import Publishers, publishers_of
 from robo.bag.regression import comparing
 from robo.bag.regression import report as replay_report
 from robo.bag.regression.alignment import by_time, in_order
 from robo.bag.regression.comparing import Extent
 from robo.bag.regression.renewal import renew
-from robo.bag.regression.report import Input, NodeTopics, ReplayReport, TopicReport, Trouble, Verdict, lines
+from robo.bag.regression.report import Input, NodeTopics, ReplayReport, Spot, TopicReport, Trouble, Verdict, lines
 from robo.bag.regression.tolerances import Tolerance, Tolerances, load, read_tolerances
+from robo.bag.types import topic_of
 from robo.errors import BagError, UsageError
+from robo.interfaces import cdr
+from robo.testing.regression import other_clocks
+from robo.testing.regression.outputs import others_of, said_then
 from robo.testing.regression.phase import phase, start_before
-from robo.testing.regression.pictures import thinned
+from robo.testing.regression.pictures import draw, thinned
 from robo.text.svg import plot
+from robo.wire.keys import LOG_TOPIC
 from robo.wire.qos import QoS
 from robo_messages import Duration, Header, JointState, LaserScan, Message, Odometry, String, Time, Twist, Vector3
 from tests import replays
@@ -299,9 +307,134 @@ def test_a_picture_has_both_lines_and_is_well_formed() -> None:
 
 @given(st.integers(0, 20_000))
 def test_long_lines_are_thinned_evenly(count: int) -> None:
-    kept = thinned((float(number), 0.0) for number in range(count))
+    (kept,) = thinned((float(number), 0.0) for number in range(count))
     assert len(kept) <= 2_001
     assert len({b[0] - a[0] for a, b in itertools.pairwise(kept)}) <= 1
+
+
+@given(st.integers(0, 20_000), st.integers(0, 20_000))
+def test_of_two_lines_the_same_points_are_kept(first: int, second: int) -> None:
+    kept = thinned(*([(float(number), 0.0) for number in range(count)] for count in (first, second)))
+    assert kept[0][: len(kept[1])] == kept[1][: len(kept[0])]
+
+
+def test_pictures_of_two_topics_are_two_files(tmp_path: Path) -> None:
+    names = "r1/a/b_c", "r1/a_b/c"
+    spot = Spot(index=0, time=START, field="linear.x", expected=0.0, actual=1.0, size=1.0)
+    for name in names:
+        said = record(tmp_path / name.replace("/", "-"), name, (0, twist(1)), (10, twist(2)))
+        with bag.open(said) as recording:
+            assert draw(tmp_path / "plots", name, spot, recording, recording) is not None
+    assert len(list((tmp_path / "plots").iterdir())) == 2
+
+
+def test_messages_that_are_damaged_are_compared_as_bytes(tmp_path: Path) -> None:
+    """Also where the others belong together by their stamps."""
+
+    def stamped(n: int, x: float) -> Odometry:
+        odometry = Odometry(Header(Time.from_nanoseconds(START + n * 10 * MS)))
+        odometry.pose.pose.position.x = x
+        return odometry
+
+    now = record(tmp_path / "b", "r1/x", *((10 * n, stamped(n, n)) for n in range(5)))
+    with bag.Recording(tmp_path / "a", replays.PLAIN) as recording:
+        number = recording.topic(topic_of("r1/x", Odometry))
+        for n in range(5):
+            data = cdr.encoder(Odometry)(stamped(n, n + 1)) if n != 3 else b"\0\1\0\0no"
+            recording.write(number, data, START + 10 * n * MS, START + 10 * n * MS)
+    report = compared(tmp_path / "a", now)
+    assert (report.counts, report.same) == ((5, 5), False)
+    assert report.differing + report.missing >= 5
+
+
+def test_topics_that_differ_come_in_the_order_in_which_they_first_do(tmp_path: Path) -> None:
+    with bag.Recording(tmp_path / "a.mcap", replays.PLAIN) as recording:
+        log = replays.Log(recording)
+        for n in range(3):
+            for topic in ("r1/c", "r1/b", "r1/a"):
+                log.write(topic, String(""), n * MS, late=0)
+    reports = [
+        TopicReport(name="r1/a", types=("", ""), counts=(3, 3), first_missing=START + MS, first_moved=START + 2 * MS),
+        TopicReport(name="r1/b", types=("", ""), counts=(3, 3), first_missing=START + MS),
+        TopicReport(name="r1/c", types=("", ""), counts=(3, 3), first_additional=START + 2 * MS),
+    ]
+    with bag.open(tmp_path / "a.mcap") as said:
+        assert [one.name for one in comparing.earliest_first(reports, said)] == ["r1/b", "r1/a", "r1/c"]
+
+
+def test_clocks_of_another_run_show_something_else() -> None:
+    """Another year; and days pass in a second."""
+    other: Any = other_clocks._clocks()
+    here = time.gmtime()
+    assert other.gmtime().tm_year > here.tm_year
+    assert other.localtime().tm_year > here.tm_year
+    assert other.strftime("%Y") != time.strftime("%Y")
+    assert other.strftime("%Y", here) == time.strftime("%Y", here)
+    for name in ("time", "monotonic", "perf_counter", "process_time"):
+        assert getattr(other, name)() - getattr(time, name)() > 30e6
+    begin, there_then = time.monotonic_ns(), other.monotonic_ns()
+    while time.monotonic_ns() < begin + MS:
+        pass
+    assert other.monotonic_ns() - there_then > 80 * 10**9
+    assert other.clock_gettime(time.CLOCK_MONOTONIC) > time.clock_gettime(time.CLOCK_MONOTONIC) + 30e6
+    assert other.sleep is time.sleep
+
+
+def test_dates_of_another_run_are_true_ones() -> None:
+    other: Any = other_clocks._dates()
+    now, today = other.datetime.now(), other.date.today()
+    assert (type(now), type(today)) == (datetime.datetime, datetime.date)
+    assert (now.year, now.month) != (datetime.date.today().year, datetime.date.today().month)
+    assert other.datetime.now(datetime.UTC).tzinfo is datetime.UTC
+    assert abs(other.datetime.utcnow() - other.datetime.now(datetime.UTC).replace(tzinfo=None)).days < 30
+    true = datetime.datetime(2020, 1, 2, 3)
+    assert other.datetime(2020, 1, 2, 3) == other.datetime.fromisoformat("2020-01-02T03:00") == true
+    assert type(other.datetime.strptime("2020", "%Y")) is datetime.datetime
+    assert isinstance(true, other.datetime)
+    assert isinstance(true, other.date)
+    assert not isinstance(today, other.datetime)
+    assert issubclass(datetime.datetime, other.date)
+
+    class Own(other.datetime):  # type: ignore[misc]
+        pass
+
+    assert type(Own(2020, 1, 2)) is Own
+    assert not isinstance(true, Own)
+
+
+def test_only_modules_of_users_have_other_clocks() -> None:
+    def is_of_users(name: str, file: str) -> bool:
+        return other_clocks.is_of_users({"__name__": name, "__file__": file}, {"mine"})
+
+    assert is_of_users("birds", "/home/me/birds.py")
+    assert is_of_users("mine.nodes", "/usr/lib/python3/site-packages/mine/nodes.py")
+    assert not is_of_users("numpy.core", "/usr/lib/python3/site-packages/numpy/core.py")
+    assert not is_of_users("robo.node.node", "/home/me/robo/node/node.py")
+    assert not is_of_users("threading", "/usr/lib/python3/threading.py")
+    assert not other_clocks.is_of_users({}, {"mine"})
+
+
+def test_who_else_says_a_topic() -> None:
+    a, b, c = "/r1/a", "/r1/b", "/r1/c"
+    of_every_node = {f"r1/{LOG_TOPIC}": {a}, "r1/a/transition_event": {a}}
+    then = Publishers({a, b}, {"r1/x": {a}, "r1/y": {a, b}, "r1/z": {b}, **of_every_node})
+    assert others_of(then, None, {a}) == {"r1/y": [b], "r1/z": [b]}
+    assert others_of(then, {"r1/x": [c]}, {a, b}) == {"r1/x": [c]}
+    assert others_of(then, None, {c}) == {"r1/y": [a, b]}  # what one said alone, may be what this one says now
+    assert said_then(then, {"r1/y": [b]}, {a}) == {a: ["r1/x"]}
+
+
+def test_who_said_what_stands_in_the_graph(tmp_path: Path) -> None:
+    with bag.Recording(tmp_path / "a.mcap", replays.PLAIN) as recording:
+        replays.attach_graph(recording, {"r1/x": ["/r1/a"]})
+        replays.attach_graph(recording, {"r1/x": ["/r1/b"], "r1/y": ["/r1/b"]})
+        recording.attach("graph.json", b"", "application/json", START)
+    with bag.open(tmp_path / "a.mcap") as said:
+        assert publishers_of(said) == ({"/r1/a", "/r1/b"}, {"r1/x": {"/r1/a", "/r1/b"}, "r1/y": {"/r1/b"}})
+    with bag.Recording(tmp_path / "b.mcap", replays.PLAIN) as recording:
+        recording.attach("graph.json", b'{"nodes": 3}', "application/json", START)
+    with bag.open(tmp_path / "b.mcap") as said, pytest.raises(BagError, match=r"graph\.json cannot be read: Expected"):
+        publishers_of(said)
 
 
 def test_a_report_is_told_in_lines(tmp_path: Path) -> None:
@@ -332,6 +465,9 @@ def test_a_report_is_told_in_lines(tmp_path: Path) -> None:
     assert replay_report.verdict_line(report).startswith(
         "NOT DETERMINISTIC: /r1/base says something else in each run, in r1/x linear.x; does it read the wall clock"
     )
+    report.nodes.append(NodeTopics("/r1/other", "base:Other", ["r1/x"]))
+    assert replay_report.verdict_line(report).endswith("? So then does /r1/other, and may only pass it on")
+    report.nodes.pop()
     report.verdict, report.troubles = "failed", [Trouble("/r1/base", START, "raised ValueError: x")]
     assert list(lines(report))[-1] == "FAILED: /r1/base"
     verdicts: list[tuple[Verdict, str]] = [

@@ -49,6 +49,9 @@ class ReplayRequest(NamedTuple):
     runs: Annotated[
         int, typer.Option("--runs", metavar="N", help="So many runs have to say the same first.", min=1)
     ] = 2
+    patience: Annotated[float, typer.Option("--patience", metavar="SECONDS", help="How long a callback may take.")] = (
+        10.0
+    )
     json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False
 
 

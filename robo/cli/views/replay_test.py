@@ -67,6 +67,7 @@ def run_replay_test(request: ReplayRequest) -> int:
             "accept": request.accept,
             "output": _path(request.output),
             "plots": _path(request.plot),
+            "patience": request.patience,
         }
     )
     report = msgspec.json.decode(told, type=ReplayReport)
@@ -89,7 +90,7 @@ def _replay(request: dict[str, Any]) -> bytes:
     try:
         assert process.stdin is not None
         assert process.stdout is not None
-        process.stdin.write(msgspec.json.encode(request))
+        process.stdin.write(msgspec.msgpack.encode(request))
         process.stdin.close()
         for text in process.stdout:
             line = msgspec.json.decode(text, type=_Line)

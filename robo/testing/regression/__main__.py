@@ -1,4 +1,4 @@
-"""`python -m robo.testing.regression`: reads a `Request` as JSON from stdin, tells lines of JSON on stdout.
+"""`python -m robo.testing.regression`: reads a `Request` from stdin, tells lines of JSON on stdout.
 
 The command line runs it: `{"done": 0.4, "stage": "run 1 of 2"}` while it works, then `{"report": …}` or
 `{"mistake": …}`.
@@ -27,7 +27,7 @@ def main() -> None:
     def tell(line: dict[str, Any]) -> None:
         lines.write(msgspec.json.encode(line) + b"\n")
 
-    request = msgspec.json.decode(sys.stdin.buffer.read(), type=Request)
+    request = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=Request)
     try:
         report: ReplayReport = judge(request, lambda done, stage: tell({"done": done, "stage": stage}))
         tell({"report": report})

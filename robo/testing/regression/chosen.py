@@ -27,8 +27,8 @@ class Chosen(NamedTuple):
     """What is to be run."""
 
     nodes: list[NodeOrder]
-    others: dict[str, list[str]]
-    """By topic, other nodes of the manifest that publish it too."""
+    others: dict[str, list[str]] | None
+    """By topic, other nodes of the manifest that publish it too; None where there is none."""
 
 
 def choose(
@@ -63,7 +63,7 @@ def choose(
     nodes = [NodeOrder(service=word, namespace=robot or "", recorded=said) for word in services]
     if arguments and not named:
         raise UsageError(f"{next(iter(arguments))}:= is an argument of a manifest; --manifest names one")
-    others: dict[str, list[str]] = {}
+    others = None
     if named:
         found = _resolved(manifest, robot, arguments)
         plans = _meant(found, named)

@@ -13,11 +13,11 @@ import msgspec
 from robo import bag as bags
 from robo.bag.read.reader import Bag
 from robo.bag.regression import comparing
-from robo.bag.regression.comparing import Extent
+from robo.bag.regression.comparing import Extent, earliest_first
 from robo.bag.regression.renewal import renew
 from robo.bag.regression.report import ReplayReport, TopicReport
 from robo.bag.regression.tolerances import Tolerances, load
-from robo.errors import UsageError
+from robo.errors import RoboError, UsageError
 from robo.testing.regression.chosen import choose
 from robo.testing.regression.order import RunOrder, RunResult
 from robo.testing.regression.phase import phase, start_before
@@ -28,6 +28,8 @@ MARK = "robo.replay"
 """The metadata of a recording of which outputs come from a replay: when it began, and by node the topics."""
 
 RUNS = 2
+LONGEST = 1e6
+"""Of a patience, s."""
 
 
 class Request(msgspec.Struct, kw_only=True):
@@ -62,6 +64,8 @@ def judge(request: Request, progress: Progress = lambda _done, _stage: None) -> 
         raise UsageError(f"{request.runs} runs: use 1 or more")
     if request.output is not None and not request.accept:
         raise UsageError("-o says where --accept writes to; say --accept too")
+    if not 0 < request.patience <= LONGEST:  # NaN is neither
+        raise UsageError(f"a patience of {request.patience:g} s: use more than 0 and at most {LONGEST:g}")
     tolerances = load(request.tolerances, request.ignored)
     with ExitStack() as made:
         recording = made.enter_context(bags.open(request.bag))
@@ -119,16 +123,22 @@ class _Judge:
         now = self._made.enter_context(bags.open(order.output))
         for number in range(2, request.runs + 1):
             output = str(self._folder / f"{number}.mcap")
-            again = self._run(msgspec.structs.replace(order, output=output), number)
+            again = self._run(msgspec.structs.replace(order, output=output, other_clocks=True), number)
             report.runs = number
             if again.troubles:
+                report.notes.append(
+                    f"run 1 went without this; in run {number} hashes have another order, random numbers are others, "
+                    "and the clocks of the wall show something else"
+                )
                 return self._failed(again)
             with bags.open(output) as other:
                 exact = self._tolerances.only_ignored(), Extent(exact=True)
-                found = [self._compare(now, other, name, *exact) for name in first.outputs]
+                both = dict.fromkeys([*first.outputs, *again.outputs])
+                found = [self._compare(now, other, name, *exact) for name in both]
             Path(output).unlink()
-            if not all(topic.same for topic in found):
-                report.topics, report.verdict = [topic for topic in found if not topic.same], "not deterministic"
+            broken = [topic for topic in found if not topic.same]
+            if broken:
+                report.topics, report.verdict = earliest_first(broken, now), "not deterministic"
                 return report
         return self._accept(first, now) if request.accept else self._against_recording(first, now)
 
@@ -151,7 +161,7 @@ class _Judge:
 
     def _against_recording(self, run: RunResult, now: Bag) -> ReplayReport:
         report = self._report
-        for name in dict.fromkeys([*run.outputs, *self._said_before(run)]):
+        for name in self._outputs(run):
             if name in self._bag.topics or name in self._renewed:
                 extent = self._extent(name, run)
                 report.topics.append(self._compare(self._bag, now, name, self._tolerances, extent))
@@ -179,9 +189,13 @@ class _Judge:
         self._draw(now)
         return report
 
-    def _said_before(self, run: RunResult) -> list[str]:
-        """What these nodes said when the reference was made."""
-        return [name for one in run.nodes for name in self._mark.get(one.node, "").split()]
+    def _outputs(self, run: RunResult) -> list[str]:
+        """What these nodes say now, and what they said when the reference was made, or the recording."""
+        found = dict.fromkeys(run.outputs)
+        for one in run.nodes:
+            mark = self._mark.get(one.node)
+            found |= dict.fromkeys(mark.split() if mark is not None else run.said_then.get(one.node, ()))
+        return list(found)
 
     def _extent(self, name: str, run: RunResult) -> Extent:
         if name in self._renewed:
@@ -197,7 +211,11 @@ class _Judge:
         for topic in self._report.topics:
             for field in topic.fields:
                 if field.first.size is not None:
-                    path = draw(folder, topic.name, field.first, self._bag, now)
+                    try:
+                        path = draw(folder, topic.name, field.first, self._bag, now)
+                    except RoboError as error:  # what was found is more than a picture of it
+                        self._report.notes.append(f"{topic.name} {field.field} has no picture: {error}")
+                        break
                     if path is not None:
                         self._report.plots.append(str(path))
 
@@ -229,7 +247,7 @@ class _Judge:
         output = Path(self._request.output or self._request.bag)
         words = dict(self._mark) | {"begin": str(run.begin)} | {one.node: " ".join(one.outputs) for one in run.nodes}
         self._progress(0.0, f"writing {output}")
-        renew(self._bag, now, {*run.outputs, *self._said_before(run)}, {MARK: words}, output)
+        renew(self._bag, now, self._outputs(run), {MARK: words}, output)
         report.verdict, report.accepted = "accepted", str(output)
         return report
 

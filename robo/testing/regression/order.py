@@ -34,10 +34,12 @@ class RunOrder(msgspec.Struct, kw_only=True):
     """The recording to write."""
     begin: int | None = None
     """When the nodes start, ns since the epoch; None for the first arrival."""
-    others: dict[str, list[str]] = {}
-    """By topic, other nodes of the manifest that publish it too."""
+    others: dict[str, list[str]] | None = None
+    """By topic, other nodes of the manifest that publish it too; None where there is none."""
     patience: float = 10.0
     """How long a callback may take, s of the wall clock."""
+    other_clocks: bool = False
+    """Whether the clocks of the wall that modules of nodes read show something else."""
 
 
 class RunResult(msgspec.Struct, kw_only=True):
@@ -50,6 +52,8 @@ class RunResult(msgspec.Struct, kw_only=True):
     inputs: list[Input] = []
     outputs: list[str] = []
     """Topics to compare."""
+    said_then: dict[str, list[str]] = {}
+    """Those that the recording has of nodes, by node, as far as it says whose they are."""
     periods: dict[str, float] = {}
     """Of topics of which all messages come from one timer, its period, s."""
     first_input: int = 0

@@ -1,4 +1,4 @@
-"""`python -m robo.testing.regression.run`: one run. Reads its order from stdin, and tells lines of JSON on stdout.
+"""`python -m robo.testing.regression.run`: one run. Reads a `RunOrder` from stdin, and tells lines of JSON on stdout.
 
 What nodes print goes to stderr.
 """
@@ -17,18 +17,26 @@ import msgspec
 import zenoh
 
 from robo import bag as bags
+from robo.bag.publishers import publishers_of
 from robo.bag.read.reader import Bag
 from robo.bag.read.topics import BagMessage, Topic
-from robo.bag.regression.report import Input
+from robo.bag.regression.report import Input, NodeTopics
 from robo.errors import BagError, DamagedBag, RoboError, UsageError
 from robo.node.contract import contract_of
 from robo.node.loading import load_node_class
 from robo.node.node import Node
+from robo.testing.regression import other_clocks
 from robo.testing.regression.bench import ReplayBench, SimulatedTime
 from robo.testing.regression.feed import Feed, wanted_senders
 from robo.testing.regression.order import Line, NodeOrder, RunOrder, RunResult
 from robo.testing.regression.outlet import Outlet
-from robo.testing.regression.wiring import inputs_of, outputs_of, parameters_of, tell_what_is_not_replayed
+from robo.testing.regression.outputs import others_of, outputs_of, said_then
+from robo.testing.regression.wiring import (
+    inputs_of,
+    parameters_of,
+    tell_changed_parameters,
+    tell_what_is_not_replayed,
+)
 from robo.testing.stepper import Hung
 from robo.wire import names
 from robo.wire.network import Network
@@ -48,7 +56,7 @@ def main() -> None:
     """Read the order, run it, tell the result."""
     lines = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)
-    order = msgspec.json.decode(sys.stdin.buffer.read(), type=RunOrder)
+    order = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=RunOrder)
 
     def tell(line: Line) -> None:
         lines.write(msgspec.json.encode(line) + b"\n")
@@ -67,6 +75,8 @@ def run(order: RunOrder, tell: Callable[[Line], None]) -> RunResult:
     Raises:
         RoboError: the recording or a node cannot be used.
     """
+    if order.other_clocks:  # before a recording's types bring in their packages
+        other_clocks.install({one.service.partition(":")[0].partition(".")[0] for one in order.nodes})
     with ExitStack() as made:
         recording = made.enter_context(_open(order.bag))
         session = open_session(Network(mode="peer"))
@@ -96,6 +106,7 @@ class _Run:
         self._bench = ReplayBench(session, order.patience, self._begin)
         self._simulated: SimulatedTime | None = None
         self._outlet: Outlet | None = None
+        self._others: dict[str, list[str]] = {}
         self._result = RunResult(begin=self._begin, first_input=recording.begin)
         self._note = self._result.notes.append
         self._ended: set[str] = set()
@@ -192,9 +203,7 @@ class _Run:
         outlet, bench = self._outlet, self._bench
         assert outlet is not None
         result = self._result
-        result.nodes, outlet.left_out, outlet.qos = outputs_of(bench.seats, self._order.others, self._note)
-        result.outputs = [topic for one in result.nodes for topic in one.outputs]
-        inputs = inputs_of(bench.seats, self._bag.topics, self._note, bench.note)
+        inputs = self._wire(outlet)
         outlet.drain()
         senders: dict[str, str] = {}
         for seat in bench.seats:
@@ -222,6 +231,23 @@ class _Run:
             counts = feed.counts
             result.inputs = [Input(name, topic.type, counts[name]) for name, topic in inputs.items()]
             feed.close()
+
+    def _wire(self, outlet: Outlet) -> dict[str, Topic]:
+        """Find out who says what, then and now. Returns what is fed."""
+        seats, manifest = self._bench.seats, self._order.others
+        recorded, nodes = publishers_of(self._bag), set(self._names())
+        tell_changed_parameters(self._bag, nodes, self._note)
+        self._others = others_of(recorded, manifest, nodes)
+        self._result.said_then = said_then(recorded, self._others, nodes)
+        _, outlet.left_out, outlet.qos = outputs_of(seats, self._others, self._note)
+
+        def said_alone(topic: str) -> bool:
+            return manifest is not None or topic in recorded.of
+
+        inputs = inputs_of(seats, self._bag.topics, self._others, said_alone, self._note, self._bench.note)
+        for seat in seats:
+            seat.session.unheard.update(topic for topic in inputs if topic in self._others)
+        return inputs
 
     def _messages(self, inputs: dict[str, Topic]) -> Iterator[BagMessage]:
         """What is fed, in its order; what latched topics had said before comes first."""
@@ -260,7 +286,14 @@ class _Run:
         result = self._result
         for topic, why in outlet.unwritable.items():
             self._note(f"{topic} is not compared: {why}")
-        result.outputs = [topic for topic in result.outputs if topic not in outlet.unwritable]
+        # Now, for callbacks may have made publishers too.
+        nodes, _, _ = outputs_of(self._bench.seats, self._others, self._note)
+        for node, service, topics in map(msgspec.structs.astuple, nodes):
+            writable = [topic for topic in topics if topic not in outlet.unwritable]
+            result.nodes.append(NodeTopics(node, service, writable))
+            result.outputs += writable
+        for node, topics in result.said_then.items():
+            result.said_then[node] = [topic for topic in topics if topic not in outlet.unwritable]
         periods: dict[str, float] = {}
         for seat in self._bench.seats:
             for loop in seat.node._ends.timers:

@@ -21,7 +21,7 @@ from robo.testing.regression.order import Line, RunOrder, RunResult
 from robo.testing.run import clean_environment
 
 SILENCE = 120.0
-"""How long a run may say nothing, s: a node may take a while for its start, on a machine that has
+"""How long a run may say nothing beyond its patience, s: a node may take a while for its start, on a machine that has
 much else to do."""
 
 _SHOWN = 12
@@ -35,7 +35,7 @@ def run_apart(order: RunOrder, number: int, progress: Callable[[float], None], s
         order: what to run.
         number: of the run; hashes follow from it.
         progress: is told how much is done, 0 to 1.
-        silence: how long the process may say nothing, s.
+        silence: how long the process may say nothing beyond its patience, s.
 
     Returns:
         What it has come to; where the process has died, that as a trouble.
@@ -43,6 +43,7 @@ def run_apart(order: RunOrder, number: int, progress: Callable[[float], None], s
     Raises:
         UsageError: what is wanted makes no sense.
     """
+    silence += order.patience
     leash = [sys.executable, "-m", "robo.testing.leash", str(os.getpid()), sys.executable]
     with tempfile.TemporaryFile() as errors:
         process = subprocess.Popen(
@@ -60,7 +61,7 @@ def run_apart(order: RunOrder, number: int, progress: Callable[[float], None], s
         reader.start()
         try:
             with suppress(BrokenPipeError):
-                process.stdin.write(msgspec.json.encode(order))
+                process.stdin.write(msgspec.msgpack.encode(order))  # JSON has neither infinities nor bytes
                 process.stdin.close()
             result = _follow(lines, progress, silence)
             if result is not None:
