@@ -12,12 +12,10 @@ from robo.machine.log_files import SUPERVISOR, LogFilter, record
 from robo.machine.orphans import Left
 from robo.supervisor.restart import Restarts
 from robo.wire import names
-from robo.wire.reports import Event, Exit, LogRecord
+from robo.wire.reports import MOST_LINES, Event, Exit, LogRecord
 
 MOST_EVENTS = 1000
 """Events that are kept for whoever asks over the network."""
-MOST_LINES = 5000
-"""Lines of output that are kept for whoever asks over the network."""
 
 _ONE_SCREEN = 24
 """Lines that whoever looks at the console has before his eyes: nobody needs to be told them again."""

@@ -238,6 +238,10 @@ class Request(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Nodes or groups; all where there is none."""
 
 
+MOST_LINES = 5000
+"""Lines of output that a supervisor keeps for whoever asks over the network."""
+
+
 class LogsRequest(Request, frozen=True, forbid_unknown_fields=True):
     """Which lines of output are asked for."""
 

@@ -1,7 +1,6 @@
 """Keeps the last seconds of a robot, and writes them into a file when something happens."""
 
 import os
-import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -17,8 +16,7 @@ from robo.errors import BagError, FlightRecorderError, InvalidName, ParameterErr
 from robo.node.turn import paused
 from robo.recording.flight.files import Recorder, Settings
 from robo.recording.flight.flight import Flight
-from robo.recording.flight.ring import best_compression, default_base
-from robo.recording.flight.windows import Reason
+from robo.recording.flight.ring import best_compression, default_bases
 from robo.recording.selection import Selection
 from robo.text.folders import log_base
 from robo.wire import names
@@ -69,7 +67,8 @@ class FlightRecorder(Node):
             READ_ONLY,
         ] = field(default_factory=lambda: ["safety_state"])
         again: Annotated[
-            float, Meta(ge=0, le=86_400, description="the same of the same node makes no other file within"),
+            float,
+            Meta(ge=0, le=86_400, description="the same of the same node makes another file after so long without it"),
             Unit("s"), READ_ONLY,
         ] = 60.0  # fmt: skip
         most_files: Annotated[int, Meta(ge=1, le=10_000, description="of several files the oldest go"), READ_ONLY] = 20
@@ -106,7 +105,7 @@ class FlightRecorder(Node):
             after=p.after,
             again=p.again,
             ring_size=round(p.ring_size * _MB),
-            ring_base=Path(p.ring_folder) if p.ring_folder else default_base(),
+            ring_bases=[Path(p.ring_folder)] if p.ring_folder else default_bases(),
             folder=Path(p.folder) if p.folder else log_base() / robot / "flight",
             most_files=p.most_files,
             most_size=round(p.most_size * _MB),
@@ -131,7 +130,7 @@ class FlightRecorder(Node):
     def snapshot(self, request: TakeSnapshot.Request) -> TakeSnapshot.Response:
         """Write what is kept and what comes within the next seconds; answered once there is a file."""
         assert self._flight is not None
-        job = self._flight.happened(Reason(time.time_ns(), "asked", "", request.reason))
+        job = self._flight.happened("asked", "", request.reason)
         assert job is not None
         with paused():
             job.done.wait(2 * self.parameters.after + _LONGEST_WAIT)
@@ -145,11 +144,13 @@ class FlightRecorder(Node):
         flight = self._flight
         if flight is None:
             return Health.ok()
-        if flight.ring_problem:
-            return Health.error(f"nothing is kept: {flight.ring_problem}")
+        if not flight.alive:
+            return Health.error("nothing is kept: the flight recorder has ended")
+        if flight.keeping.problem:
+            return Health.error(f"nothing is kept: {flight.keeping.problem}")
         if flight.files.problem:
             return Health.error(f"no file could be written: {flight.files.problem}")
-        return Health.ok(ring_size=flight.ring_size, files=flight.files.count)
+        return Health.ok(ring_size=flight.keeping.size, files=flight.files.count, left_out=flight.left_out)
 
     def _watching(self, topic: str) -> Callable[[DiagnosticStatus], None]:
         return partial(self._on_state, topic)
@@ -160,7 +161,7 @@ class FlightRecorder(Node):
         before, self._stopped[topic] = self._stopped.get(topic, True), stopped
         if stopped and not before and self._flight is not None:
             node = status.name if status.name.startswith("/") else ""
-            self._flight.happened(Reason(time.time_ns(), "emergency stop", node, status.message))
+            self._flight.happened("emergency stop", node, status.message)
 
     def _selection(self) -> Selection:
         p = self.parameters

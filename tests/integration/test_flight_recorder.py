@@ -1,6 +1,7 @@
 """The flight recorder among nodes: what it keeps, what makes it write, and what keeps it from it."""
 
 import os
+import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -9,21 +10,28 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import psutil
 import pytest
 import zenoh
 
 from robo import Node, Publisher, bag
+from robo.bag.edit.excerpt import excerpt
 from robo.bag.read.reader import Bag
 from robo.errors import FlightRecorderError
+from robo.recording.flight.ring import Limits, Ring, ring_folder
 from robo.testing.heard import Heard
-from robo.wire.keys import event_key
+from robo.wire.keys import control_key, event_key
 from robo.wire.reports import Event
 from robo_messages import Clock as SaidClock
 from robo_messages import DiagnosticStatus, KeyValue, Odometry, String, TakeSnapshot, Time, Twist, Vector3
 from robo_services.flight_recorder import FlightRecorder
+from tests import bags
+from tests.bags import START
 from tests.support import PATIENCE, eventually
 
 pytestmark = pytest.mark.timeout(120)
+
+SECOND = 1_000_000_000
 
 
 class Robot(Node):
@@ -32,6 +40,7 @@ class Robot(Node):
     command = Publisher(Twist, "cmd_vel")
     odometry = Publisher(Odometry, "odom")
     map = Publisher(String, "map", latched=True)
+    text = Publisher(String, "text")
     state = Publisher(DiagnosticStatus, "safety_state", latched=True)
 
 
@@ -201,7 +210,7 @@ def test_a_folder_that_cannot_be_written_stops_nothing(lab: Lab) -> None:
 
 
 def test_a_ring_that_cannot_be_written_is_tried_again(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("robo.recording.flight._RETRY", 0.1)
+    monkeypatch.setattr("robo.recording.flight.keeping._RETRY", 0.1)
     (lab.folder / "ring").write_bytes(b"")
     recorder = lab.record(ring_folder=str(lab.folder / "ring"))
     assert "nothing is kept" in warned(recorder)
@@ -214,16 +223,182 @@ def test_a_ring_that_cannot_be_written_is_tried_again(lab: Lab, monkeypatch: pyt
 
 
 def test_a_ring_whose_disk_is_full_goes_on_when_there_is_room(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("robo.recording.flight._RETRY", 0.1)
-    monkeypatch.setattr("robo.recording.ring._LEAST_FREE", 10**18)
+    monkeypatch.setattr("robo.recording.flight.keeping._RETRY", 0.1)
+    monkeypatch.setattr("robo.recording.flight.ring._LEAST_FREE", 10**18)
     recorder = lab.record()
     lab.drive(5)
     eventually(lambda: "the recording has ended" in warned(recorder), "the disk is full")
-    monkeypatch.setattr("robo.recording.ring._LEAST_FREE", 0)
+    monkeypatch.setattr("robo.recording.flight.ring._LEAST_FREE", 0)
     eventually(lambda: warned(recorder) == "", "there is room")
     lab.drive(5)
     assert ask(lab.robot).success
     assert len(values(lab.snapshot())) >= 5
+
+
+def test_a_ring_whose_folder_goes_for_good_goes_on_elsewhere(
+    lab: Lab, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robo.recording.flight.keeping._RETRY", 0.1)
+    gone, lasting = tmp_path / "run" / "robo-flight", tmp_path / "lasting"
+    monkeypatch.setattr("robo_services.flight_recorder.default_bases", lambda: [gone, lasting])
+    recorder = lab.record(ring_folder="")
+    lab.drive(5)
+    eventually(lambda: recorder.all_is_kept().values["ring_size"] != "0", "it is kept")
+    shutil.rmtree(gone.parent)
+    gone.parent.write_bytes(b"")
+    eventually(lambda: (lab.drive(1), list(lasting.rglob("*.mcap")) != [])[1], "it goes on")
+    eventually(lambda: warned(recorder) == "", "all is well")
+    lab.drive(5)
+    assert ask(lab.robot).success
+    assert len(values(lab.snapshot())) >= 5
+
+
+def test_one_step_that_fails_ends_nothing(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robo.recording.flight.keeping._RETRY", 0.1)
+    recorder = lab.record()
+    lab.drive(5)
+    failed = threading.Event()
+
+    def fail(*_: object) -> None:
+        failed.set()
+        raise RuntimeError("nobody has thought of this")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("robo.recording.flight.intake.FlightIntake.batch", fail)
+        assert failed.wait(PATIENCE)
+        eventually(lambda: "RuntimeError: nobody has thought of this" in warned(recorder), "it is told")
+    eventually(lambda: warned(recorder) == "", "it goes on")
+    lab.drive(5)
+    assert ask(lab.robot).success
+    assert len(values(lab.snapshot())) >= 5
+
+
+def test_a_message_that_nobody_has_thought_of_costs_no_other_one(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("what is this")
+
+    monkeypatch.setattr("robo.recording.odometry.TransformsOfOdometry._of_odometry", fail)
+    recorder = lab.record()
+    lab.robot.odometry.publish(Odometry())
+    lab.drive(5)
+    assert ask(lab.robot).success
+    assert len(values(lab.snapshot())) == 5
+    assert warned(recorder) == ""
+
+
+def test_what_others_know_is_missing_where_nobody_can_be_asked(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise zenoh.ZError("the session is closed")
+
+    monkeypatch.setattr("robo.recording.flight.evidence.Witnesses.testimony", fail)
+    lab.record()
+    lab.drive(5)
+    assert ask(lab.robot).success
+    assert len(values(lab.snapshot())) == 5
+
+
+def test_what_others_have_left_stays_until_there_is_a_file_of_it(
+    lab: Lab, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robo.recording.flight.flight._PARAMETERS", 0.2)
+    ring = Ring(ring_folder(tmp_path, "r1", "dead"), Limits(duration=30.0, size=1_000_000), START)
+    bags.say(ring.recording, 10)
+    ring.close(remove=False)
+    (lab.folder / "files").write_bytes(b"")
+    recorder = lab.record()
+    eventually(lambda: "no file could be written" in warned(recorder), "it is told")
+    assert list((tmp_path / "r1" / "dead").rglob("*.mcap"))
+    (lab.folder / "files").unlink()
+    eventually(lambda: not (tmp_path / "r1" / "dead").exists(), "it is written")
+    assert lab.snapshots()[0].name.endswith("_run_ended.mcap")
+    assert lab.snapshot().metadata["flight_recorder"]["run"] == "dead"
+
+
+def test_a_clock_that_is_set_costs_nothing(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    set_by = 0
+    real = time.time_ns
+    recorder = lab.record()
+    lab.drive(10)
+    eventually(lambda: recorder.all_is_kept().values["ring_size"] != "0", "it is kept")
+    for hour in (1, -1):
+        set_by += hour * 3600 * SECOND
+        monkeypatch.setattr("time.time_ns", lambda: real() + set_by)
+        lab.drive(10)
+        answer = ask(lab.robot)
+        assert answer.success
+        assert abs(answer.snapshot.stamp.to_nanoseconds() - time.time_ns()) < 60 * SECOND
+    assert len(values(lab.snapshot())) == 20
+    found = lab.snapshot(1)
+    assert len(values(found)) == 30
+    assert abs(found.end - real()) < 60 * SECOND
+
+
+def test_a_file_is_there_soon_whatever_happens_meanwhile_and_whoever_does_not_answer(
+    lab: Lab, other: zenoh.Session
+) -> None:
+    asked: list[zenoh.Query] = []  # which are never answered
+    silent = other.declare_queryable(control_key("**", "*"), asked.append)
+    lab.record(after=1.0)
+    lab.drive(5)
+    tell = other.declare_publisher(event_key("r1"))
+    begin = time.time_ns()
+    number = 0
+    while not lab.snapshots():
+        number += 1
+        tell.put(msgspec.msgpack.encode(event("died", f"/r1/node_{number}")))
+        time.sleep(0.1)  # something happens all the time
+        assert time.time_ns() - begin < PATIENCE * SECOND
+    took = (lab.snapshots()[0].stat().st_mtime_ns - begin) / SECOND
+    assert took < 4.5, "two seconds until it is due, and two for those who are silent"
+    assert asked
+    silent.undeclare()
+
+
+def test_while_a_file_is_written_what_happens_waits_for_one_more(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    writing, go_on = threading.Event(), threading.Event()
+
+    def slow(*arguments: Any, **more: Any) -> None:
+        writing.set()
+        assert go_on.wait(PATIENCE)
+        excerpt(*arguments, **more)
+
+    monkeypatch.setattr("robo.recording.flight.files.excerpt", slow)
+    lab.record(after=0.0)
+    lab.drive(5)
+    answers: list[TakeSnapshot.Response] = []
+    threads = [threading.Thread(target=lambda: answers.append(ask(lab.robot, "it"))) for _ in range(4)]
+    threads[0].start()
+    assert writing.wait(PATIENCE)
+    for thread in threads[1:]:
+        thread.start()
+    lab.drive(5)
+    held = lab.folder / "r1"
+    eventually(lambda: len(list(held.glob("*/held/*"))) == 1, "one is being written")
+    go_on.set()
+    for thread in threads:
+        thread.join()
+    assert 2 <= len(lab.snapshots()) <= 3, "one, what waited, and whoever asked later still"
+    assert all(answer.success for answer in answers)
+
+
+def test_what_comes_too_fast_takes_no_more_than_is_granted(lab: Lab, tmp_path: Path) -> None:
+    lab.record(ring_size=1.0, most_files=2, most_size=1.0, again=0.0)
+    lab.robot.map.publish(String("kitchen" * 100))
+    most = 0
+    memory = psutil.Process().memory_info
+    before = 0
+    for part in range(60):
+        for _ in range(50):
+            lab.robot.text.publish(String(os.urandom(5_000).hex()))
+        lab.robot.flush()
+        most = max(most, sum(path.stat().st_size for path in (tmp_path / "r1").rglob("*.mcap") if path.is_file()))
+        if part in (20, 40):
+            assert ask(lab.robot).success
+            before = before or memory().rss
+    assert 500_000 < most < 3_000_000, "the ring, what is held for a file, and what comes between two looks"
+    assert sum(path.stat().st_size for path in lab.snapshots()) < 2_000_000
+    assert memory().rss - before < 50e6
+    assert [message.value for message in lab.snapshot().messages("r1/map")] == [String("kitchen" * 100)]
 
 
 def test_a_recorder_that_is_stopped_writes_what_is_due_and_leaves_no_ring(lab: Lab, other: zenoh.Session) -> None:

@@ -29,15 +29,19 @@ def event(**facts: Any) -> Event:
     return Event(**(plain | facts))
 
 
+def never(text: str) -> None:
+    raise AssertionError(text)
+
+
 def test_everything_that_is_known_is_a_file_and_what_is_not_is_none() -> None:
-    assert attachments(Evidence(), []) == []
+    assert attachments(Evidence(), [], never) == []
     evidence = Evidence(
         [explanation("/r1/laser"), explanation("/r1/base")],
         [event(alarm="died")],
         [LogRecord(time=5, node="base", message="oh", level="WARN")],
         {"/r1/base": {"rate": float("inf"), "data": b"x"}},
     )
-    found = {one.name: one.data for one in attachments(evidence, ["/r1/base"])}
+    found = {one.name: one.data for one in attachments(evidence, ["/r1/base"], never)}
     assert list(found) == [
         "logs.txt", "why.txt", "logs.jsonl", "why.json", "processes.json", "events.jsonl", "parameters.yaml"
     ]  # fmt: skip
@@ -47,6 +51,24 @@ def test_everything_that_is_known_is_a_file_and_what_is_not_is_none() -> None:
     assert b"rate: inf" in found["parameters.yaml"]
     assert msgspec.json.decode(found["processes.json"])[0]["node"] == "/r1/base"
     assert found["events.jsonl"].count(b"\n") == 1
+
+
+def test_what_cannot_be_made_a_file_of_costs_no_other_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_: object) -> str:
+        raise AssertionError("a name that is a value and a group")
+
+    monkeypatch.setattr("robo.recording.flight.evidence.parameters_yaml", fail)
+    said: list[str] = []
+    found = attachments(Evidence(events=[event()], parameters={"/r1/base": {}}), [], said.append)
+    assert [one.name for one in found] == ["events.jsonl"]
+    assert said == ["parameters.yaml is not in the file: AssertionError: a name that is a value and a group"]
+
+
+def test_logs_say_where_they_are_cut() -> None:
+    evidence = Evidence(lines=[LogRecord(time=5, node="base", message="oh")], lines_are_missing=True)
+    text = attachments(evidence, [], never)[0].data.decode()
+    assert text.startswith("(older lines may be missing: a supervisor keeps the last 5,000)\n")
+    assert text.endswith(" base: oh\n")
 
 
 def told(node: str, number: int = 0) -> Snapshot:

@@ -1,5 +1,6 @@
 """The ring of a flight recorder: what it keeps, what it may take, and what is left when its process is killed."""
 
+import os
 import shutil
 import signal
 import subprocess
@@ -14,7 +15,16 @@ from robo import bag
 from robo.bag.edit.excerpt import excerpt
 from robo.bag.types import topic_of
 from robo.errors import BagError, FlightRecorderError
-from robo.recording.flight.ring import Limits, OldFile, Ring, ring_folder, rings_without_owner, taken_over
+from robo.recording.flight.ring import (
+    Limits,
+    OldFile,
+    Ring,
+    claimed,
+    default_bases,
+    ring_folder,
+    rings_without_owner,
+    taken_over,
+)
 from robo.recording.flight.shelf import Shelf
 from robo.wire.qos import QoS
 from robo_messages import String, Twist
@@ -97,7 +107,7 @@ def test_an_hour_of_ten_times_the_data_takes_no_more_than_is_granted(tmp_path: P
     """Of 30 s a tenth fits in; it is looked at every two seconds, and a file is written each ten minutes."""
     size, rate, padding = 60_000, 20.0, 900
     filled = Filled(tmp_path / "ring", size, 30.0)
-    shelf = Shelf(tmp_path / "files")
+    shelf = Shelf(tmp_path / "files", "r1")
     memory = psutil.Process().memory_info
     before, most, most_shelf = 0, 0, 0
     for second in range(0, HOUR, 2):
@@ -128,15 +138,34 @@ def test_an_hour_of_ten_times_the_data_takes_no_more_than_is_granted(tmp_path: P
 
 
 def test_files_of_others_in_the_folder_are_left_alone(tmp_path: Path) -> None:
-    shelf = Shelf(tmp_path)
-    (tmp_path / "mine.mcap").write_bytes(b"x" * 1000)
+    shelf = Shelf(tmp_path, "r1")
+    others = [
+        "kitchen_2026-01-01_00-00-00.mcap",
+        "mine.mcap",
+        "r1_2026-01-01_00-00-00.mcap",
+        "r2_2026-01-01_00-00-00_x.mcap",
+    ]
+    for name in others:
+        (tmp_path / name).write_bytes(b"x" * 1000)
     for number in range(5):
         shelf.add(f"r1_2026-01-01_00-00-0{number}_died", lambda path: path.write_bytes(b"x"))
     shelf.add("r1_2026-01-01_00-00-04_died", lambda path: path.write_bytes(b"y"))
     shelf.keep_newest(2, 1000)
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "mine.mcap", "r1_2026-01-01_00-00-04_died.mcap", "r1_2026-01-01_00-00-04_died_2.mcap",
-    ]  # fmt: skip
+    own = ["r1_2026-01-01_00-00-04_died.mcap", "r1_2026-01-01_00-00-04_died_2.mcap"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*others, *own])
+
+
+def test_what_a_killed_recorder_had_begun_to_write_goes(tmp_path: Path) -> None:
+    with subprocess.Popen([sys.executable, "-c", ""]) as dead:
+        pass
+    name = "r1_2026-01-01_00-00-00_died.mcap"
+    drafts = [f".{name}.{dead.pid}.part", f".{name}.{os.getpid()}.part", f".{name}.{os.getppid()}.part"]
+    drafts += [f".r2{name}.{dead.pid}.part", f".{name}.x.part"]
+    for draft in drafts:
+        (tmp_path / draft).write_bytes(b"")
+    Shelf(tmp_path, "r1").remove_drafts()
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(drafts[2:])
+    Shelf(tmp_path / "nowhere", "r1").remove_drafts()
 
 
 def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
@@ -145,11 +174,11 @@ def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
         raise BagError("no room", str(path))
 
     with pytest.raises(BagError, match="no room"):
-        Shelf(tmp_path / "new").add("r1_2026-01-01_00-00-00", fail)
-    assert Shelf(tmp_path / "new").files() == []
+        Shelf(tmp_path / "new", "r1").add("r1_2026-01-01_00-00-00", fail)
+    assert Shelf(tmp_path / "new", "r1").files() == []
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(BagError, match="the folder cannot be made"):
-        Shelf(tmp_path / "file" / "inner").add("x", fail)
+        Shelf(tmp_path / "file" / "inner", "r1").add("x", fail)
 
 
 def killed(folder: Path) -> int:
@@ -197,6 +226,65 @@ def test_what_cannot_be_read_of_a_dead_ring_goes(tmp_path: Path) -> None:
     assert {number: [one.path.name for one in files] for number, files in found.items()} == {1: ["1_0.mcap"]}
     assert isinstance(found[1][0], OldFile)
     assert sorted(path.name for path in (tmp_path / "ring").rglob("*")) == ["1", "1_0.mcap", "x"]
+
+
+def test_a_recorder_that_was_killed_before_its_first_message_is_in_nobodys_way(tmp_path: Path) -> None:
+    (tmp_path / "ring" / "1").mkdir(parents=True)
+    (tmp_path / "ring" / "1" / "1_0.mcap").write_bytes(b"\x89MCAP0\r\n")
+    ring = Ring(tmp_path / "ring", Limits(duration=1.0, size=1000), START, free=room)
+    assert not ring.taken
+    ring.close()
+
+
+def test_a_ring_goes_on_after_a_failure_with_what_it_had(tmp_path: Path) -> None:
+    filled = Filled(tmp_path / "ring", size=1_000_000, duration=100.0)
+    filled.fill(0.0, 50.0, padding=150)
+    before = filled.ring.size
+    filled.ring.recording.close()
+    with pytest.raises(BagError):
+        filled.ring.recording.flush()
+    filled.ring.begin_anew(START + 51 * SECOND)
+    assert before > 500_000
+    assert filled.ring.size > 0.99 * before
+    filled.ring.close()
+
+
+def test_a_ring_that_another_has_the_lock_of_is_not_claimed(filled: Filled) -> None:
+    with claimed(filled.ring.folder) as is_ours:
+        assert not is_ours
+    other = filled.ring.folder.parent / "other"
+    with claimed(other) as is_ours, claimed(other) as again:
+        assert (is_ours, again) == (True, False)
+
+
+def test_an_unreadable_folder_leaves_no_lock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_: Path) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("robo.recording.flight.ring.taken_over", fail)
+        with pytest.raises(BagError, match="Permission denied"):
+            Ring(tmp_path / "ring", Limits(duration=1.0, size=1000), START)
+    Ring(tmp_path / "ring", Limits(duration=1.0, size=1000), START, free=room).close()
+
+
+def test_where_rings_may_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    first, lasting = default_bases()
+    assert first == tmp_path / "robo-flight"
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "gone"))
+    assert default_bases() == [lasting]
+
+
+def test_a_damaged_file_costs_no_more_than_what_is_in_it(tmp_path: Path) -> None:
+    path = tmp_path / "whole.mcap"
+    bags.drive(path)
+    data = bytearray(path.read_bytes())
+    data[data.index(b"zstd") + 20 if b"zstd" in data else 400] ^= 0xFF
+    path.write_bytes(data)
+    excerpt([[path]], tmp_path / "out.mcap", 0, 2**63, lambda writer: writer.add_attachment(1, 1, "a", "b", b"c"))
+    with bag.open(tmp_path / "out.mcap") as found:
+        assert found.attachment("a") == b"c"
 
 
 def test_a_robot_has_one_recorder(filled: Filled) -> None:

@@ -5,7 +5,8 @@ import time
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robo.recording.flight.windows import MOST_REASONS, Kind, Reason, Windows, arrivals, file_name, to_go
+from robo.recording.flight.clock import SteadyClock
+from robo.recording.flight.windows import MOST_REASONS, Kind, Reason, Windows, arrivals, file_name, names_of, to_go
 
 SECOND = 1_000_000_000
 NOON = 1_700_000_000 * SECOND
@@ -30,17 +31,16 @@ def test_a_window_has_the_time_before_and_after() -> None:
     assert found.take(NOON + 9 * SECOND) is None
 
 
-def test_what_follows_puts_the_end_off_and_is_named_too() -> None:
+def test_what_follows_puts_the_end_off_by_a_second_and_is_named_too() -> None:
     found = windows()
     first = found.add(reason(0.0))
     assert first is not None
-    assert found.add(reason(1.0, node="/r1/laser")) is first
-    assert first.due == NOON + 3 * SECOND
+    assert found.add(reason(0.5, node="/r1/laser")) is first
+    assert first.due == NOON + round(2.5 * SECOND)
     for number in range(10):
-        found.add(reason(1.0 + number / 10, "degraded"))
-    assert first.due == NOON + round(3.9 * SECOND)
-    found.add(reason(3.8, "emergency stop", ""))
-    assert first.due == NOON + 4 * SECOND, "at most twice the time after"
+        found.add(reason(0.5 + number / 10, "degraded"))
+    found.add(reason(1.9, "emergency stop", ""))
+    assert first.due == NOON + 3 * SECOND, "the file of what came first is there within 5 s"
     assert first.nodes == ["/r1/base", "/r1/laser"]
     assert first.text == "/r1/base was killed by SIGKILL, and 12 more"
 
@@ -57,7 +57,37 @@ def test_the_same_again_opens_no_other_window_for_a_while() -> None:
     for at in (20.0, 30.0):
         assert found.add(reason(at, "asked", "", "once more")) is not None, "whoever asks gets a file"
         found.take(NOON + round((at + 5) * SECOND))
-    assert found.add(reason(61.0)) is not None
+    assert found.add(reason(71.0)) is not None
+
+
+def test_what_crashes_again_and_again_makes_one_file() -> None:
+    found = windows()
+    made = 0
+    for second in range(0, 3600, 5):
+        made += found.add(reason(second)) is not None and found.take(NOON + (second + 4) * SECOND) is not None
+    assert made == 1
+    assert found.add(reason(3595.0 + 60.0)) is not None
+
+
+def test_what_was_in_the_window_of_another_or_in_a_file_before_counts_too() -> None:
+    found = windows()
+    found.add(reason(0.0, node="/r1/laser"))
+    assert found.add(reason(1.0)) is not None
+    found.take(NOON + 3 * SECOND)
+    found.note(reason(2.0, "degraded"))
+    assert found.add(reason(50.0)) is None
+    assert found.add(reason(50.0, "degraded")) is None
+
+
+def test_while_a_file_is_written_the_next_window_waits_and_takes_in_what_happens() -> None:
+    found = windows()
+    window = found.add(reason(0.0))
+    assert window is not None
+    for at in (0.0, 2.0, 5.0, 10.0):
+        found.wait(NOON + round(at * SECOND))
+    assert found.add(reason(10.0, node="/r1/laser")) is window
+    assert window.due == NOON + 12 * SECOND
+    assert found.take(NOON + 12 * SECOND) is window
 
 
 def test_reasons_without_end_take_no_memory() -> None:
@@ -77,13 +107,19 @@ def test_the_end_takes_an_open_window_at_once() -> None:
     assert window.due == NOON + SECOND
 
 
-def test_a_clock_that_is_set_back_holds_nothing_up() -> None:
-    found = windows()
-    window = found.add(reason(0.0))
-    assert found.take(NOON - 3600 * SECOND) is window
+def test_a_clock_that_is_set_changes_nothing_and_it_is_known_by_how_much() -> None:
+    wall, steady = NOON, 5
+    clock = SteadyClock(lambda: wall, lambda: steady)
+    steady += SECOND
+    wall += SECOND + 3
+    assert (clock.now(), clock.behind()) == (NOON + SECOND, 0), "two clocks are not read at once"
+    wall -= 3600 * SECOND
+    assert (clock.now(), clock.behind()) == (NOON + SECOND, 3 - 3600 * SECOND)
+    window = windows().add(reason(1.0))
     assert window is not None
-    assert window.due == NOON + 2 * SECOND
-    assert found.open is None
+    later = window.later(7 * SECOND)
+    assert (later.begin - window.begin, later.due - window.due) == (7 * SECOND, 7 * SECOND)
+    assert later.reasons == [reason(8.0)]
 
 
 def test_a_file_says_robot_time_and_reason() -> None:
@@ -94,10 +130,14 @@ def test_a_file_says_robot_time_and_reason() -> None:
         (reason(0.0, "emergency stop", ""), "emergency_stop"),
         (reason(0.0, "asked", "", "It turned left; ../../why?"), "It_turned_left_why"),
         (reason(0.0, "asked", "", ""), "asked"),
+        (reason(0.0, "asked", "", "???"), "asked"),
     ]:
         window = windows().add(given_reason)
         assert window is not None
-        assert file_name("fleet/r1", window) == f"fleet_r1_{at}_{word}"
+        name = file_name("fleet/r1", window)
+        assert name == f"fleet_r1_{at}_{word}"
+        assert names_of("fleet/r1").fullmatch(f"{name}_2.mcap")
+        assert not names_of("r1").fullmatch(f"{name}.mcap")
 
 
 @given(st.text(max_size=300), st.text(max_size=300))

@@ -8,7 +8,7 @@ from robo.launch.plan import LogPlan
 from robo.machine.log_files import LogFilter
 from robo.supervisor import journal
 from robo.supervisor.journal import Journal
-from robo.wire.reports import Event, LogRecord
+from robo.wire.reports import MOST_LINES, Event, LogRecord
 from tests.processes import FakeAudience, FakeProcess, last_exit, process_plan
 
 ALL = LogFilter()
@@ -119,11 +119,11 @@ def test_events_tell_of_processes_and_of_the_run(desk: Desk) -> None:
 
 
 def test_the_newest_lines_and_events_are_kept(desk: Desk) -> None:
-    for number in range(journal.MOST_LINES + 10):
+    for number in range(MOST_LINES + 10):
         desk.journal.output(noisy(), "stdout", str(number))
         desk.journal.event("ready")
     lines = desk.journal.lines(ALL)
-    assert (len(lines), lines[0].message) == (journal.MOST_LINES, "10")
+    assert (len(lines), lines[0].message) == (MOST_LINES, "10")
     assert len(desk.journal.events()) == journal.MOST_EVENTS
 
 

@@ -5,8 +5,7 @@ Nobody may answer any more: what is missing then is missing in the file, which i
 
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 import msgspec
@@ -15,13 +14,14 @@ import zenoh
 from robo.bag.mcap.file_writer import FileWriter
 from robo.bag.of_robot import ABOUT, PARAMETERS
 from robo.recording.about import Attachment, graph_of, parameters_yaml, words
+from robo.recording.flight.shelf import WORDS
 from robo.text.unreadable import UNREADABLE
-from robo.wire import discovery
 from robo.wire.explained import explained
-from robo.wire.keys import EndpointToken, NodeToken, control_key, parameters_key
-from robo.wire.reports import Event, Explanation, LogRecord, LogsRequest, ProcessStatus, Request
+from robo.wire.keys import ALL_TOKENS, EndpointToken, NodeToken, control_key, parameters_key, parse_token
+from robo.wire.reports import MOST_LINES, Event, Explanation, LogRecord, LogsRequest, ProcessStatus, Request
 
 T = TypeVar("T")
+E = TypeVar("E", Event, LogRecord)
 
 MOST_NODES = 1_000
 """Whose parameters are kept."""
@@ -41,34 +41,47 @@ class Evidence(msgspec.Struct, frozen=True):
     """Of each node, by full name."""
     tokens: Sequence[NodeToken | EndpointToken] = ()
     """Nodes and ends that were there."""
+    lines_are_missing: bool = False
+    """Whether there may have been more of them before."""
 
 
-def attachments(evidence: Evidence, concerned: Sequence[str]) -> list[Attachment]:
+Tell = Callable[[str], object]
+
+
+def attachments(evidence: Evidence, concerned: Sequence[str], tell: Tell) -> list[Attachment]:
     """What is known as files, those that say nothing left out.
 
     Args:
         evidence: what is known.
         concerned: the full names of nodes that come first.
+        tell: is told which file cannot be made, and why.
     """
     first = {name: number for number, name in enumerate(concerned)}
     ordered = sorted(evidence.explanations, key=lambda one: first.get(one.process.node, len(first)))
-    why = "\n\n".join("\n".join(explained(one)) for one in ordered)
-    parameters = parameters_yaml(evidence.parameters).encode() if evidence.parameters else b""
-    known = [
-        Attachment("logs.txt", _text(map(_line, evidence.lines)), "text/plain"),
-        Attachment("why.txt", f"{why}\n".encode("utf-8", "replace") if why else b"", "text/plain"),
-        Attachment("logs.jsonl", _encoder.encode_lines(evidence.lines), "application/x-ndjson"),
-        Attachment("why.json", _json(ordered), "application/json"),
-        Attachment("processes.json", _json([one.process for one in ordered]), "application/json"),
-        Attachment("events.jsonl", _encoder.encode_lines(evidence.events), "application/x-ndjson"),
-        Attachment(PARAMETERS, parameters, "text/yaml"),
-        Attachment("graph.json", _json(graph_of(evidence.tokens)) if evidence.tokens else b"", "application/json"),
+    json, lines = "application/json", "application/x-ndjson"
+    makers: list[tuple[str, str, Callable[[], bytes]]] = [
+        ("logs.txt", "text/plain", lambda: _logs(evidence)),
+        ("why.txt", "text/plain", lambda: _why(ordered)),
+        ("logs.jsonl", lines, lambda: _encoder.encode_lines(evidence.lines)),
+        ("why.json", json, lambda: _json(ordered)),
+        ("processes.json", json, lambda: _json([one.process for one in ordered])),
+        ("events.jsonl", lines, lambda: _encoder.encode_lines(evidence.events)),
+        (PARAMETERS, "text/yaml", lambda: _parameters(evidence)),
+        ("graph.json", json, lambda: _json(graph_of(evidence.tokens)) if evidence.tokens else b""),
     ]
-    return [one for one in known if one.data]
+    found = []
+    for name, kind, make in makers:
+        try:
+            data = make()
+        except Exception as error:  # whatever strangers have told, the messages are worth more
+            tell(f"{name} is not in the file: {type(error).__name__}: {error}")
+        else:
+            found += [Attachment(name, data, kind)] if data else []
+    return found
 
 
 def write_beside(
-    writer: FileWriter, at: int, evidence: Evidence, concerned: Sequence[str], about: dict[str, str]
+    writer: FileWriter, at: int, evidence: Evidence, concerned: Sequence[str], about: dict[str, str], tell: Tell
 ) -> None:
     """Write what is known into a recording.
 
@@ -78,18 +91,32 @@ def write_beside(
         evidence: what is known.
         concerned: the full names of nodes that come first.
         about: words about the recording.
+        tell: as in `attachments`.
     """
-    writer.add_metadata("flight_recorder", about)
+    writer.add_metadata(WORDS, about)
     writer.add_metadata(ABOUT, words(one for one in evidence.tokens if isinstance(one, NodeToken)))
-    for one in attachments(evidence, concerned):
+    for one in attachments(evidence, concerned, tell):
         writer.add_attachment(at, at, one.name, one.media_type, one.data)
+
+
+def _logs(evidence: Evidence) -> bytes:
+    cut = [f"(older lines may be missing: a supervisor keeps the last {MOST_LINES:,})"] * evidence.lines_are_missing
+    return _text([*cut, *map(_line, evidence.lines)])
+
+
+def _why(told: Sequence[Explanation]) -> bytes:
+    return _text(["\n\n".join("\n".join(explained(one)) for one in told)] if told else [])
+
+
+def _parameters(evidence: Evidence) -> bytes:
+    return parameters_yaml(evidence.parameters).encode("utf-8", "replace") if evidence.parameters else b""
 
 
 def _json(data: object) -> bytes:
     return msgspec.json.format(msgspec.json.encode(data)) if data else b""
 
 
-def _text(lines: "Iterator[str] | map[str]") -> bytes:
+def _text(lines: Iterable[str]) -> bytes:
     return "".join(f"{line}\n" for line in lines).encode("utf-8", "replace")
 
 
@@ -130,25 +157,51 @@ class Witnesses:
         return done
 
     def testimony(self, since: int, timeout: float) -> Evidence:
-        """All that is known.
+        """All that is known. All are asked at once, so that whoever does not answer costs the time only once.
 
         Args:
             since: lines of output from here on, ns since the epoch.
-            timeout: how long to wait for each who does not answer, s.
+            timeout: how long to wait for those who do not answer, s.
+
+        Raises:
+            ZError: the network is being closed.
         """
         answered = self.ask_parameters()
-        robot = self._robot = self._robot or self._run_name(timeout)
-        ask = partial(self._ask, robot, timeout=timeout)
-        explanations = ask("why", Request(), list[Explanation])
-        events = sorted(ask("events", Request(), list[Event]), key=lambda one: one.time)
-        lines = sorted(ask("logs", LogsRequest(since=since), list[LogRecord]), key=lambda one: one.time)
+        there = self._session.liveliness().get(ALL_TOKENS, timeout=timeout)
+        robot = self.find_run(timeout)
+        why = self._ask(robot, "why", Request(), timeout)
+        events = self._ask(robot, "events", Request(), timeout)
+        logs = self._ask(robot, "logs", LogsRequest(since=since), timeout)
+        lines = list(_answers(logs, list[LogRecord]))
+        found = [parse_token(str(reply.ok.key_expr)) for reply in there if reply.ok is not None]
         answered.wait(timeout)
-        return Evidence(explanations, events, lines, self.parameters, discovery.tokens(self._session, timeout))
+        return Evidence(
+            explanations=[one for told in _answers(why, list[Explanation]) for one in told],
+            events=_in_order(_answers(events, list[Event])),
+            lines=_in_order(lines),
+            lines_are_missing=any(len(told) >= MOST_LINES for told in lines),
+            parameters=self.parameters,
+            tokens=[token for token in found if isinstance(token, NodeToken | EndpointToken)],
+        )
 
     def events(self, timeout: float) -> list[Event]:
-        """What has happened in the run so far."""
-        robot = self._robot = self._robot or self._run_name(timeout)
-        return self._ask(robot, "events", Request(), list[Event], timeout)
+        """What has happened in the run so far.
+
+        Raises:
+            ZError: the network is being closed.
+        """
+        return _in_order(_answers(self._ask(self.find_run(timeout), "events", Request(), timeout), list[Event]))
+
+    def find_run(self, timeout: float) -> str | None:
+        """What the run is called, once somebody has said it.
+
+        Raises:
+            ZError: the network is being closed.
+        """
+        if self._robot is None:
+            told = _answers(self._ask("**", "ps", Request(), timeout), list[ProcessStatus])
+            self._robot = next((one.robot for found in told for one in found if self._is_ours(one)), None)
+        return self._robot
 
     @property
     def parameters(self) -> dict[str, Mapping[str, object]]:
@@ -156,24 +209,17 @@ class Witnesses:
         with self._lock:
             return dict(sorted(self._parameters.items()))
 
-    def _run_name(self, timeout: float) -> str | None:
-        for status in self._ask("**", "ps", Request(), list[ProcessStatus], timeout):
-            if status.run == self._run or (not self._run and status.name.is_within(self._namespace)):
-                return status.robot
-        return None
+    def _is_ours(self, status: ProcessStatus) -> bool:
+        return status.run == self._run or (not self._run and status.name.is_within(self._namespace))
 
-    def _ask(self, robot: str | None, verb: str, asked: Request, kind: type[list[T]], timeout: float) -> list[T]:
-        """The answers of all supervisors of a run, together."""
-        found: list[T] = []
+    def _ask(self, robot: str | None, verb: str, asked: Request, timeout: float) -> Iterable[zenoh.Reply]:
+        """Ask all supervisors of a run; their answers come as they are taken."""
         if robot is None:
-            return found
+            return ()
         payload = msgspec.msgpack.encode(asked)
-        for reply in self._session.get(control_key(robot, verb), payload=payload, timeout=timeout, **_OF_ALL):
-            if reply.ok is not None:
-                try:
-                    found += msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=kind)
-                except UNREADABLE:
-                    continue  # anybody may answer
+        found: Iterable[zenoh.Reply] = self._session.get(
+            control_key(robot, verb), payload=payload, timeout=timeout, **_OF_ALL
+        )
         return found
 
     def _take_parameters(self, reply: zenoh.Reply) -> None:
@@ -187,6 +233,19 @@ class Witnesses:
         with self._lock:
             if f"/{node}" in self._parameters or len(self._parameters) < MOST_NODES:
                 self._parameters[f"/{node}"] = told
+
+
+def _answers(replies: Iterable[zenoh.Reply], kind: type[list[T]]) -> Iterator[list[T]]:
+    for reply in replies:
+        if reply.ok is not None:
+            try:
+                yield msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=kind)
+            except UNREADABLE:
+                continue  # anybody may answer
+
+
+def _in_order(told: Iterable[list[E]]) -> list[E]:
+    return sorted((one for found in told for one in found), key=lambda one: one.time)
 
 
 _PATIENCE = 2.0

@@ -4,7 +4,7 @@ import os
 import shutil
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -15,13 +15,15 @@ from robo.bag.edit.excerpt import excerpt
 from robo.bag.mcap.compression import Compression
 from robo.errors import BagError
 from robo.recording.flight.evidence import Evidence, Witnesses, write_beside
-from robo.recording.flight.shelf import Shelf
+from robo.recording.flight.shelf import Shelf, reasons_of, words_of
 from robo.recording.flight.windows import Reason, Window, file_name
 from robo.wire.discovery import hostname
 from robo_messages import Snapshot, Time
 
 _NICE = 10
 """Of the thread that writes a file: a robot has other things to do."""
+_MOST_TOLD = 1_000
+"""Different things that are told once."""
 
 Held = tuple[Path | None, list[list[Path]]]
 """A folder that is to be removed, and the files of the recordings in it."""
@@ -38,7 +40,8 @@ class Settings(msgspec.Struct, frozen=True, kw_only=True):
     """The same of the same node makes no other file within so long, s."""
     ring_size: int
     """Bytes."""
-    ring_base: Path
+    ring_bases: Sequence[Path]
+    """Where rings may be, the best first."""
     folder: Path
     """For files."""
     most_files: int
@@ -75,8 +78,16 @@ class Log(Protocol):
 class Job:
     """A file to be written."""
 
-    def __init__(self, window: Window) -> None:
+    def __init__(self, window: Window, run: str) -> None:
+        """
+        Args:
+            window: what it is to have, by the recorder's clock.
+            run: the id of the run that it is of.
+        """
         self.window = window
+        self.run = run
+        self.behind = 0
+        """By how much the machine's clock is ahead of that one, ns."""
         self.done = threading.Event()
         self.snapshot: Snapshot | None = None
         """What has come of it."""
@@ -108,13 +119,29 @@ class FlightFiles:
         self._witnesses = witnesses
         self._log = log
         self._publish = publish
-        self._shelf = Shelf(settings.folder)
+        self._shelf = Shelf(settings.folder, recorder.namespace)
+        self._shelf.remove_drafts()
         self._writing = threading.Lock()
         self._writers: list[threading.Thread] = []
+        self._told: set[str] = set()
         self.problem = ""
         """Why the last file could not be written; empty where it was."""
         self.count = 0
         """Written so far."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether a file is being written, or what is known for it is being asked."""
+        return any(writer.is_alive() for writer in self._writers)
+
+    def reasons(self, since: int) -> set[int]:
+        """When what has happened of which there are files that were written after a time, in ns since the epoch."""
+        found = set()
+        for path in self._shelf.files():
+            with suppress(OSError):
+                if path.stat().st_mtime_ns >= since:
+                    found |= {time for time, _ in reasons_of(words_of(path))}
+        return found
 
     def begin(self, job: Job, held: Held, patience: float) -> None:
         """Begin to write a file.
@@ -135,19 +162,23 @@ class FlightFiles:
             writer.join(max(0.0, until - time.monotonic()))
         return not any(writer.is_alive() for writer in self._writers)
 
-    def write_last_words(self, run: str, end: int, recordings: list[list[Path]]) -> None:
+    def write_last_words(self, run: str, end: int, recordings: list[list[Path]]) -> bool:
         """Write what the recorder of a run has left that ended without a word.
 
         Args:
             run: its id.
             end: the last arrival, ns since the epoch.
             recordings: the files of each.
+
+        Returns:
+            Whether there is a file of it now.
         """
         begin = end - round(self._settings.before * 1e9)
         reason = Reason(end, "run ended", "", f"run {run} ended without stopping its flight recorder")
-        job = Job(Window(begin, end + 1, end + 1, [reason]))
+        job = Job(Window(begin, end + 1, end + 1, [reason]), run)
         with self._writing:
             self._try(job, recordings, Evidence())
+        return job.snapshot is not None
 
     def _write(self, job: Job, held: Held, patience: float) -> None:
         with suppress(OSError, AttributeError):
@@ -155,40 +186,52 @@ class FlightFiles:
         folder, recordings = held
         try:
             with self._writing:
-                self._try(job, recordings, self._witnesses.testimony(job.window.begin, patience))
+                self._try(job, recordings, self._evidence(job, patience))
         finally:
             job.done.set()
             if folder is not None:
                 shutil.rmtree(folder, ignore_errors=True)
 
+    def _evidence(self, job: Job, patience: float) -> Evidence:
+        """What others know; nothing where they cannot be asked: what was kept is written all the same."""
+        try:
+            return self._witnesses.testimony(job.window.begin + job.behind, patience)
+        except Exception as error:
+            self._tell_once(f"what supervisors and nodes know is not in the file: {error}")
+            return Evidence()
+
     def _try(self, job: Job, recordings: list[list[Path]], evidence: Evidence) -> None:
         try:
             self._write_file(job, recordings, evidence)
-        except (BagError, OSError) as error:
-            job.problem = str(error)
+        except Exception as error:
+            job.problem = str(error) if isinstance(error, BagError | OSError) else f"{type(error).__name__}: {error}"
             if job.problem != self.problem:
                 self.problem = job.problem
-                self._log.warning("no file could be written: %s", error)
+                self._log.warning("no file could be written: %s", job.problem)
         else:
             self.problem = ""
 
+    def _tell_once(self, text: str) -> None:
+        if text not in self._told and len(self._told) < _MOST_TOLD:
+            self._told.add(text)
+            self._log.warning("%s", text)
+
     def _write_file(self, job: Job, recordings: list[list[Path]], evidence: Evidence) -> None:
-        window, settings = job.window, self._settings
-        words = self._words(window)
+        window, settings = job.window.later(job.behind), self._settings
+        words = self._words(window, job.run)
 
         def write(path: Path) -> None:
             excerpt(
                 recordings,
                 path,
-                window.begin,
-                window.due,
-                lambda writer: write_beside(writer, window.due, evidence, window.nodes, words),
+                job.window.begin,
+                job.window.due,
+                lambda writer: write_beside(writer, window.due, evidence, window.nodes, words, self._tell_once),
                 settings.compression,
+                later=job.behind,
             )
 
         path = self._shelf.add(file_name(self._recorder.namespace, window), write)
-        gone = self._shelf.keep_newest(settings.most_files, settings.most_size)
-        self.count += 1
         job.snapshot = Snapshot(
             stamp=Time.from_nanoseconds(window.first.time),
             file=str(path),
@@ -200,19 +243,24 @@ class FlightFiles:
             end=Time.from_nanoseconds(window.due),
             size=path.stat().st_size,
         )
-        self._publish(job.snapshot)
+        self.count += 1
+        gone = self._shelf.keep_newest(settings.most_files, settings.most_size)
         self._log.info("wrote %s: %s", path, window.text)
         if gone:
             self._log.info("%d older files are gone, the last one %s", len(gone), gone[-1])
+        try:
+            self._publish(job.snapshot)
+        except Exception as error:  # there is a file, whoever hears of it
+            self._tell_once(f"nobody is told of {path}: {error}")
 
-    def _words(self, window: Window) -> dict[str, str]:
+    def _words(self, window: Window, run: str) -> dict[str, str]:
         """For the metadata."""
         who = self._recorder
         return {
             "robot": who.namespace,
             "recorder": who.full_name,
             "host": hostname(),
-            "run": who.run,
+            "run": run,
             "time": str(window.first.time),
             "begin": str(window.begin),
             "end": str(window.due),

@@ -4,26 +4,27 @@ It has a thread that looks a few times a second, and another one while a file is
 what goes on goes on: whatever becomes of its disks, no robot stops for it.
 """
 
-import shutil
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 
 import msgspec
 import zenoh
 
-from robo.errors import BagError
+from robo.recording.flight.clock import SteadyClock
 from robo.recording.flight.evidence import Witnesses
-from robo.recording.flight.files import FlightFiles, Held, Job, Log, Recorder, Settings
+from robo.recording.flight.files import FlightFiles, Job, Log, Recorder, Settings
 from robo.recording.flight.intake import FlightIntake
-from robo.recording.flight.ring import Limits, Ring, ring_folder, rings_without_owner, taken_over
-from robo.recording.flight.windows import CLOCKS_AGREE, Reason, Windows
+from robo.recording.flight.keeping import Keeping, Place
+from robo.recording.flight.left_behind import LeftBehind
+from robo.recording.flight.ring import Limits
+from robo.recording.flight.windows import CLOCKS_AGREE, Kind, Reason, Windows
 from robo.recording.selection import Selection
 from robo.text.unreadable import UNREADABLE
 from robo.wire.keys import event_key
 from robo.wire.reports import Event
-from robo.wire.run_id import supervisor_lives
 from robo_messages import Snapshot
 
 LOOK = 0.25
@@ -34,19 +35,18 @@ LOOK_LARGE = 0.02
 """The same while messages come that hold their publishers' shared memory as long as they wait, s."""
 _TEND = 1.0
 """How often files are looked after, s."""
-_RETRY = 5.0
-"""After how long a ring that could not be written is tried again, s."""
 _FIRST_PARAMETERS = 1.0
 """After how long nodes are asked for their parameters, s."""
 _PARAMETERS = 30.0
-"""And how often from then on, s."""
+"""And how often from then on, s; what others have left and could not be written is tried again as often."""
 _PATIENCE = 1.0
 """With a supervisor that does not answer, s."""
 _LAST_PATIENCE = 0.5
 """The same when the recorder itself is to end, s."""
 _MOST_EVENTS = 1000
 """That wait."""
-_NOTHING_KEPT = "nothing is kept"
+_SAME = 10_000_000
+"""Whose times differ by less may be one and the same, ns: a file has them by way of another clock."""
 
 
 class Flight:
@@ -76,27 +76,30 @@ class Flight:
         self._recorder = recorder
         self._settings = settings
         self._log = log
-        now = time.time_ns()
+        self._clock = SteadyClock()
+        now = self._clock.now()
         self._windows = Windows(settings.before, settings.after, settings.again)
         self._jobs: dict[int, Job] = {}
         self._lock = threading.Lock()
         """Around windows and jobs."""
         self._told: set[str] = set()
-        self.ring_problem = ""
-        """Why nothing is kept just now; empty where all is well."""
-        self._folder = ring_folder(settings.ring_base, recorder.namespace, recorder.run)
-        self._ring_due = 0.0
-        """When it is tried again, by the monotonic clock, s."""
-        self._ring: Ring | None = self._new_ring(now)
-        self.ring_size = 0
-        """Of the ring, bytes."""
+        place = Place(settings.ring_bases, recorder.namespace, recorder.run)
+        # A file may have to wait until the one before it is written.
+        duration = settings.before + 2 * settings.after
+        limits = Limits(duration=duration, size=settings.ring_size, compression=settings.compression)
+        self.keeping = Keeping(place, limits, log, now)
         run = recorder.run if recorder.launched else ""
         self._witnesses = Witnesses(session, recorder.namespace, run)
         self.files = FlightFiles(recorder, settings, self._witnesses, log, publish)
+        self._left_behind = LeftBehind(self.files, place)
         self._intake = FlightIntake(session, selection, self._tell_once, now)
         self._events = session.declare_subscriber(event_key("**"), zenoh.handlers.RingChannel(_MOST_EVENTS))
         self._seen_events: dict[tuple[int, str], None] = {}
-        self._begun = self._looked = now
+        self._missed: deque[tuple[Event, bool]] = deque()
+        """What happened before this recorder was there, and whether there is a file of it."""
+        self._begun = time.time_ns()
+        self._looked = now
+        self._pause = LOOK
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="robo-flight", daemon=True)
 
@@ -104,11 +107,25 @@ class Flight:
         """Begin to keep what comes."""
         self._thread.start()
 
-    def happened(self, reason: Reason) -> Job | None:
-        """Something has happened, by any thread: the file that it will be in; None where there is one already."""
-        with self._lock:
-            window = self._windows.add(reason)
-            return self._jobs.setdefault(id(window), Job(window)) if window is not None else None
+    @property
+    def alive(self) -> bool:
+        """Whether it keeps what comes, as far as its disk lets it."""
+        return self._thread.is_alive()
+
+    @property
+    def left_out(self) -> int:
+        """Messages that came and were not kept: too much had come at once."""
+        return self._intake.left_out + self._intake.torn
+
+    def happened(self, kind: Kind, node: str, text: str) -> Job | None:
+        """Something has happened now, by any thread: the file that it will be in; None where there is one already.
+
+        Args:
+            kind: what.
+            node: the full name of the node that it concerns; empty for none.
+            text: in words.
+        """
+        return self._add(Reason(self._clock.now(), kind, node, text))
 
     def close(self, timeout: float) -> None:
         """End it: what is to be written is written with what has come so far, within `timeout` s."""
@@ -122,64 +139,102 @@ class Flight:
             for job in self._jobs.values():  # asked for when it was too late
                 job.problem = "the flight recorder ends"
                 job.done.set()
-        if self._ring is not None:
-            # What could not be written in time is found by whoever comes next.
-            self._ring.close(remove=finished)
+        # What could not be written in time is found by whoever comes next.
+        self.keeping.close(remove=finished)
 
     # -- its thread ------------------------------------------------------------------------------
 
     def _run(self) -> None:
         begin = time.monotonic()
-        tend, ask_parameters, pause = begin, begin + _FIRST_PARAMETERS, LOOK
-        threading.Thread(target=self._look_for_the_dead, name="robo-flight-dead", daemon=True).start()
-        while not self._stop.wait(pause):
-            pause = self._look(time.time_ns())
+        tend, ask = begin, begin + _FIRST_PARAMETERS
+        self._beside(self._look_back)
+        while not self._stop.wait(self._pause):
+            self._pause = LOOK
+            self._try(self._look)
             now = time.monotonic()
             if now >= tend:
                 tend = now + _TEND
-                self._tend()
-            if now >= ask_parameters:
-                ask_parameters = now + _PARAMETERS
-                self._witnesses.ask_parameters()
+                self._try(lambda: self.keeping.tend(self._clock.now()))
+            if now >= ask:
+                ask = now + _PARAMETERS
+                self._try(self._witnesses.ask_parameters, keeps=False)
+                if self._left_behind.remain:
+                    self._beside(self._left_behind.write)
         self._end()
 
-    def _look(self, now: int, *, last: bool = False) -> float:
-        """Take in what has come, and write what is due. Returns how long to wait until the next look, s."""
-        batch = self._intake.batch(now)
-        if self._ring is not None and not self.ring_problem:
-            recording = self._ring.recording
-            try:
-                for topic, data, arrived, published, sequence, source in batch.messages:
-                    recording.write(recording.topic(topic), data, arrived, published, sequence, source)
-                recording.tick()
-            except BagError as error:
-                self._lose_ring(error)
+    def _try(self, step: Callable[[], object], *, keeps: bool = True) -> None:
+        """Do something whose failure ends nothing; where it `keeps` something, what is kept may have a hole then."""
+        try:
+            step()
+        except Exception as error:
+            self._tell_once(f"the flight recorder has failed, and goes on: {type(error).__name__}: {error}")
+            if keeps:
+                self.keeping.lose(error)
+
+    def _beside(self, step: Callable[[], object]) -> None:
+        """Do something that may take long."""
+        threading.Thread(target=lambda: self._try(step, keeps=False), name="robo-flight-beside", daemon=True).start()
+
+    def _look(self, *, last: bool = False) -> None:
+        """Take in what has come, and write what is due."""
+        now, behind = self._clock.now(), self._clock.behind()
+        batch = self._intake.batch(now, behind)
+        self.keeping.keep(batch.messages)
         self._hear_events()
         with self._lock:
-            window = self._windows.take(now, at_once=last)
+            if self.files.busy and not last:  # each file holds a ring until it is written
+                self._windows.wait(now)
+                window = None
+            else:
+                window = self._windows.take(now, at_once=last)
             job = self._jobs.pop(id(window)) if window is not None else None
         if job is not None:
-            self._begin_writing(job, now, _LAST_PATIENCE if last else _PATIENCE)
-        if batch.large:
-            return LOOK_LARGE
+            job.behind = behind
+            self.files.begin(job, self.keeping.hold(now), _LAST_PATIENCE if last else _PATIENCE)
         span, self._looked = (now - self._looked) * 1e-9, now
-        return min(max(span * MOST_WAITING / max(len(batch.messages), 1), LOOK_LARGE), LOOK)
+        often = span * MOST_WAITING / max(len(batch.messages), 1)
+        self._pause = LOOK_LARGE if batch.large else min(max(often, LOOK_LARGE), LOOK)
 
     def _end(self) -> None:
         """Whoever ends a run may do so because of what has just happened."""
-        recently = time.time_ns() - round(2e9 * max(self._settings.after, 1.0))
         if self._recorder.launched:
-            for event in self._witnesses.events(_LAST_PATIENCE):
-                if event.time >= max(recently, self._begun):
-                    self._take_event(event)
-        self._look(time.time_ns(), last=True)
+            self._try(self._hear_last_events, keeps=False)
+        self._try(lambda: self._look(last=True))
+
+    def _look_back(self) -> None:
+        """See what happened before this recorder was there: to itself, or to those of runs that are over."""
+        self._try(lambda: self._witnesses.find_run(_PATIENCE), keeps=False)
+        if self.keeping.taken and self._recorder.launched:
+            self._try(self._recall, keeps=False)
+        self._left_behind.write()
+
+    # -- what happens ----------------------------------------------------------------------------
+
+    def _recall(self) -> None:
+        """The recorder before this one may have been killed before it had written its file."""
+        now = time.time_ns()
+        known = self.files.reasons(now - round(self._settings.again * 1e9) - CLOCKS_AGREE)
+        for event in self._witnesses.events(_PATIENCE):
+            is_known = any(abs(at - event.time) < _SAME for at in known)
+            if is_known or (now - event.time) * 1e-9 < self._settings.before:
+                self._missed.append((event, is_known))
+
+    def _hear_last_events(self) -> None:
+        recently = time.time_ns() - round(2e9 * max(self._settings.after, 1.0))
+        for event in self._witnesses.events(_LAST_PATIENCE):
+            if event.time >= max(recently, self._begun):
+                self._take_event(event)
 
     def _hear_events(self) -> None:
+        while self._missed:
+            event, is_known = self._missed.popleft()
+            self._take_event(event, longest=round(self._settings.before * 1e9), is_known=is_known)
         while (sample := self._events.handler.try_recv()) is not None:
             with suppress(*UNREADABLE):
                 self._take_event(msgspec.msgpack.decode(sample.payload.to_bytes(), type=Event))
 
-    def _take_event(self, event: Event) -> None:
+    def _take_event(self, event: Event, *, longest: int = CLOCKS_AGREE, is_known: bool = False) -> None:
+        """Something has happened in a run, at most `longest` ns ago; where it `is_known`, there is a file of it."""
         within = (
             event.node.startswith(f"/{self._recorder.namespace}/") if self._recorder.namespace else bool(event.node)
         )
@@ -189,76 +244,20 @@ class Flight:
         self._seen_events[what] = None
         if len(self._seen_events) > _MOST_EVENTS:
             del self._seen_events[next(iter(self._seen_events))]
-        now = time.time_ns()  # of a supervisor on another machine the clock may be another one
-        at = event.time if abs(event.time - now) < CLOCKS_AGREE else now
-        self.happened(Reason(at, event.alarm, event.node, event.reason))
+        now = self._clock.now()
+        at = event.time - self._clock.behind()  # of a supervisor on another machine the clock may be another one
+        at = at if -longest < at - now < CLOCKS_AGREE else now
+        reason = Reason(at, event.alarm, event.node, event.reason)
+        if is_known:
+            with self._lock:
+                self._windows.note(reason)
+        else:
+            self._add(reason)
 
-    # -- the ring --------------------------------------------------------------------------------
-
-    def _new_ring(self, now: int) -> Ring | None:
-        s = self._settings
-        limits = Limits(duration=s.before + 2 * s.after, size=s.ring_size, compression=s.compression)
-        try:
-            ring = Ring(self._folder, limits, now)
-        except BagError as error:
-            self._lose_ring(error)
-            return None
-        if ring.taken:
-            self._log.info("took over the last seconds that another recorder had kept before it died")
-        return ring
-
-    def _lose_ring(self, error: BagError) -> None:
-        self.ring_problem = str(error)
-        self._tell_once(f"{_NOTHING_KEPT}: {error}; trying again every {_RETRY:g} s")
-        self._ring_due = time.monotonic() + _RETRY
-
-    def _tend(self) -> None:
-        now = time.time_ns()
-        if not self.ring_problem:
-            assert self._ring is not None
-            try:
-                self._ring.look(now)
-            except BagError as error:
-                self._lose_ring(error)
-            self.ring_size = self._ring.size
-        elif time.monotonic() >= self._ring_due:
-            self._renew_ring(now)
-
-    def _renew_ring(self, now: int) -> None:
-        try:
-            if self._ring is None:
-                self._ring = self._new_ring(now)
-                if self._ring is None:
-                    return
-            else:
-                self._ring.begin_anew(now)
-        except BagError as error:
-            self._lose_ring(error)
-            return
-        self.ring_problem = ""
-        self._told = {text for text in self._told if not text.startswith(_NOTHING_KEPT)}
-        self._log.info("all topics are kept again")
-
-    # -- files -----------------------------------------------------------------------------------
-
-    def _begin_writing(self, job: Job, now: int, patience: float) -> None:
-        held: Held = (None, [])
-        if self._ring is not None:
-            try:
-                held = self._ring.hold(now)
-            except BagError as error:
-                self._lose_ring(error)
-        self.files.begin(job, held, patience)
-
-    def _look_for_the_dead(self) -> None:
-        """Write what was kept by recorders of runs that have ended without a word."""
-        who, base = self._recorder, self._settings.ring_base
-        for folder in rings_without_owner(base, who.namespace, who.run, supervisor_lives):
-            left = [files for _, files in sorted(taken_over(folder).items())]
-            if left:
-                end = max(one.end for files in left for one in files)
-                self.files.write_last_words(folder.name, end, [[one.path for one in files] for files in left])
-            shutil.rmtree(folder, ignore_errors=True)
+    def _add(self, reason: Reason) -> Job | None:
+        with self._lock:
+            window = self._windows.add(reason)
+            return self._jobs.setdefault(id(window), Job(window, self._recorder.run)) if window is not None else None
 
     def _tell_once(self, text: str) -> None:
         if text not in self._told and len(self._told) < _MOST_EVENTS:

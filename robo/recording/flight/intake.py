@@ -4,13 +4,14 @@ That costs two thirds of what a call of Python for each message does, and a thir
 that, the time of arrival is known from two looks at the channels and from when a message was published.
 """
 
+from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import zenoh
 
 from robo.recording.conversion import Conversion, Converted
-from robo.recording.flight.windows import arrivals
+from robo.recording.flight.windows import CLOCKS_AGREE, arrivals
 from robo.recording.intake import LIVE, Intake
 from robo.recording.odometry import TransformsOfOdometry
 from robo.recording.selection import Selection
@@ -19,6 +20,8 @@ from robo.wire.shared_buffers import LARGE, is_torn
 SLOTS = 2048
 """Messages that wait in a channel; of more the oldest are left out, and missing in the numbers. Even a small one takes
 10 kB there (zenoh 1.10.2)."""
+MOST_AT_ONCE = 64_000_000
+"""Of one look, bytes: where nobody could look for a while, the oldest messages are left out."""
 
 
 class Batch(NamedTuple):
@@ -38,44 +41,68 @@ class FlightIntake(Intake):
             session: the network.
             selection: which topics.
             tell: is told once of each topic that cannot be written down as it should.
-            now: ns since the epoch.
+            now: ns since the epoch, by the recorder's clock.
         """
         self.torn = 0
         """Messages that were lost because this process was stopped while they were in shared memory."""
         self._looked = now
+        self._tell = tell
         self._channels: list[tuple[int, Any]] = []
         self._conversion = Conversion(tell, lambda key: self.offers.of(key))
         self._transforms = TransformsOfOdometry()
         super().__init__(session, selection, offer_changed=self._conversion.forget)
 
-    def batch(self, now: int) -> Batch:
-        """What has come since the last look; `now` is in ns since the epoch."""
-        row = self._row
-        for number, handler in self._channels:
-            try_recv = handler.try_recv
-            while (sample := try_recv()) is not None:
-                row.append((now, LIVE, sample, number, 0))
-        convert, see = self._conversion.convert, self._transforms.take
+    def batch(self, now: int, behind: int = 0) -> Batch:
+        """What has come since the last look.
+
+        Args:
+            now: ns since the epoch, by the recorder's clock.
+            behind: by how much the machine's clock, and so those of publishers here, is ahead of that one, ns.
+        """
+        self._empty_channels(now)
         before: list[Converted] = []
         live: list[Converted] = []
         large = False
         for came in self.take():
-            message = convert(came)
-            if len(came.sample.payload) >= LARGE:
-                large = True
-                if is_torn(came.sample.payload):
-                    self.torn += 1
+            try:
+                message = self._conversion.convert(came)
+                if len(came.sample.payload) >= LARGE:
+                    large = True
+                    if is_torn(came.sample.payload):
+                        self.torn += 1
+                        continue
+                if message is None:
                     continue
-            if message is None:
+                made = self._transforms.take(message)
+            except Exception as error:  # a message that nobody has thought of: all others are kept
+                self._tell(f"{came.key}: a message cannot be kept: {type(error).__name__}")
                 continue
             (live if came.arrived == now else before).append(message)
-            if (made := see(message)) is not None:
+            if made is not None:
                 live.append(made)
-        times = arrivals([one.published if one.published != now else None for one in live], self._looked, now)
-        found = before + [one._replace(arrived=at) for one, at in zip(live, times, strict=True)]
+        published = [one.published - behind if one.published != now else None for one in live]
+        times = arrivals(published, self._looked, now)
+        # What has come before has the time of the machine's clock, which may have been set since.
+        found = [one if abs(one.arrived - now) < CLOCKS_AGREE else one._replace(arrived=now) for one in before]
+        found += [one._replace(arrived=at) for one, at in zip(live, times, strict=True)]
         found.sort(key=_arrived)
         self._looked = now
         return Batch(found, large)
+
+    def _empty_channels(self, now: int) -> None:
+        """Take out of the channels what waits there."""
+        came: deque[tuple[int, int, Any, int, int]] = deque()
+        size = 0
+        for number, handler in self._channels:
+            try_recv = handler.try_recv
+            while (sample := try_recv()) is not None:
+                here = len(sample.payload)
+                came.append((now, LIVE, sample, number, here))
+                size += here
+                while size > MOST_AT_ONCE and len(came) > 1:
+                    size -= came.popleft()[4]
+                    self.left_out += 1
+        self._row.extend(came)
 
     def _subscribe(self, number: int, key: str) -> Any:
         subscriber = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(SLOTS))

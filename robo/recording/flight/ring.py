@@ -55,12 +55,15 @@ def best_compression() -> Compression:
     return "zstd"
 
 
-def default_base() -> Path:
-    """Where rings are: in memory, where the machine has a folder for what runs."""
+def default_bases() -> list[Path]:
+    """Where rings may be, the best first: in memory, where the machine has a folder for what runs; that one goes when
+    its user logs out.
+    """
+    lasting = Path(tempfile.gettempdir()) / f"robo-flight-{os.getuid()}"
     runtime = os.environ.get("XDG_RUNTIME_DIR", "")
     if runtime and os.access(runtime, os.W_OK | os.X_OK):
-        return Path(runtime) / "robo-flight"
-    return Path(tempfile.gettempdir()) / f"robo-flight-{os.getuid()}"
+        return [Path(runtime) / "robo-flight", lasting]
+    return [lasting]
 
 
 class OldFile(msgspec.Struct, frozen=True):
@@ -91,22 +94,25 @@ class Ring:
         self._limits = limits
         self._free = free
         self._lock = _locked(folder)
-        shutil.rmtree(folder / "held", ignore_errors=True)
-        self._old = taken_over(folder)
+        self._number = self._holds = 0
+        self._old: dict[int, list[OldFile]] = {}
         """By recorder, what those before this one have left."""
-        self.taken = sum(map(len, self._old.values()))
-        """Files that were there already."""
-        self._number = max(self._old, default=0)
-        self._holds = 0
         try:
+            shutil.rmtree(folder / "held", ignore_errors=True)
             self.recording = self._begin(now)
         except BaseException:
             os.close(self._lock)
             raise
+        self.taken = sum(map(len, self._old.values()))
+        """Files that were there already."""
 
     def _begin(self, now: int) -> Recording:
-        self._number += 1
-        self._drop_old(now)
+        """Begin a recording; all that is there already is old."""
+        with _as_bag_error(self.folder):
+            self._old = taken_over(self.folder)
+            numbers = [int(one.name) for one in self.folder.iterdir() if one.name.isdecimal()]
+        self._number = max([self._number, *numbers]) + 1
+        self._drop_old(now, 0)
         limits = self._limits
         options = Options(
             compression=limits.compression,
@@ -128,14 +134,17 @@ class Ring:
         """
         with suppress(BagError):
             self.recording.close()
-        self._old = taken_over(self.folder)
         self.recording = self._begin(now)
+        self.recording.flush()  # which tells whether there is room
 
     @property
     def size(self) -> int:
         """Of all files, bytes."""
-        present = sum(_size(path) for path in self.recording.files)
-        return present + sum(one.size for files in self._old.values() for one in files)
+        return self._present + sum(one.size for files in self._old.values() for one in files)
+
+    @property
+    def _present(self) -> int:
+        return sum(_size(path) for path in self.recording.files)
 
     def look(self, now: int) -> None:
         """Let go what is too old, or too much; to be called once a second. Times are ns since the epoch.
@@ -145,7 +154,7 @@ class Ring:
         """
         self.recording.tick()
         if self._old:
-            self._drop_old(now)
+            self._drop_old(now, self._present)
 
     def hold(self, at: int) -> tuple[Path, list[list[Path]]]:
         """Keep all files that are there from going, whatever is written from now on.
@@ -183,10 +192,19 @@ class Ring:
                 self.folder.parent.rmdir()
         os.close(self._lock)
 
-    def _drop_old(self, now: int) -> None:
-        """What others have left goes as it grows old; and all of it before anything of one's own."""
+    def leave(self) -> None:
+        """End it where another one goes on elsewhere: of what it had, only what is held stays."""
+        with suppress(BagError):
+            self.recording.close()
+        for number in (*self._old, self._number):
+            shutil.rmtree(self.folder / str(number), ignore_errors=True)
+        os.close(self._lock)
+
+    def _drop_old(self, now: int, present: int) -> None:
+        """What others have left goes as it grows old; and all of it before anything of one's own, which has `present`
+        bytes.
+        """
         limits = self._limits
-        present = sum(_size(path) for path in self.recording.files) if hasattr(self, "recording") else 0
         over = present + sum(one.size for files in self._old.values() for one in files) - limits.size
         for number in sorted(self._old):
             files = self._old[number]
@@ -218,6 +236,9 @@ def taken_over(folder: Path) -> dict[int, list[OldFile]]:
     """What recorders that are gone have left in a folder, whole: by recorder, the oldest file first.
 
     A file that a kill has cut is mended; what cannot be read goes.
+
+    Raises:
+        OSError: nobody may look there.
     """
     found: dict[int, list[OldFile]] = {}
     for inner in sorted(folder.iterdir()) if folder.is_dir() else ():
@@ -231,6 +252,8 @@ def taken_over(folder: Path) -> dict[int, list[OldFile]]:
         files = [one for path in paths if (one := _whole(path)) is not None]
         if files:
             found[int(inner.name)] = files
+        else:
+            shutil.rmtree(inner, ignore_errors=True)
     return found
 
 
@@ -271,22 +294,21 @@ def rings_without_owner(base: Path, robot: str, own: str, lives: Callable[[str],
         inner = sorted(path for path in ring_folder(base, robot, own).parent.iterdir() if path.is_dir())
     except OSError:
         return []
-    return [path for path in inner if path.name != own and not lives(path.name) and not is_locked(path)]
+    return [path for path in inner if path.name != own and not lives(path.name)]
 
 
-def is_locked(folder: Path) -> bool:
-    """Whether a recorder lives that writes there."""
+@contextmanager
+def claimed(folder: Path) -> Iterator[bool]:
+    """While this goes on, a ring without an owner is this process's; whether it is: a recorder may live after all."""
     try:
-        descriptor = os.open(folder / _LOCK, os.O_RDWR | os.O_CLOEXEC)
-    except OSError:
-        return False
+        descriptor = _locked(folder)
+    except (BagError, FlightRecorderError):
+        yield False
+        return
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return True
+        yield True
     finally:
         os.close(descriptor)
-    return False
 
 
 def ring_folder(base: Path, robot: str, run: str) -> Path:

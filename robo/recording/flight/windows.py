@@ -1,6 +1,6 @@
 """What makes a flight recorder keep what it has: reasons, and the windows of time that they ask for. Pure.
 
-Times are ns since the epoch by this machine's clock.
+Times are ns since the epoch, by the recorder's clock.
 """
 
 import re
@@ -18,6 +18,10 @@ CLOCKS_AGREE = 5_000_000_000
 """Whose time differs by more has another clock, ns."""
 MOST_REASONS = 100
 """Of one window; more are counted."""
+_MOST_OFF = 1_000_000_000
+"""By how much what follows puts the end of a window off, ns: the file of what came first is there soon."""
+_MOST_KNOWN = 1_000
+"""Things that happened of which it is known when."""
 
 
 class Reason(msgspec.Struct, frozen=True):
@@ -43,6 +47,10 @@ class Reason(msgspec.Struct, frozen=True):
         """For people."""
         who = f"{self.node} " if self.node and not self.text.startswith(self.node) else ""
         return f"{who}{self.text or self.kind}"
+
+    def later(self, by: int) -> "Reason":
+        """The same by a clock that is so many ns ahead."""
+        return msgspec.structs.replace(self, time=self.time + by)
 
 
 class Window(msgspec.Struct):
@@ -73,6 +81,11 @@ class Window(msgspec.Struct):
         """The nodes that it concerns, each once."""
         return list(dict.fromkeys(one.node for one in self.reasons if one.node))
 
+    def later(self, by: int) -> "Window":
+        """The same by a clock that is so many ns ahead."""
+        reasons = [one.later(by) for one in self.reasons]
+        return Window(self.begin + by, self.due + by, self.latest + by, reasons, self.left_out)
+
 
 class Windows:
     """Reasons as they come, and the windows that they make: one at a time is open."""
@@ -81,32 +94,29 @@ class Windows:
         """
         Args:
             before: how much is kept before the first reason, s.
-            after: how much after the last one, s; together at most twice that after the first.
-            again: the same of the same node opens no other window within so long, s; else what crashes again and
-                again would take the place of what is worth keeping.
+            after: how much after the last one, s; what comes after the first one puts the end off by a second at most.
+            again: the same of the same node opens a window only after it has not happened for so long, s; else what
+                crashes again and again would take the place of what is worth keeping.
         """
         self.before = before
         self.after = after
         self.again = again
         self.open: Window | None = None
         """The one that is not due yet."""
-        self._opened: dict[tuple[Kind, str], int] = {}
-        """When what last opened one."""
+        self._last: dict[tuple[Kind, str], int] = {}
+        """When what happened last."""
 
     def add(self, reason: Reason) -> Window | None:
         """Something has happened; the window in which it is, None for none."""
+        last = self.note(reason)
         after = round(self.after * 1e9)
         window = self.open
         if window is None:
-            what = reason.kind, reason.node
-            last = self._opened.get(what)
             soon = last is not None and 0 <= reason.time - last < self.again * 1e9
             if soon and reason.kind != "asked":
                 return None
-            self._opened = {one: at for one, at in self._opened.items() if reason.time - at < self.again * 1e9}
-            self._opened[what] = reason.time
-            begin = reason.time - round(self.before * 1e9)
-            window = self.open = Window(begin, reason.time + after, reason.time + 2 * after, [])
+            begin, due = reason.time - round(self.before * 1e9), reason.time + after
+            window = self.open = Window(begin, due, due + min(after, _MOST_OFF), [])
         if len(window.reasons) < MOST_REASONS:
             window.reasons.append(reason)
         else:
@@ -114,15 +124,24 @@ class Windows:
         window.due = min(max(window.due, reason.time + after), window.latest)
         return window
 
+    def note(self, reason: Reason) -> int | None:
+        """Something has happened for which there is a file already; when the same did before."""
+        what = reason.kind, reason.node
+        last = self._last.pop(what, None)
+        self._last[what] = reason.time if last is None else max(reason.time, last)
+        if len(self._last) > _MOST_KNOWN:
+            del self._last[next(iter(self._last))]
+        return last
+
+    def wait(self, now: int) -> None:
+        """A file is being written: the window that is open stays so, and what happens meanwhile is in it."""
+        if self.open is not None:
+            self.open.latest = max(self.open.latest, now + round(self.after * 1e9))
+
     def take(self, now: int, *, at_once: bool = False) -> Window | None:
         """The window that is due; where `at_once`, the open one in any case. It ends now at the latest."""
         window = self.open
-        if window is None:
-            return None
-        if now < window.first.time - CLOCKS_AGREE:  # the clock was set back: what has come bears the old time
-            self.open = None
-            return window
-        if window.due > now and not at_once:
+        if window is None or (window.due > now and not at_once):
             return None
         self.open = None
         window.due = min(window.due, now)
@@ -131,9 +150,18 @@ class Windows:
 
 def file_name(robot: str, window: Window) -> str:
     """What its file is called: `r1_2026-11-23_20-15-03_safety_monitor_died`; times are the machine's own."""
-    begin = f"{_slug(robot, 40) or 'robot'}_{stamp(window.first.time)}"
-    word = _slug(window.first.word, _LONGEST_NAME - len(begin) - 1)
-    return f"{begin}_{word}" if word else begin
+    begin = f"{_robot_word(robot)}_{stamp(window.first.time)}"
+    word = _slug(window.first.word, _LONGEST_NAME - len(begin) - 1) or _slug(window.first.kind, _LONGEST_NAME)
+    return f"{begin}_{word}"
+
+
+def names_of(robot: str) -> re.Pattern[str]:
+    """What names the files have that `file_name` names, with their ends and a number where there are several."""
+    return re.compile(rf"{_robot_word(robot)}_\d{{4}}-\d\d-\d\d_\d\d-\d\d-\d\d_[A-Za-z0-9_]+\.mcap")
+
+
+def _robot_word(robot: str) -> str:
+    return _slug(robot, 40) or "robot"
 
 
 def stamp(at: int) -> str:
