@@ -1,4 +1,4 @@
-"""What a supervisor knows of a node, in words: `robo why`, for terminals and for flight recorders. Pure."""
+"""What a supervisor knows of a node, in words: `robo why`, for terminals and for flight recorders."""
 
 import time
 from collections.abc import Sequence
@@ -51,9 +51,9 @@ def explained(found: Explanation, refused: Sequence[object] = ()) -> list[str]:
     if status.restarts:
         lines.append(f"  started again {times(status.restarts)}")
     for ended in found.exits[-5:]:
-        lines.append(f"  {_clock(ended.time)} {ended.reason}, after {duration(ended.uptime)}")
+        lines.append(f"  {clock(ended.time)} {ended.reason}, after {duration(ended.uptime)}")
     for snapshot in found.snapshots:
-        lines.append(f"  recorded at {_clock(snapshot.time)}: {snapshot.file} on {snapshot.host}")
+        lines.append(f"  recorded at {clock(snapshot.time)}: {snapshot.file} on {snapshot.host}")
     if found.exits and found.exits[-1].last_lines:
         lines.append("  its last words:")
         lines += [f"    {line}" for line in found.exits[-1].last_lines[-12:]]
@@ -71,9 +71,10 @@ def _failing(found: Explanation) -> list[str]:
     return [f"  {HEALTH_LEVELS[check.level].upper()} {check_name(check)}: {check.message}" for check in worst_first]
 
 
-def _clock(at: int) -> str:
-    """The time of day of ns since the epoch."""
-    return time.strftime("%H:%M:%S", time.localtime(at / 1e9))
+def clock(at: int) -> str:
+    """The time of day of ns since the epoch; with the date, where that is another day."""
+    then = time.localtime(at / 1e9)
+    return time.strftime("%H:%M:%S" if then[:3] == time.localtime()[:3] else "%Y-%m-%d %H:%M:%S", then)
 
 
 def times(count: int) -> str:

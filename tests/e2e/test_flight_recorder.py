@@ -12,7 +12,7 @@ from robo import bag
 from robo.bag.read.reader import Bag
 from robo.testing import Launch, Robot
 from robo_messages import TakeSnapshot
-from tests.support import eventually, run_robo
+from tests.support import eventually, plain_environment, run_robo
 
 pytestmark = pytest.mark.timeout(180)
 
@@ -61,6 +61,7 @@ def test_the_kill_of_the_safety_monitor_is_in_a_file_that_why_names(launch: Laun
     killed = time.time_ns()
     robot.kill("safety_monitor")
     path = only_file(tmp_path)
+    assert path.stat().st_mtime_ns - killed < 5 * SECOND
     assert path.name.startswith("r1_")
     assert path.name.endswith("_safety_monitor_died.mcap")
     with bag.open(path) as found:
@@ -103,20 +104,38 @@ def test_the_ring_outlives_the_recorder(launch: Launch, tmp_path: Path) -> None:
         assert [message.value for message in found.messages("r1/tf_static")]
 
 
-def test_what_ends_a_run_is_in_a_file(launch: Launch, tmp_path: Path) -> None:
-    options = ["-p", f"flight_recorder.folder:={tmp_path}", "-p", f"flight_recorder.ring_folder:={tmp_path / 'ring'}"]
+def test_a_recorder_that_is_killed_before_it_has_written_is_replaced_by_one_that_does(
+    launch: Launch, tmp_path: Path
+) -> None:
+    robot = recorded(launch, tmp_path, may_die=["flight_recorder", "position_tracker"])
+    drive_for(robot, 2.0)
+    robot.kill("position_tracker")
+    robot.kill("flight_recorder")
+    path = only_file(tmp_path)
+    assert path.name.endswith("_position_tracker_died.mcap")
+    with bag.open(path) as found:
+        assert sum(1 for _ in found.times("r1/odom")) > 20
+        assert "position_tracker was killed by SIGKILL" in found.attachment("logs.txt").decode()
+
+
+def test_what_ends_a_run_is_in_a_file_that_why_names_when_the_run_is_over(launch: Launch, tmp_path: Path) -> None:
+    options = ["-p", f"flight_recorder.ring_folder:={tmp_path / 'ring'}"]
     manifest = with_override(tmp_path, "position_tracker: {required: true, restart: never}")
     robot = launch(manifest, may_die=["position_tracker"], options=options)
     drive_for(robot, 1.0)
     robot.kill("position_tracker")
     assert robot.wait_until_over() == 1
-    path = only_file(tmp_path)
+    path = Path(robot.wait_for_line("wrote ").partition("wrote ")[2].partition(".mcap")[0] + ".mcap")
     assert path.name.endswith("_position_tracker_died.mcap")
-    assert f"wrote {path}" in robot.output
     with bag.open(path) as found:
         assert found.count > 50
         assert "position_tracker was killed by SIGKILL" in found.attachment("logs.txt").decode()
     assert not list((tmp_path / "ring").rglob("*.mcap")), "nothing else is left"
+    env = plain_environment() | {"ROBO_LOG_DIR": str(path.parents[2])}
+    why = run_robo("why", "position_tracker", "--robot-name", "r1", "--connect", robot.endpoint, env=env)
+    assert why.returncode == 0, why.stderr
+    assert f": {path}" in why.stdout
+    assert "position_tracker was killed by SIGKILL" in why.stdout
 
 
 def test_a_run_that_is_killed_leaves_its_last_seconds_to_the_next_one(launch: Launch, tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ import zenoh
 from robo import Node, Publisher, bag
 from robo.bag.edit.excerpt import excerpt
 from robo.bag.read.reader import Bag
+from robo.bag.types import topic_of
 from robo.errors import FlightRecorderError
 from robo.recording.flight.ring import Limits, Ring, ring_folder
 from robo.testing.heard import Heard
@@ -302,7 +303,9 @@ def test_what_others_have_left_stays_until_there_is_a_file_of_it(
 ) -> None:
     monkeypatch.setattr("robo.recording.flight.flight._PARAMETERS", 0.2)
     ring = Ring(ring_folder(tmp_path, "r1", "dead"), Limits(duration=30.0, size=1_000_000), START)
-    bags.say(ring.recording, 10)
+    number = ring.recording.topic(topic_of("r1/cmd_vel", Twist))
+    for sequence in range(1, 11):
+        ring.recording.write(number, bags.twist(sequence), START, START, sequence, "commander")
     ring.close(remove=False)
     (lab.folder / "files").write_bytes(b"")
     recorder = lab.record()
@@ -315,20 +318,24 @@ def test_what_others_have_left_stays_until_there_is_a_file_of_it(
 
 
 def test_a_clock_that_is_set_costs_nothing(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
-    set_by = 0
     real = time.time_ns
     recorder = lab.record()
+    assert recorder._flight is not None
     lab.drive(10)
     eventually(lambda: recorder.all_is_kept().values["ring_size"] != "0", "it is kept")
-    for hour in (1, -1):
-        set_by += hour * 3600 * SECOND
-        monkeypatch.setattr("time.time_ns", lambda: real() + set_by)
+    for hour in (3600 * SECOND, 0):
+
+        def told(by: int = hour) -> int:
+            return real() + by
+
+        monkeypatch.setattr("time.time_ns", told)
+        monkeypatch.setattr(recorder._flight._clock, "_wall", told)
         lab.drive(10)
         answer = ask(lab.robot)
         assert answer.success
         assert abs(answer.snapshot.stamp.to_nanoseconds() - time.time_ns()) < 60 * SECOND
-    assert len(values(lab.snapshot())) == 20
-    found = lab.snapshot(1)
+    assert len(values(lab.snapshot(1))) == 20, "an hour later, by its name"
+    found = lab.snapshot(0)
     assert len(values(found)) == 30
     assert abs(found.end - real()) < 60 * SECOND
 

@@ -26,6 +26,7 @@ from robo.recording.flight.ring import (
     taken_over,
 )
 from robo.recording.flight.shelf import Shelf
+from robo.recording.flight.windows import Reason, Windows, file_name
 from robo.wire.qos import QoS
 from robo_messages import String, Twist
 from tests import bags
@@ -104,37 +105,51 @@ def test_what_goes_from_the_ring_meanwhile_is_in_the_excerpt(filled: Filled, tmp
 
 
 def test_an_hour_of_ten_times_the_data_takes_no_more_than_is_granted(tmp_path: Path) -> None:
-    """Of 30 s a tenth fits in; it is looked at every two seconds, and a file is written each ten minutes."""
+    """Of 30 s a tenth fits in; it is looked at every two seconds, and every twenty something happens for a second time:
+    each file holds what there was, and is written while the next seconds come.
+    """
     size, rate, padding = 60_000, 20.0, 900
     filled = Filled(tmp_path / "ring", size, 30.0)
     shelf = Shelf(tmp_path / "files", "r1")
+    windows = Windows(30.0, 2.0, 60.0)
     memory = psutil.Process().memory_info
-    before, most, most_shelf = 0, 0, 0
+    before, most, most_held, most_shelf, made = 0, 0, 0, 0, 0
     for second in range(0, HOUR, 2):
+        at = START + second * SECOND
         filled.fill(second, second + 2, rate, padding)
         filled.ring.recording.flush()
-        filled.ring.look(START + second * SECOND)
-        most = max(most, sum(path.stat().st_size for path in (tmp_path / "ring").rglob("*.mcap")))
+        filled.ring.look(at)
         if second == HOUR // 10:
             before = memory().rss
-        if second % 600 == 300:
-            folder, recordings = filled.ring.hold(START + second * SECOND)
-            begin, end = START + (second - 30) * SECOND, START + second * SECOND
-            shelf.add(f"r1_2026-01-01_00-{second // 60:02d}-00_x", lambda path: excerpt(
-                recordings, path, begin, end, lambda _: None, "none"  # noqa: B023 - it is written at once
+        if second % 20 == 0:
+            windows.add(Reason(at, "died", f"/r1/node_{second % 600}", ""))
+        if (window := windows.take(at)) is not None:
+            folder, recordings = filled.ring.hold(at)
+            most_held = max(most_held, used(tmp_path / "ring"))
+            new = shelf.add(file_name("r1", window), lambda path: excerpt(
+                recordings, path, window.begin, window.due, lambda _: None, "none"  # noqa: B023 - it is written at once
             ))  # fmt: skip
             shutil.rmtree(folder)
-            shelf.keep_newest(3, 200_000)
+            shelf.keep_newest(new, 3, 200_000)
+            made += 1
             most_shelf = max(most_shelf, sum(path.stat().st_size for path in shelf.files()))
+        most = max(most, used(tmp_path / "ring"))
     assert filled.sequence == HOUR * rate
-    part = (
-        2 * padding * rate + 15_000
-    )  # what comes within two seconds, and the types, before a file is found to be full
+    # What comes within two seconds, and the types, before a file is found to be full.
+    part = 2 * padding * rate + 15_000
     assert size / 2 < most < size + part
+    assert most_held < 2 * (size + part), "a file that is being written holds what was there once"
+    assert made == HOUR / 20
     assert most_shelf < 200_000
     assert len(shelf.files()) == 3
     assert memory().rss - before < 20e6
     filled.ring.close()
+
+
+def used(folder: Path) -> int:
+    """What a folder takes of its disk, bytes: a file with two names is one."""
+    found = {(stat := path.stat()).st_ino: stat.st_size for path in folder.rglob("*.mcap")}
+    return sum(found.values())
 
 
 def test_files_of_others_in_the_folder_are_left_alone(tmp_path: Path) -> None:
@@ -149,10 +164,18 @@ def test_files_of_others_in_the_folder_are_left_alone(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(b"x" * 1000)
     for number in range(5):
         shelf.add(f"r1_2026-01-01_00-00-0{number}_died", lambda path: path.write_bytes(b"x"))
-    shelf.add("r1_2026-01-01_00-00-04_died", lambda path: path.write_bytes(b"y"))
-    shelf.keep_newest(2, 1000)
+    new = shelf.add("r1_2026-01-01_00-00-04_died", lambda path: path.write_bytes(b"y"))
+    shelf.keep_newest(new, 2, 1000)
     own = ["r1_2026-01-01_00-00-04_died.mcap", "r1_2026-01-01_00-00-04_died_2.mcap"]
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*others, *own])
+
+
+def test_the_newest_file_stays_though_the_clock_was_set_back(tmp_path: Path) -> None:
+    shelf = Shelf(tmp_path, "r1")
+    for number in range(3):
+        new = shelf.add(f"r1_2026-01-01_00-00-0{number}_died", lambda path: path.write_bytes(b"x"))
+    os.utime(new, (0, 0))
+    assert [path.name for path in shelf.keep_newest(new, 2, 1000)] == ["r1_2026-01-01_00-00-00_died.mcap"]
 
 
 def test_what_a_killed_recorder_had_begun_to_write_goes(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """`robo ps`, `stop`, `start`, `restart`, `down`, `why` and `events`: printing what supervisors say."""
 
+import os
 import time
 from collections.abc import Iterator, Sequence
 
@@ -20,12 +21,14 @@ from robo.cli.printing import (
     print_table,
 )
 from robo.cli.reach import Reach
-from robo.errors import RunError, UsageError
+from robo.environment import CONNECT_VARIABLE
+from robo.errors import NetworkError, RunError, UsageError
 from robo.text import colours
 from robo.text.durations import duration
 from robo.tools import nodes, runs, strangers
 from robo.wire.explained import explained
 from robo.wire.keys import NodeToken, SupervisorToken
+from robo.wire.network import Network
 from robo.wire.reports import Event, ProcessStatus
 
 STATE_COLOURS = {
@@ -243,11 +246,26 @@ def _robots_to_end(found: Sequence[SupervisorToken], *, every: bool, everyone: b
 
 
 def why(names: Sequence[str], reach: Reach, *, json: bool) -> None:
-    """Print why nodes are as they are.
+    """Print why nodes are as they are; where no robot runs any more, how the last run has ended.
 
     Raises:
         RoboError: there is no such robot or node.
     """
+    try:
+        _why(names, reach, json=json)
+    except (NetworkError, RunError):
+        from robo.cli.views.last_run import print_last_run  # which reads recordings
+        from robo.tools.last_run import last_run
+
+        is_told_where = reach.connect or os.environ.get(CONNECT_VARIABLE)
+        places = Network.from_environment("client", reach.connect).connect if is_told_where else ()
+        last = last_run(reach.robot, places, names) if not json else None
+        if last is None:
+            raise
+        print_last_run(last)
+
+
+def _why(names: Sequence[str], reach: Reach, *, json: bool) -> None:
     with connect_to_robot(reach) as session:
         target = runs.target_of(session, reach.robot, names)
         found = runs.explain(session, target, names)

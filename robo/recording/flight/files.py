@@ -244,7 +244,7 @@ class FlightFiles:
             size=path.stat().st_size,
         )
         self.count += 1
-        gone = self._shelf.keep_newest(settings.most_files, settings.most_size)
+        gone = self._shelf.keep_newest(path, settings.most_files, settings.most_size)
         self._log.info("wrote %s: %s", path, window.text)
         if gone:
             self._log.info("%d older files are gone, the last one %s", len(gone), gone[-1])

@@ -60,9 +60,9 @@ class Shelf:
             raise BagError(f"it cannot be written: {error.strerror}", str(path)) from None
         return path
 
-    def keep_newest(self, most: int, most_size: int) -> list[Path]:
-        """Delete the oldest files beyond a number and a size in bytes; which."""
-        files = self.files()
+    def keep_newest(self, new: Path, most: int, most_size: int) -> list[Path]:
+        """Delete the oldest files beyond a number and a size in bytes; which. `new` is the newest of them."""
+        files = sorted(self.files(), key=lambda path: path == new)
         gone = files[: to_go([(0, _size(path)) for path in files], most, most_size)]
         for path in gone:
             with suppress(OSError):
