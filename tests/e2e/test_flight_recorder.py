@@ -12,7 +12,7 @@ from robo import bag
 from robo.bag.read.reader import Bag
 from robo.testing import Launch, Robot
 from robo_messages import TakeSnapshot
-from tests.support import eventually, plain_environment, run_robo
+from tests.support import eventually, run_robo
 
 pytestmark = pytest.mark.timeout(180)
 
@@ -118,7 +118,9 @@ def test_a_recorder_that_is_killed_before_it_has_written_is_replaced_by_one_that
         assert "position_tracker was killed by SIGKILL" in found.attachment("logs.txt").decode()
 
 
-def test_what_ends_a_run_is_in_a_file_that_why_names_when_the_run_is_over(launch: Launch, tmp_path: Path) -> None:
+def test_what_ends_a_run_is_in_a_file_that_why_names_when_the_run_is_over(
+    launch: Launch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     options = ["-p", f"flight_recorder.ring_folder:={tmp_path / 'ring'}"]
     manifest = with_override(tmp_path, "position_tracker: {required: true, restart: never}")
     robot = launch(manifest, may_die=["position_tracker"], options=options)
@@ -131,8 +133,8 @@ def test_what_ends_a_run_is_in_a_file_that_why_names_when_the_run_is_over(launch
         assert found.count > 50
         assert "position_tracker was killed by SIGKILL" in found.attachment("logs.txt").decode()
     assert not list((tmp_path / "ring").rglob("*.mcap")), "nothing else is left"
-    env = plain_environment() | {"ROBO_LOG_DIR": str(path.parents[2])}
-    why = run_robo("why", "position_tracker", "--robot-name", "r1", "--connect", robot.endpoint, env=env)
+    monkeypatch.setenv("ROBO_LOG_DIR", str(path.parents[2]))
+    why = run_robo("why", "position_tracker", "--robot-name", "r1", "--connect", robot.endpoint)
     assert why.returncode == 0, why.stderr
     assert f": {path}" in why.stdout
     assert "position_tracker was killed by SIGKILL" in why.stdout

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -19,7 +20,9 @@ from robo.bag.edit.excerpt import excerpt
 from robo.bag.read.reader import Bag
 from robo.bag.types import topic_of
 from robo.errors import FlightRecorderError
+from robo.recording.flight.intake import FlightIntake
 from robo.recording.flight.ring import Limits, Ring, ring_folder
+from robo.recording.selection import Selection
 from robo.testing.heard import Heard
 from robo.wire.keys import control_key, event_key
 from robo.wire.reports import Event
@@ -247,7 +250,12 @@ def test_a_ring_whose_folder_goes_for_good_goes_on_elsewhere(
     eventually(lambda: recorder.all_is_kept().values["ring_size"] != "0", "it is kept")
     shutil.rmtree(gone.parent)
     gone.parent.write_bytes(b"")
-    eventually(lambda: (lab.drive(1), list(lasting.rglob("*.mcap")) != [])[1], "it goes on")
+
+    def goes_on() -> bool:
+        lab.drive(1)
+        return list(lasting.rglob("*.mcap")) != []
+
+    eventually(goes_on, "it goes on")
     eventually(lambda: warned(recorder) == "", "all is well")
     lab.drive(5)
     assert ask(lab.robot).success
@@ -406,6 +414,20 @@ def test_what_comes_too_fast_takes_no_more_than_is_granted(lab: Lab, tmp_path: P
     assert sum(path.stat().st_size for path in lab.snapshots()) < 2_000_000
     assert memory().rss - before < 50e6
     assert [message.value for message in lab.snapshot().messages("r1/map")] == [String("kitchen" * 100)]
+
+
+def test_what_has_waited_for_long_is_taken_in_up_to_a_limit(
+    session: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robo.recording.flight.intake.MOST_AT_ONCE", 1_000)
+    intake = FlightIntake(session, Selection(["r1/**"]), lambda _: None, time.time_ns())
+    waiting = [SimpleNamespace(payload=bytes([number]) * 300) for number in range(10)]
+    intake._channels = [(0, SimpleNamespace(try_recv=lambda: waiting.pop(0) if waiting else None))]
+    intake._empty_channels(0)
+    assert [row[2].payload[0] for row in intake._row] == [7, 8, 9], "the newest"
+    assert intake.left_out == 7
+    intake._row.clear()
+    intake.close()
 
 
 def test_a_recorder_that_is_stopped_writes_what_is_due_and_leaves_no_ring(lab: Lab, other: zenoh.Session) -> None:

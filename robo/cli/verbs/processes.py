@@ -37,7 +37,11 @@ def why(
     ] = None,
     json: JsonLines = False,
 ) -> None:
-    """Tell why nodes are as they are: how they ended, their last words, what they wait for, stale inputs."""
+    """Tell why nodes are as they are: how they ended, their last words, what they wait for, stale inputs.
+
+    Where no robot runs any more, it tells how the last run on this machine ended, and names the files of its flight
+    recorder. With --json that is an error.
+    """
     from robo.cli.views.runs import why as explain_nodes
 
     explain_nodes(names or [], reach, json=json)

@@ -162,7 +162,7 @@ class Keeping:
         size = sum(self._latched.values())
         if size > self._limits.size / 2 and not self._much_latched:
             self._log.warning(
-                "latched topics have said %.0f MB, and the ring has %.0f MB: it keeps few seconds;"
+                "latched topics have said %.1f MB, and the ring has %.1f MB: it keeps few seconds;"
                 " a larger ring_size keeps more, or exclude the largest of them",
                 size * 1e-6,
                 self._limits.size * 1e-6,
