@@ -120,7 +120,8 @@ def test_rings_stay_until_there_are_files_and_no_more_than_a_few(tmp_path: Path)
     found = left_behind(tmp_path, log)
     for _ in range(3):
         found.write()
-    assert found.remain
+    remained = found.remain
+    assert remained
     assert [ring.exists() for ring in rings] == [False, False, True, True, True]
     assert len(log.said) == 1
     (tmp_path / "files").unlink()

@@ -245,13 +245,13 @@ class FlightFiles:
         )
         self.count += 1
         gone = self._shelf.keep_newest(path, settings.most_files, settings.most_size)
-        self._log.info("wrote %s: %s", path, window.text)
-        if gone:
-            self._log.info("%d older files are gone, the last one %s", len(gone), gone[-1])
         try:
             self._publish(job.snapshot)
         except Exception as error:  # there is a file, whoever hears of it
             self._tell_once(f"nobody is told of {path}: {error}")
+        self._log.info("wrote %s: %s", path, window.text)
+        if gone:
+            self._log.info("%d older files are gone, the last one %s", len(gone), gone[-1])
 
     def _words(self, window: Window, run: str) -> dict[str, str]:
         """For the metadata."""
