@@ -421,11 +421,12 @@ def test_what_has_waited_for_long_is_taken_in_up_to_a_limit(
 ) -> None:
     monkeypatch.setattr("robo.recording.flight.intake.MOST_AT_ONCE", 1_000)
     intake = FlightIntake(session, Selection(["r1/**"]), lambda _: None, time.time_ns())
-    waiting = [SimpleNamespace(payload=bytes([number]) * 300) for number in range(10)]
+    facts = {"key_expr": "r1/picture", "kind": zenoh.SampleKind.PUT}
+    waiting = [SimpleNamespace(payload=bytes([number]) * 300, **facts) for number in range(10)]
     intake._channels = [(0, SimpleNamespace(try_recv=lambda: waiting.pop(0) if waiting else None))]
     intake._empty_channels(0)
     assert [row[2].payload[0] for row in intake._row] == [7, 8, 9], "the newest"
-    assert intake.left_out == 7
+    assert intake.dropped == 7
     intake._row.clear()
     intake.close()
 

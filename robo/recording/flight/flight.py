@@ -115,7 +115,7 @@ class Flight:
     @property
     def left_out(self) -> int:
         """Messages that came and were not kept: too much had come at once."""
-        return self._intake.left_out + self._intake.torn
+        return self._intake.dropped + self._intake.torn
 
     def happened(self, kind: Kind, node: str, text: str) -> Job | None:
         """Something has happened now, by any thread: the file that it will be in; None where there is one already.

@@ -45,6 +45,8 @@ class FlightIntake(Intake):
         """
         self.torn = 0
         """Messages that were lost because this process was stopped while they were in shared memory."""
+        self.dropped = 0
+        """Messages that were left out, as too many had waited."""
         self._looked = now
         self._tell = tell
         self._channels: list[tuple[int, Any]] = []
@@ -101,7 +103,7 @@ class FlightIntake(Intake):
                 size += here
                 while size > MOST_AT_ONCE and len(came) > 1:
                     size -= came.popleft()[4]
-                    self.left_out += 1
+                    self.dropped += 1
         self._row.extend(came)
 
     def _subscribe(self, number: int, key: str) -> Any:
