@@ -32,7 +32,8 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     sync: bool = True
     """Whether it is on the disk then, too: what a power cut leaves."""
     split_size: int | None = None
-    """A new file begins where one has this size, bytes; the chunk that reaches it is still in."""
+    """A new file begins where one has this size beyond what all files begin with, bytes; the chunk that reaches it is
+    still in."""
     split_duration: float | None = None
     """A new file begins where one has messages of this time, s."""
     split_by_hand: bool = False
@@ -42,7 +43,8 @@ class Options(msgspec.Struct, frozen=True, kw_only=True):
     keep_duration: float | None = None
     """A file goes whose last message came longer ago than this when another one begins, s; None for never."""
     most_size: int | None = None
-    """What all files may take together, bytes: the oldest go before, so that the next one has room for `split_size`."""
+    """What all files may take together, bytes: the oldest go before, so that the next one has room for `split_size`.
+    What files begin with is apart: twice as much is granted to it."""
     least_free: int = 0
     """Room that is left to others on the disk, bytes."""
     when_full: Literal["stop", "drop_oldest"] = "stop"

@@ -10,7 +10,9 @@ import zenoh
 
 from robo.bag.of_robot import PARAMETERS, ROBOTS
 from robo.text import graph
+from robo.text.brief import brief
 from robo.text.paths import nested
+from robo.text.terminal import visible
 from robo.text.unreadable import UNREADABLE
 from robo.wire import codec, discovery, names
 from robo.wire.keys import EndpointToken, NodeToken, parameters_key, parse_token
@@ -102,13 +104,14 @@ def parameters_yaml(by_node: Mapping[str, Mapping[str, object]]) -> str:
     from robo.parameters.files import ROS_KEY  # a node that may record carries YAML only if it does
     from robo.text.yaml_tree import as_yaml
 
-    tree: dict[str, object] = {}
+    found = []
     for node, values in sorted(by_node.items()):
         try:
-            tree[node] = {ROS_KEY: nested({str(name): codec.jsonable(value) for name, value in values.items()}, ".")}
-        except (AssertionError, TypeError):  # a stranger's: a name that is a value and a group of values too
-            continue
-    return as_yaml(tree)
+            tree = nested({str(name): codec.jsonable(value) for name, value in values.items()}, ".")
+            found.append(as_yaml({node: {ROS_KEY: tree}}))
+        except Exception as error:  # a stranger's: a name that is a value and a group too, objects, lists without end
+            found.append(f"# {visible(node)}: its parameters make no sense: {brief(type(error).__name__)}\n")
+    return "".join(found) or as_yaml({})
 
 
 def _parameters(session: zenoh.Session, timeout: float) -> dict[str, dict[str, object]]:
@@ -188,8 +191,10 @@ class Watch:
             self._appeared = False
             try:
                 self._told(look(self._session, self._manifests))
-            except zenoh.ZError as error:
-                self._failed(f"parameters and graph are not in the recording: {error}")
+            except Exception as error:  # of the network, of a disk with manifests, of what strangers say
+                if not self._over.is_set():
+                    why = str(error) if isinstance(error, zenoh.ZError) else f"{type(error).__name__}: {error}"
+                    self._failed(brief(f"parameters and graph are not in the recording: {why}"))
                 return
             while not self._appeared:
                 if self._over.is_set():

@@ -191,6 +191,128 @@ def test_the_oldest_go_where_all_take_too_much(tmp_path: Path) -> None:
         assert len(recording.files) > 1
 
 
+@pytest.mark.parametrize("latched", [3_000, 8_000, 60_000])
+def test_what_every_file_begins_with_leaves_room_for_messages(tmp_path: Path, latched: int) -> None:
+    path = tmp_path / "run"
+    with bag.Recording(path, plain(split_size=5_000, chunk_size=1_000, most_size=40_000)) as recording:
+        map_, number = recording.topic(MAP), recording.topic(TWIST)
+        recording.write(map_, text("x" * latched), START, START, 1, "a")
+        recording.attach("manifest.yaml", b"x" * 2_000, "text/yaml", START)
+        for step in range(1_000):
+            recording.write(number, bags.twist(step), START + step * MS, START + step * MS, step + 1)
+        sizes = [file.stat().st_size - latched for file in recording.files[:-1]]
+        files = len(recording.files)
+    assert all(size > 5_000 for size in sizes), "each has messages, however much it begins with"
+    assert 3 <= files <= 9
+    assert sum(file.stat().st_size for file in recording.files) < 40_000 + max(80_000, 4 * latched) + 20_000
+    with bag.open(path) as opened:
+        numbers = [message.sequence for message in opened.messages("r1/cmd_vel")]
+        assert numbers == list(range(numbers[0], 1_001))
+        assert len(numbers) > (200 if latched <= 8_000 else 80)
+
+
+def test_a_file_that_somebody_deletes_ends_the_recording(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    clock = Clock()
+    recording = bag.Recording(path, plain(), monotonic=clock)
+    number = recording.topic(TWIST)
+    path.unlink()
+    clock.now += 1.0
+    with pytest.raises(BagError, match=r"drive\.mcap: somebody has deleted it while it was recorded"):
+        recording.write(number, bags.twist(0), START, START, 1)
+    clock.now += 1.0
+    with pytest.raises(BagError, match="somebody has deleted it"):
+        recording.tick()
+    recording.close()
+
+
+def test_a_folder_that_is_gone_is_told(tmp_path: Path) -> None:
+    def gone(_: Path) -> int:
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
+
+    recording = bag.Recording(tmp_path / "drive.mcap", plain(least_free=1), free=gone)
+    with pytest.raises(BagError, match="its disk does not tell what room it has: No such file"):
+        recording.flush()
+    recording.close()
+
+
+def test_a_disk_that_is_full_as_a_file_is_closed_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recording = bag.Recording(tmp_path / "drive.mcap", plain())
+    monkeypatch.setattr(recording._part, "_output", _FullAtTheEnd(recording._part._output))
+    with pytest.raises(BagError, match="it cannot be written: No space left"):
+        recording.close()
+
+
+class _FullAtTheEnd:
+    """A file of a network: what does not fit is told when it is closed."""
+
+    def __init__(self, file: Any) -> None:
+        self._file = file
+        self.fileno = file.fileno
+
+    def close(self) -> None:
+        self._file.close()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_recording_that_has_not_begun_leaves_nothing(tmp_path: Path) -> None:
+    for name, options in (("drive.mcap", plain()), ("run", plain(split_by_hand=True))):
+        recording = bag.Recording(tmp_path / name, options)
+        if options.splits:
+            recording.split(START)
+        recording.discard()
+    assert list(tmp_path.iterdir()) == []
+
+
+def metadata(folder: Path) -> Any:
+    return yaml.safe_load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+
+
+def test_what_changes_its_quality_of_service_is_one_topic_to_ros_and_said_again_once(tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    deep = topic_of("map", String, QoS(depth=2, latched=True))
+    with bag.Recording(path, plain(split_by_hand=True)) as recording:
+        for step, topic in enumerate((MAP, deep, deep, deep, MAP)):
+            recording.write(recording.topic(topic), text(str(step)), START + step, START, step + 1, "a")
+        recording.split(START + 10)
+        recording.write(recording.topic(topic_of("map", String)), text("5"), START + 11, START, 6, "a")
+        recording.split(START + 20)
+    (topic,) = metadata(path)["topics_with_message_count"]
+    assert topic["message_count"] == metadata(path)["message_count"] == 6
+    with bag.open(path / "run_1.mcap") as opened:
+        assert [message.value.data for message in opened.messages("map") if isinstance(message.value, String)] == [
+            "4", "5",
+        ]  # fmt: skip
+    assert count_of(path / "run_2.mcap") == 0, "it is latched no more"
+
+
+def test_what_a_publisher_has_said_that_is_replaced_is_not_said_again(tmp_path: Path) -> None:
+    with bag.Recording(tmp_path / "run", plain(split_by_hand=True)) as recording:
+        number = recording.topic(MAP)
+        for source in "abc":
+            recording.write(number, text(source), START, START, 1, source)
+        recording.forget("map", "b")
+        recording.forget("map", "nobody")
+        recording.forget("other", "a")
+        recording.split(START + 10)
+    assert count_of(tmp_path / "run" / "run_1.mcap") == 2
+
+
+def test_ros_is_told_encodings_and_files_that_are_there(tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    name = 'r1/\N{ROBOT FACE}"\x7f'
+    with bag.Recording(path, plain(split_by_hand=True, keep=2)) as recording:
+        number = recording.topic(bag.TopicInFile(name, "a/B", "", encoding="msgpack", schema_encoding=""))
+        for step in range(4):
+            recording.write(number, b"x", START + step, START, step + 1)
+            recording.split(START + step)
+            whole = [file.name for file in recording.files[:-1]]
+            assert metadata(path)["relative_file_paths"] == whole
+    (topic,) = metadata(path)["topics_with_message_count"]
+    assert topic["topic_metadata"]["serialization_format"] == "msgpack"
+    assert topic["topic_metadata"]["name"] == f"/{name}"
+
+
 def test_ros_has_its_metadata_of_a_folder(tmp_path: Path) -> None:
     path = tmp_path / "run"
     bags.drive(path, plain(split_duration=0.5), count=100)
@@ -219,6 +341,19 @@ def test_losses_are_counted_exactly_live_and_in_the_file(tmp_path: Path) -> None
         assert (counts.received, counts.lost, counts.malformed) == (8, 4, 1)
     (topic,) = bag.info(path).topics
     assert (topic.count, topic.lost) == (8, 4)
+
+
+@pytest.mark.parametrize("source", ["a", None], ids=["signed", "unnamed"])
+def test_what_is_malformed_is_not_lost(source: str | None, tmp_path: Path) -> None:
+    with bag.Recording(tmp_path / "drive.mcap", plain()) as recording:
+        number = recording.topic(TWIST)
+        for step in (1, 2, 5, 8):
+            recording.write(number, bags.twist(0), START + step * MS, START + step * MS, step, source)
+            if step == 2:
+                for bad in (3, 4):
+                    recording.malformed("r1/cmd_vel", bad, START + bad * MS, source)
+        counts = recording.counts["r1/cmd_vel"]
+    assert (counts.received, counts.lost, counts.malformed) == (4, 2, 2)
 
 
 @given(st.lists(st.integers(1, 5), min_size=1, max_size=30), st.integers(0, 2**33))
@@ -475,7 +610,7 @@ def test_a_recording_whose_next_file_cannot_be_made_has_ended(tmp_path: Path) ->
     (path / "run_1.mcap").write_text("of somebody else")
     with pytest.raises(BagError, match=r"run_1\.mcap: it cannot be made: File exists"):
         recording.split(START)
-    with pytest.raises(BagError, match="the recording has ended"):
+    with pytest.raises(BagError, match=r"the recording has ended: .*run_1\.mcap: it cannot be made: File exists"):
         recording.write(number, bags.twist(0), START, START, 1)
     recording.close()
     assert bag.check(path / "run_0.mcap").findings == []

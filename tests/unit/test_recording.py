@@ -5,6 +5,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -196,9 +197,20 @@ def test_one_is_made_where_those_who_publish_tell_of_other_frames() -> None:
     assert made.take(odometry(PATIENCE + 2)) is None  # by now somebody tells of it
 
 
-def test_odometry_that_makes_no_sense_makes_none() -> None:
+def test_what_makes_no_sense_or_is_no_cdr_makes_none() -> None:
     made = TransformsOfOdometry()
     assert made.take(odometry(1)._replace(data=random.Random(0).randbytes(20))) is None
+    assert made.take(odometry(2)) is not None
+    assert made.take(transform(3)._replace(data=b"{}")) is None
+    foreign = msgspec.structs.replace(TF, encoding="application/cdr")
+    assert made.take(transform(4)._replace(topic=foreign, data=b"{}")) is None
+    assert made.take(odometry(5)) is not None, "nobody has said that it publishes this one"
+
+
+def test_none_is_made_where_nobody_wants_it() -> None:
+    made = TransformsOfOdometry(is_wanted=lambda topic: topic != "r1/tf")
+    assert made.take(odometry(1)) is None
+    assert made.made == {}
 
 
 # -- the words of the command line -----------------------------------------------------------------
@@ -237,9 +249,28 @@ def test_the_name_is_the_time_where_nobody_says_another() -> None:
 # -- what stands beside messages -------------------------------------------------------------------
 
 
+def nested_lists(depth: int) -> object:
+    found: object = 1
+    for _ in range(depth):
+        found = [found]
+    return found
+
+
 def test_parameters_are_a_file_that_robo_reads() -> None:
     text = parameters_yaml({"/r1/base": {"rate": 5.0, "pid.p": 1, "name": "x"}, "/r1/odd": {"a": 1, "a.b": 2}})
-    assert text == "/r1/base:\n  ros__parameters:\n    rate: 5.0\n    pid:\n      p: 1\n    name: x\n"
+    assert text == (
+        "/r1/base:\n  ros__parameters:\n    rate: 5.0\n    pid:\n      p: 1\n    name: x\n"
+        "# /r1/odd: its parameters make no sense: AssertionError\n"
+    )
+
+
+@pytest.mark.parametrize("value", [msgspec.msgpack.Ext(5, b"x"), nested_lists(2_000)], ids=["an object", "deep"])
+def test_what_one_node_says_costs_no_other_its_parameters(value: object) -> None:
+    text = parameters_yaml({"/r1/base": {"rate": 5.0}, "/r1/bad": {"x": value}, "/r1/last": {"x": 1}})
+    assert yaml.safe_load(text) == {name: {"ros__parameters": values} for name, values in (
+        ("/r1/base", {"rate": 5.0}), ("/r1/last", {"x": 1}),
+    )}  # fmt: skip
+    assert "# /r1/bad: its parameters make no sense: " in text
 
 
 def test_the_manifests_of_runs_are_found_by_their_logs(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from robo.bag.mcap.file_writer import FileWriter
 from robo.bag.mcap.index import REPEATED
 from robo.bag.options import TopicInFile
 from robo.bag.write.kept import Kept, Said
-from robo.bag.write.ros2_folder import TopicOf
+from robo.bag.write.ros2_folder import TopicKey, TopicOf
 from robo.errors import BagError
 
 TYPE_HASH = "topic_type_hash"
@@ -34,11 +34,13 @@ class Contents:
     def __init__(self) -> None:
         self.names: dict[int, str] = {}
         """Of topics, by number."""
-        self.types: list[TopicOf] = []
-        """Topics as ROS calls them."""
+        self._types: dict[TopicKey, TopicOf] = {}
+        """Topics as ROS calls them: one for all channels of a topic that differ in what is offered alone."""
         self._numbers: dict[TopicInFile, int] = {}
         self._schemas: dict[tuple[str, str, str], mcap.Schema] = {}
         self._channels: list[mcap.Channel] = []
+        self._keys: list[TopicKey] = []
+        """Of the channels."""
         self._kept = Kept()
         self._metadata: dict[str, dict[str, str]] = {}
         self._attachments: dict[str, _Attachment] = {}
@@ -66,14 +68,27 @@ class Contents:
         self._channels.append(channel)
         self._numbers[topic] = number
         self.names[number] = topic.name
-        self.types.append(TopicOf(channel.topic, topic.schema, topic.type_hash, words[offered.OFFERED]))
+        key = TopicKey(channel.topic, topic.schema, topic.encoding)
+        self._keys.append(key)
+        self._types[key] = TopicOf(key, topic.type_hash, words[offered.OFFERED])
         if topic.qos.latched:
-            self._kept.begin(number, topic.qos.depth)
+            self._kept.begin(number, topic.name, topic.qos.depth)
+        else:
+            self._kept.forget_topic(topic.name)
         return number
+
+    @property
+    def types(self) -> list[TopicOf]:
+        """Topics as ROS calls them."""
+        return list(self._types.values())
 
     def keep(self, message: Said, source: Hashable) -> None:
         """A message of a latched topic, for the files that follow."""
         self._kept.add(message, source)
+
+    def forget(self, topic: str, source: Hashable) -> None:
+        """What a publisher of a latched topic has said is not said again."""
+        self._kept.forget(topic, source)
 
     def is_latched(self, topic: int) -> bool:
         """Whether messages of a topic are kept."""
@@ -89,9 +104,12 @@ class Contents:
         self._attachments[name] = _Attachment(time, media_type, data)
         writer.add_attachment(time, time, name, media_type, data)
 
-    def counts(self, of_topics: dict[int, int]) -> dict[str, int]:
-        """Messages by the number of a topic, by what the file calls it."""
-        return {self._channels[number - 1].topic: count for number, count in of_topics.items()}
+    def counts(self, of_topics: dict[int, int]) -> dict[TopicKey, int]:
+        """Messages by the number of a topic, by what ROS calls it."""
+        found: Counter[TopicKey] = Counter()
+        for number, count in of_topics.items():
+            found[self._keys[number - 1]] += count
+        return found
 
     def begin(self, writer: FileWriter, at: int) -> None:
         """Say all of it in a new file, as of a time, ns since the epoch."""

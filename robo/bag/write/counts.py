@@ -39,39 +39,42 @@ class Counter:
             published: ns since the epoch.
             source: its publisher; None where that is not known.
         """
-        lost = 0
-        if sequence is not None:
-            if source is not None:
-                key = topic, source
-                last = self._last.get(key)
-                if last is None:
-                    self._forget_one()
-                elif sequence > last + 1:
-                    lost = sequence - last - 1
-                # One that came late has been counted as lost; those that follow it are not.
-                self._last[key] = sequence if last is None else max(sequence, last)
-            else:
-                series = self._unnamed.get(topic)
-                if series is None:
-                    series = self._unnamed[topic] = Sequences(several=True)
-                lost = series.gap(sequence, published)
+        lost = self._gap(topic, sequence, published, source) if sequence is not None else 0
         for counts in (self._of(self.total, topic), self._of(self.file, topic)):
             counts.received += 1
             counts.lost += lost
 
-    def count_malformed(self, topic: str) -> None:
-        """A message has come that could not be written down."""
-        self._of(self.total, topic).malformed += 1
-        self._of(self.file, topic).malformed += 1
+    def count_malformed(
+        self, topic: str, sequence: int | None = None, published: int = 0, source: Hashable = None
+    ) -> None:
+        """A message has come that could not be written down: it is not lost. Arguments as those of `count`."""
+        lost = self._gap(topic, sequence, published, source) if sequence is not None else 0
+        for counts in (self._of(self.total, topic), self._of(self.file, topic)):
+            counts.malformed += 1
+            counts.lost += lost
 
     def take_file(self) -> dict[str, Counts]:
         """The counts since the last file began; a new one begins."""
         found, self.file = self.file, {}
         return found
 
-    def _forget_one(self) -> None:
-        if len(self._last) >= _MOST_PUBLISHERS:
-            del self._last[next(iter(self._last))]
+    def _gap(self, topic: str, sequence: int, published: int, source: Hashable) -> int:
+        """How many messages are missing between the last one and this one."""
+        if source is None:
+            series = self._unnamed.get(topic)
+            if series is None:
+                series = self._unnamed[topic] = Sequences(several=True)
+            return series.gap(sequence, published)
+        key = topic, source
+        last = self._last.get(key)
+        if last is None:
+            if len(self._last) >= _MOST_PUBLISHERS:
+                del self._last[next(iter(self._last))]
+            self._last[key] = sequence
+            return 0
+        # One that came late has been counted as lost; those that follow it are not.
+        self._last[key] = max(sequence, last)
+        return max(sequence - last - 1, 0)
 
     @staticmethod
     def _of(counts: dict[str, Counts], topic: str) -> Counts:

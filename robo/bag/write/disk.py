@@ -9,10 +9,14 @@ from pathlib import Path
 
 from robo.bag.options import Options
 from robo.bag.write import ros2_folder
-from robo.bag.write.ros2_folder import FileOf, TopicOf
+from robo.bag.write.ros2_folder import FileOf, TopicKey, TopicOf
 from robo.errors import BagError
 
 _METADATA = "metadata.yaml"
+
+_HEADS = 2
+"""What files begin with may take so many times of what is granted to all that comes after it; of two files that are
+whole it may take whatever it does."""
 
 Free = Callable[[Path], int]
 """Room on the disk of a folder, bytes."""
@@ -51,6 +55,9 @@ class Disk:
         self._number = 0
         self._old: list[Path] = []
         self._whole: dict[Path, FileOf] = {}
+        self._topics: Sequence[TopicOf] = ()
+        self._heads: dict[Path, int] = {}
+        """Of each file what it begins with, bytes."""
         self.now: Path | None = None
         """The file that is being written."""
         folder = self._path if options.splits else self._path.parent
@@ -67,6 +74,11 @@ class Disk:
         """Those that are there, the oldest first."""
         return [*self._old, *([self.now] if self.now is not None else [])]
 
+    @property
+    def data_size(self) -> int:
+        """Of all files, without what each begins with, bytes."""
+        return sum(map(_size, self.files)) - sum(self._heads.values())
+
     def open_next(self) -> io.FileIO:
         """The next file, empty.
 
@@ -82,16 +94,23 @@ class Disk:
         except (OSError, ValueError) as error:
             raise _error(error, path) from None
         self.now = path
+        if self._options.sync:
+            _sync_folder(path.parent)
         return found
 
-    def finished(self, begin: int, end: int, counts: dict[str, int], topics: Sequence[TopicOf]) -> None:
+    def begun(self, head: int) -> None:
+        """What every file begins with is in the one that is being written: so many bytes."""
+        assert self.now is not None
+        self._heads[self.now] = head
+
+    def finished(self, begin: int, end: int, counts: dict[TopicKey, int], topics: Sequence[TopicOf]) -> None:
         """The file is whole: its first and last arrival in ns, its messages by topic, and all topics so far."""
         assert self.now is not None
         self._whole[self.now] = FileOf(self.now.name, begin, end, counts)
         self._old.append(self.now)
         self.now = None
-        if self._options.splits:
-            self._write_metadata(self._folder, topics)
+        self._topics = topics
+        self._tell_ros()
 
     def keep_newest(self, now: int) -> None:
         """Delete files beyond those that are to be kept, the one that is being written among them.
@@ -99,8 +118,11 @@ class Disk:
         Args:
             now: when that one began, ns since the epoch.
         """
+        before = len(self._old)
         while self._old and self._is_too_much(now):
             self._delete_oldest()
+        if len(self._old) < before:
+            self._tell_ros()
 
     def _is_too_much(self, now: int) -> bool:
         """Whether the oldest file has to go."""
@@ -109,7 +131,11 @@ class Disk:
             return True
         if o.keep_duration is not None and now - self._whole[self._old[0]].end > o.keep_duration * 1e9:
             return True
-        return o.most_size is not None and sum(map(_size, self.files)) + (o.split_size or 0) > o.most_size
+        if o.most_size is None:
+            return False
+        if sum(self._heads.values()) > _HEADS * o.most_size and len(self._old) > 2:
+            return True
+        return self.data_size + (o.split_size or 0) > o.most_size
 
     def snapshot(self, folder: Path, topics: Sequence[TopicOf]) -> list[Path]:
         """Give the whole files second names, which stay when the first ones go.
@@ -136,21 +162,49 @@ class Disk:
         return names
 
     def has_room(self) -> bool:
-        """Whether others have enough left, after old files have been deleted where that is wanted."""
+        """Whether others have enough left, after old files have been deleted where that is wanted.
+
+        Raises:
+            BagError: the disk does not tell: somebody has deleted the folder, or taken the disk away.
+        """
         least = self._options.least_free
         if not least:
             return True
-        while self._free(self._folder) < least:
-            if self._options.when_full != "drop_oldest" or not self._old:
-                return False
-            self._delete_oldest()
+        before = len(self._old)
+        try:
+            while self._free(self._folder) < least:
+                if self._options.when_full != "drop_oldest" or not self._old:
+                    return False
+                self._delete_oldest()
+        except OSError as error:
+            raise BagError(
+                f"its disk does not tell what room it has: {error.strerror or error}", str(self._path)
+            ) from None
+        finally:
+            if len(self._old) < before:
+                self._tell_ros()
         return True
+
+    def discard(self) -> None:
+        """Delete all of it."""
+        with contextlib.suppress(OSError):
+            for file in self.files:
+                file.unlink(missing_ok=True)
+            if self._options.splits:
+                (self._folder / _METADATA).unlink(missing_ok=True)
+                self._folder.rmdir()
 
     def _delete_oldest(self) -> None:
         oldest = self._old.pop(0)
         self._whole.pop(oldest, None)
+        self._heads.pop(oldest, None)
         with contextlib.suppress(OSError):
             oldest.unlink()
+
+    def _tell_ros(self) -> None:
+        """Which files there are."""
+        if self._options.splits:
+            self._write_metadata(self._folder, self._topics)
 
     def _write_metadata(self, folder: Path, topics: Sequence[TopicOf]) -> None:
         """For ROS 2, which wants it; robo reads the files themselves, so that a full disk does not matter."""
@@ -160,6 +214,16 @@ class Disk:
         with contextlib.suppress(OSError):
             draft.write_text(text, encoding="utf-8")
             draft.replace(target)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Its names are on the disk: a file without one is lost in a power cut, however much of it is there."""
+    with contextlib.suppress(OSError):  # not every disk can
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
 
 
 def _size(path: Path) -> int:

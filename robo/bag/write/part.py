@@ -33,9 +33,12 @@ class Part:
         """The last arrival, ns."""
         self.counts: dict[int, int] = {}
         """Messages by the number of their topic."""
+        self.head = 0
+        """Of what it begins with, as all files of a recording do, bytes."""
         self.failure: BagError | None = None
         """Why nothing can be written any more."""
         self._output = output
+        self._has_name = os.fstat(output.fileno()).st_nlink > 0  # some disks do not tell
         with self.writing():
             self.writer = FileWriter(output, *compression, chunk_size)
 
@@ -62,18 +65,17 @@ class Part:
         """Everything that was added is in the file; on the disk, too, where `sync`."""
         with self.writing():
             self.writer.end_chunk()
-            if sync:
-                _sync(self._output.fileno())
+            self._settle(sync)
 
     def finish(self, sync: bool) -> None:
         """Make it a whole file, and close it."""
         try:
             with self.writing():
                 self.writer.finish()
-                if sync:
-                    _sync(self._output.fileno())
+                self._settle(sync)
+                self._output.close()  # a disk in the network may say only now that it is full
         finally:
-            self._output.close()
+            self._close()
 
     @contextlib.contextmanager
     def writing(self) -> Iterator[None]:
@@ -89,10 +91,27 @@ class Part:
         """What was written in part goes: a reader finds whole chunks. The first reason is the one that counts."""
         if self.failure is not None:
             return self.failure
-        with contextlib.suppress(OSError, AttributeError):
+        with contextlib.suppress(OSError, ValueError, AttributeError):
             os.ftruncate(self._output.fileno(), self.writer.size)
-        self._output.close()
+        self._close()
         reason = getattr(error, "strerror", None) or error
         text = f"it cannot be written: {reason}; `robo bag recover` makes a whole file of what is there"
+        if isinstance(error, FileNotFoundError):
+            text = "somebody has deleted it while it was recorded"
         self.failure = BagError(text, self.path)
         return self.failure
+
+    def _settle(self, sync: bool) -> None:
+        """On the disk, where `sync`; and it still has a name.
+
+        Raises:
+            OSError: it cannot be written; FileNotFoundError where somebody has deleted it.
+        """
+        if sync:
+            _sync(self._output.fileno())
+        if self._has_name and not os.fstat(self._output.fileno()).st_nlink:
+            raise FileNotFoundError
+
+    def _close(self) -> None:
+        with contextlib.suppress(OSError):  # it is closed all the same
+            self._output.close()

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Hashable
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
@@ -52,10 +53,12 @@ class Recording:
         self._counter = Counter()
         self._disk = Disk(path, self._options, free)
         self._flush_due = monotonic() + self._options.flush_period
-        self._ended: type[BagError] | None = None
+        self._ended: BagError | None = None
+        """Why nothing can be written any more."""
         span, size = self._options.split_duration, self._options.split_size
         self._split_span = round(min(span, 1e10) * 1e9) if span is not None else 2**64
         self._split_size = size if size is not None else 2**64
+        """Of what comes after the beginning: a file that begins with much has room for messages all the same."""
         self._part = self._next_part(0)
 
     def topic(self, topic: TopicInFile) -> int:
@@ -89,7 +92,7 @@ class Recording:
             arrived: ns since the epoch, by this machine's clock.
             published: ns since the epoch, by the publisher's; one that no file can hold becomes the time of arrival.
             sequence: its whole number; None where its publisher does not count.
-            source: its publisher, whatever tells it from others; None where that is not known.
+            source: its publisher; None where that is not known.
 
         Raises:
             DiskFull: the disk has less room than it is to leave; the recording has ended, and is whole.
@@ -105,7 +108,7 @@ class Recording:
             name = self._contents.names[topic]
             raise BagError(f"{name}: a message of {len(data):,} bytes is larger than {MOST_MESSAGE:,}")
         part = self._part
-        if part.counts and (arrived - part.begin >= self._split_span or part.size >= self._split_size):
+        if part.counts and (arrived - part.begin >= self._split_span or part.size - part.head >= self._split_size):
             self.split(arrived)
             part = self._part
         self._counter.count(self._contents.names[topic], sequence, published, source)
@@ -116,9 +119,13 @@ class Recording:
         if self._monotonic() >= self._flush_due:
             self.flush()
 
-    def malformed(self, topic: str) -> None:
-        """A message of a topic came that cannot be written down: it is counted."""
-        self._counter.count_malformed(topic)
+    def malformed(self, topic: str, sequence: int | None = None, published: int = 0, source: Hashable = None) -> None:
+        """A message came that cannot be written down: it is counted, and not among the lost. The rest as of `write`."""
+        self._counter.count_malformed(topic, sequence, published, source)
+
+    def forget(self, topic: str, source: Hashable) -> None:
+        """A publisher of a latched topic is replaced: what it has said last is not said again in files that follow."""
+        self._contents.forget(topic, source)
 
     def attach(self, name: str, data: bytes, media_type: str, time: int) -> None:
         """Write a file into this file and those that follow.
@@ -168,7 +175,8 @@ class Recording:
         self._flush_due = self._monotonic() + self._options.flush_period  # however long it takes
         self._part.flush(self._options.sync)
         if not self._disk.has_room():
-            self._close(DiskFull)
+            least = self._options.least_free
+            self._close(DiskFull(f"the recording has ended: the disk has less than {least:,} bytes left", self.path))
             self._check_open()
 
     def tick(self) -> float:
@@ -194,9 +202,11 @@ class Recording:
         if not self._options.splits:
             raise BagError("it is one file; one with split_size, split_duration or split_by_hand is several", self.path)
         self._finish_part()
-        self._ended = BagError  # should there be no next file
-        self._part = self._next_part(at)
-        self._ended = None
+        try:
+            self._part = self._next_part(at)
+        except BaseException as error:
+            self._ended = BagError(f"the recording has ended: {error}")
+            raise
         self._disk.keep_newest(at)
 
     def snapshot(self, folder: str | Path, at: int) -> list[Path]:
@@ -223,7 +233,13 @@ class Recording:
             BagError: the file cannot be written.
         """
         if self._ended is None:
-            self._close(BagError)
+            self._close(BagError("the recording has ended", self.path))
+
+    def discard(self) -> None:
+        """End it, and leave nothing of it."""
+        with suppress(BagError):
+            self.close()
+        self._disk.discard()
 
     def __enter__(self) -> "Recording":
         return self
@@ -233,23 +249,22 @@ class Recording:
     ) -> None:
         self.close()
 
-    def _close(self, why: type[BagError]) -> None:
+    def _close(self, why: BagError) -> None:
         self._ended = why
         if self._part.failure is None:
             self._finish_part()
 
     def _check_open(self) -> None:
-        if self._ended is DiskFull:
-            least = self._options.least_free
-            raise DiskFull(f"the recording has ended: the disk has less than {least:,} bytes left", self.path)
         if self._ended is not None:
-            raise BagError("the recording has ended", self.path)
+            raise self._ended.with_traceback(None)
 
     def _next_part(self, at: int) -> Part:
         output = self._disk.open_next()
         part = Part(output, str(self._disk.now), self._compression, self._options.chunk_size)
         with part.writing():
             self._contents.begin(part.writer, at)
+        part.head = part.size
+        self._disk.begun(part.head)
         return part
 
     def _finish_part(self) -> None:
