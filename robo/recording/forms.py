@@ -59,14 +59,17 @@ def form_of(key: str, encoding: str, qos: QoS = QoS.DEFAULT, announced: str = ""
     name = name or announced
     if not name:
         return _bytes(key, encoding, qos, "nobody says what type its messages are of")
-    type_ = catalogue.find_here(name)
-    if type_ is None:
-        return _bytes(key, encoding, qos, f"type {brief(name, _MOST_NAME)} is not known here")
     try:
+        type_ = catalogue.find_here(name)
+        if type_ is None:
+            return _bytes(key, encoding, qos, f"type {brief(name, _MOST_NAME)} is not known here")
         topic = topic_of(key, type_, qos)
         return Form(topic, _to_cdr(type_, encoding), "")
     except (ContractError, UnknownType) as error:
         return _bytes(key, encoding, qos, f"ROS cannot have its type: {error}")
+    except Exception as error:  # of a user's module, or of a disk on which it is looked for
+        why = brief(f"{type(error).__name__}: {error}", _MOST_NAME)
+        return _bytes(key, encoding, qos, f"its type {brief(name, _MOST_NAME)} cannot be used: {why}")
 
 
 def zenoh_encoding(encoding: str, schema: str) -> str:

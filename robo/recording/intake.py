@@ -8,8 +8,9 @@ counted.
 
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -46,6 +47,7 @@ class Intake:
         selection: Selection,
         most_bytes: int = MOST_BYTES,
         offer_changed: Callable[[str], object] = lambda _: None,
+        replaced: Callable[[str, str], object] = lambda _topic, _publisher: None,
     ) -> None:
         """
         Args:
@@ -53,17 +55,18 @@ class Intake:
             selection: what is wanted.
             most_bytes: what may wait.
             offer_changed: is told, by the thread that takes, of each topic of which publishers say another thing now.
+            replaced: is told, by that thread, of each latched publisher whose node has another one now: its topic and
+                its id.
         """
-        self.left_out = 0
-        """Messages that were not handed out, as too many waited. Who counts sequence numbers finds them missing."""
-        self.offers = Offers()
+        self._left_out: Counter[str] = Counter()
+        self.offers = Offers(replaced)
         """What publishers say of their topics."""
         self._session = session
         self._selection = selection
         self._most_bytes = most_bytes
         self._offer_changed = offer_changed
-        self._row: deque[tuple[int, int, Any, int, int]] = deque()
-        """Times of arrival, what it is, what has come; of messages their subscriber's number and their bytes."""
+        self._row: deque[tuple[int, int, Any, str, int]] = deque()
+        """Times of arrival, what it is, what has come; of messages their topic and their bytes."""
         self._bytes = 0
         self._taken = 0
         self._latched = LatchedFirst()
@@ -81,34 +84,36 @@ class Intake:
             for key in self._selection.keys:
                 self._ask(key, "", whole=True)
         row, latched = self._row, self._latched
-        source_of, put = self._selection.source, zenoh.SampleKind.PUT
         taken = 0
         for _ in range(len(row)):
-            arrived, kind, sample, number, size = row.popleft()
+            arrived, kind, sample, key, size = row.popleft()
             if kind != LIVE:
                 found += self._learn(arrived, kind, sample)
                 continue
             taken += size
-            key = str(sample.key_expr)
-            if source_of(key) != number or sample.kind != put:
-                continue
             came = Came(key, arrived, sample)
             if key in latched:
                 found += latched.live(came)
             else:
                 found.append(came)
         self._taken += taken
-        if self._closed:
-            found += self._latched.all_held()
+        found += latched.all_held() if self._closed else latched.overdue()
         if not row:  # what threads have added at the same moment may have been lost
             self._bytes = self._taken = 0
         return found
+
+    def left_out(self) -> Counter[str]:
+        """How many messages were not handed out, as too many waited, so far: by topic. Who counts sequence numbers
+        finds them missing.
+        """
+        return Counter(dict(self._left_out))  # copied at once: other threads count
 
     def close(self) -> None:
         """Receive no more; what has come may still be taken."""
         self._closed = True
         for end in self._ends:
-            end.undeclare()
+            with suppress(zenoh.ZError):  # the network has been left already
+                end.undeclare()
         for thread in self._threads:  # what is in its channel comes before the end
             thread.join(_END)
 
@@ -145,23 +150,29 @@ class Intake:
         return subscriber
 
     def _drain(self, number: int, handler: "zenoh.handlers.Handler[zenoh.Sample]") -> None:
-        recv, put, now = handler.recv, self._row.append, time.time_ns
+        recv, append, now = handler.recv, self._row.append, time.time_ns
+        source_of, put = self._selection.source, zenoh.SampleKind.PUT
         while True:
             try:
                 sample = recv()
             except zenoh.ZError:
                 return  # undeclared
-            arrived, size = now(), len(sample.payload)
+            arrived, key = now(), str(sample.key_expr)
+            if source_of(key) != number or sample.kind != put:
+                continue
+            attachment = sample.attachment
+            size = len(sample.payload) + (len(attachment) if attachment is not None else 0) + _SAMPLE
             if self._bytes - self._taken + size > self._most_bytes and self._row:
-                self.left_out += 1
+                if key in self._left_out or len(self._left_out) < _MOST_LEFT_OUT:
+                    self._left_out[key] += 1
                 continue
             self._bytes += size
-            put((arrived, LIVE, sample, number, size))
+            append((arrived, LIVE, sample, key, size))
 
     def _post(self, kind: int, news: Any = None) -> None:
         """Called by Zenoh's threads."""
-        if len(self._row) < _MOST_NEWS:
-            self._row.append((time.time_ns(), kind, news, 0, 0))
+        if len(self._row) < _MOST_NEWS or kind == _DONE:
+            self._row.append((time.time_ns(), kind, news, "", 0))
 
     def _learn(self, arrived: int, kind: int, news: Any) -> list[Came]:
         """What follows of a token, a reply, or the end of the replies of a publisher."""
@@ -215,6 +226,10 @@ class Intake:
 
 _CHANNEL = 10_000
 """Messages that Zenoh may hand over before the thread has run."""
+_SAMPLE = 1_200
+"""Bytes that a message takes while it waits, beside its payload (zenoh 1.10.2)."""
+_MOST_LEFT_OUT = 10_000
+"""Topics of which what is left out is counted."""
 _END = 1.0
 """How long what is in a channel may take at the end, s."""
 _MOST_NEWS = 1_000_000

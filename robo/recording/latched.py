@@ -1,5 +1,8 @@
 """What latched publishers have said before comes before what they say now, and nothing twice. Pure."""
 
+import time
+from collections.abc import Callable
+
 import zenoh
 
 from robo.recording.conversion import Came
@@ -10,16 +13,21 @@ from robo.wire.latched import Order
 _MOST_PUBLISHERS = 10_000
 _MOST_TOPICS = 10_000
 
+LONGEST_HELD = 0.15
+"""How long what a publisher says waits for what it has said before, s: whoever is killed meanwhile loses it."""
+
 
 class LatchedFirst:
     """Puts the messages of latched publishers in order."""
 
-    def __init__(self) -> None:
+    def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
+        """`now` is a clock that never goes back, s."""
+        self._now = now
         self._orders: dict[str, Order] = {}
         """By topic."""
         self._known: set[str] = set()
-        self._held: dict[str, list[Came]] = {}
-        """By publishers that are being asked, what they have said meanwhile."""
+        self._held: dict[str, tuple[float, list[Came]]] = {}
+        """By publishers that are being asked, until when it is waited for that, and what they have said meanwhile."""
 
     def __contains__(self, topic: str) -> bool:
         """Whether a topic has latched publishers, as far as is known."""
@@ -47,7 +55,7 @@ class LatchedFirst:
             return False
         self._known.add(publisher)
         order.follow(publisher)
-        self._held[publisher] = []
+        self._held[publisher] = self._now() + LONGEST_HELD, []
         return True
 
     def kept(self, came: Came) -> list[Came]:
@@ -57,20 +65,29 @@ class LatchedFirst:
         if publisher:
             self._known.add(publisher)
             order.follow(publisher)
-        return [came] if self._admits(came, publisher) else []
+        return [came._replace(is_kept=True)] if self._admits(came, publisher) else []
 
     def live(self, came: Came) -> list[Came]:
         """What somebody says now on a topic that has latched publishers: what is to be written down."""
         publisher = _publisher(came.sample)
         held = self._held.get(publisher)
         if held is not None:
-            held.append(came)
+            held[1].append(came)
             return []
         return [came] if self._admits(came, publisher) else []
 
     def done(self, publisher: str) -> list[Came]:
         """All has come that a publisher has said before: what it has said meanwhile."""
-        return [came for came in self._held.pop(publisher, ()) if self._admits(came, publisher)]
+        _, held = self._held.pop(publisher, (0.0, []))
+        return [came for came in held if self._admits(came, publisher)]
+
+    def overdue(self) -> list[Came]:
+        """What those have said meanwhile whose answer takes too long; called often."""
+        if not self._held:
+            return []
+        now = self._now()
+        late = [publisher for publisher, (until, held) in self._held.items() if held and now >= until]
+        return [came for publisher in late for came in self.done(publisher)]
 
     def all_held(self) -> list[Came]:
         """No more answers come: what all have said meanwhile."""

@@ -1,17 +1,24 @@
 """What publishers say of their topics, by the tokens of their nodes. Pure."""
 
+from collections.abc import Callable, Iterable
+
 from robo.recording.conversion import Offer
 from robo.wire.keys import EndpointToken
 from robo.wire.qos import KEEP_ALL, QoS
 
 _MOST_TOKENS = 50_000
 """That are remembered: a stranger that makes some up fills no memory."""
+_MOST_LEFT = 10_000
 
 
 class Offers:
     """Which publishers there are."""
 
-    def __init__(self) -> None:
+    def __init__(self, replaced: Callable[[str, str], object] = lambda _topic, _publisher: None) -> None:
+        """`replaced` is told of each latched publisher, by its topic and its id, whose node has another one now."""
+        self._replaced = replaced
+        self._left: dict[tuple[str, str], list[str]] = {}
+        """By topic and node, the ids of latched publishers that are gone."""
         self._topics: dict[str, dict[str, EndpointToken]] = {}
         self._offers: dict[str, Offer] = {}
         self._gone: set[str] = set()
@@ -26,6 +33,10 @@ class Offers:
             self._count -= len(self._topics.pop(topic))
         if self._count >= _MOST_TOKENS:
             return False
+        if token.qos.latched and token.id:
+            for gone in self._left.pop((topic, token.full_name), ()):
+                if gone != token.id:
+                    self._replaced(topic, gone)
         publishers = self._topics.setdefault(topic, {})
         self._count += token.key() not in publishers
         publishers[token.key()] = token
@@ -38,12 +49,23 @@ class Offers:
         publishers = self._topics.get(token.topic, {})
         if token.key() not in publishers:
             return
+        if token.qos.latched and token.id:
+            self._leave(token, publishers.values())
         if len(publishers) == 1:
             self._gone.add(token.topic)
             return
         del publishers[token.key()]
         self._count -= 1
         self._offers[token.topic] = _offer(list(publishers.values()))
+
+    def _leave(self, token: EndpointToken, present: Iterable[EndpointToken]) -> None:
+        """A latched publisher is gone: what it has said holds until its node says something else."""
+        if any(one.full_name == token.full_name and one.id != token.id for one in present):
+            self._replaced(token.topic, token.id)
+            return
+        if len(self._left) >= _MOST_LEFT:
+            del self._left[next(iter(self._left))]
+        self._left.setdefault((token.topic, token.full_name), []).append(token.id)
 
     def latch(self, topic: str) -> bool:
         """A topic turns out to be latched before any node has said so; returns whether that is new."""

@@ -2,9 +2,9 @@
 
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import msgspec
@@ -12,13 +12,14 @@ import zenoh
 
 from robo.bag import Options, Recording, TopicInFile
 from robo.bag.of_robot import ABOUT
-from robo.errors import BagError
+from robo.errors import BagError, DiskFull
 from robo.recording.about import About, Manifests, Watch, no_manifests
-from robo.recording.conversion import Conversion, Converted
+from robo.recording.conversion import Conversion, Converted, Refused
 from robo.recording.intake import MOST_BYTES, Intake
 from robo.recording.odometry import TransformsOfOdometry
 from robo.recording.selection import Selection
 from robo.recording.tally import Tally, TopicFigures
+from robo.text.brief import brief
 
 PERIOD = 0.05
 """How often what has come is written down, s."""
@@ -100,18 +101,22 @@ class Recorder:
         self._work = threading.RLock()
         self._over = threading.Event()
         self._news: deque[About] = deque()
+        self._topics: dict[TopicInFile, int] = {}
         self._numbers: dict[int, tuple[TopicInFile, int]] = {}
+        """The same by where a topic is in memory: whether it is equal takes longer to see."""
+        self._left_out: Counter[str] = Counter()
         self._tally = Tally()
-        self._made = TransformsOfOdometry(self._is_published) if make_tf else None
+        wanted = TransformsOfOdometry(self._is_published, lambda topic: not selection.excludes(topic))
+        self._made = wanted if make_tf else None
         self._told_made = 0
         self._tell = tell
-        try:
-            self._intake = Intake(session, selection, most_bytes, self._offer_changed)
-            self._conversion = Conversion(tell, self._intake.offers.of)
+        with ExitStack() as undo:
+            undo.callback(self._recording.discard)
+            self._intake = Intake(session, selection, most_bytes, self._offer_changed, self._recording.forget)
+            undo.callback(self._intake.close)
+            self._conversion = Conversion(tell, self._intake.offers.of, self._refused)
             self._watch = Watch(session, self._news.append, tell, manifests)
-        except BaseException:
-            self._recording.close()
-            raise
+            undo.pop_all()
         self._thread = threading.Thread(target=self._run, name="robo-record", daemon=True)
         self._thread.start()
 
@@ -136,7 +141,7 @@ class Recorder:
             figures = self._tally.figures(time.monotonic(), counts, malformed, made, over=over)
             files = self._recording.files
             missing = self._selection.missing([*self._tally.came, *malformed])
-            left_out = self._intake.left_out
+            left_out = sum(self._left_out.values())
         return Status(list(map(str, files)), duration, _size(files), figures, left_out, missing, self._ended)
 
     def split(self) -> None:
@@ -146,8 +151,9 @@ class Recorder:
             BagError: it is one file, has ended, or the next one cannot be made.
         """
         with self._work:
+            at = time.time_ns()  # nothing is older that comes behind what is said again
             self._write_what_came()
-            self._recording.split(time.time_ns())
+            self._recording.split(at)
 
     def snapshot(self, folder: Path) -> list[Path]:
         """Keep what has been recorded so far, and is still there, as a recording of its own; go on in another file.
@@ -162,8 +168,9 @@ class Recorder:
             BagError: as `split`; or the folder is there already, or cannot be made.
         """
         with self._work:
+            at = time.time_ns()
             self._write_what_came()
-            return self._recording.snapshot(folder, time.time_ns())
+            return self._recording.snapshot(folder, at)
 
     def stop(self) -> Status:
         """End: what has come is written, and the file is whole. Once more only tells again how it went."""
@@ -174,20 +181,21 @@ class Recorder:
 
     def _run(self) -> None:
         try:
-            while not self._over.wait(PERIOD):
-                self._write()
-            self._leave()
+            try:
+                while not self._over.wait(PERIOD):
+                    self._write()
+            finally:
+                self._leave()
             self._write()
-        except (BagError, zenoh.ZError) as error:
-            self._ended = str(error)
-            self._leave()
+        except BaseException as error:  # whatever it is, nobody may believe that it goes on
+            self._ended = _why(error)
         finally:
             self._close()
 
     def _leave(self) -> None:
         """Listen no more."""
         for leave in (self._intake.close, self._watch.close):
-            with suppress(zenoh.ZError):  # the network has been left already
+            with suppress(Exception):  # the network has been left already; and the file is to become whole
                 leave()
 
     def _write(self) -> None:
@@ -199,16 +207,16 @@ class Recorder:
         with self._work:
             try:
                 self._recording.close()
-            except BagError as error:
-                self._ended = self._ended or str(error)
-            self._duration = time.monotonic() - self._begin
+            except Exception as error:
+                self._ended = self._ended or _why(error)
+            finally:
+                self._duration = time.monotonic() - self._begin
 
     def _write_what_came(self) -> None:
         convert, made = self._conversion.convert, self._made
         for came in self._intake.take():
             message = convert(came)
             if message is None:
-                self._recording.malformed(came.key)
                 continue
             self._put(message)
             if made is not None and (transform := made.take(message)) is not None:
@@ -217,27 +225,43 @@ class Recorder:
             self._told_made = len(made.made)
             self._recording.add_metadata(MADE, made.made)
             self._tell(f"{', '.join(made.made)}: nobody publishes these transforms, so they are made of odometry")
+        left_out = self._intake.left_out()
+        for topic, count in (left_out - self._left_out).items():
+            self._recording.left_out(topic, count)
+        self._left_out = left_out
         while self._news:
             self._say(self._news.popleft())
+
+    def _refused(self, message: Refused) -> None:
+        self._recording.malformed(*message)
 
     def _put(self, message: Converted) -> None:
         known = self._numbers.get(id(message.topic))
         if known is None:
             known = self._new_topic(message.topic)
             if known is None:
+                refused = Refused(message.topic.name, message.sequence, message.published, message.source)
+                self._conversion.refuse(refused, f"more than {_MOST_TOPICS:,} topics go into no recording")
                 return
-        self._recording.write(
-            known[1], message.data, message.arrived, message.published, message.sequence, message.source
-        )
+        try:
+            self._recording.write(
+                known[1], message.data, message.arrived, message.published, message.sequence, message.source
+            )
+        except DiskFull:
+            self._tally.add(message)  # this one is still in
+            raise
         self._tally.add(message)
 
     def _new_topic(self, topic: TopicInFile) -> tuple[TopicInFile, int] | None:
-        if len(self._numbers) >= _MOST_TOPICS:
-            self._recording.malformed(topic.name)
-            self._conversion.refuse(topic.name, f"more than {_MOST_TOPICS:,} topics go into no recording")
-            return None
+        number = self._topics.get(topic)
+        if number is None:
+            if len(self._topics) >= _MOST_TOPICS:
+                return None
+            number = self._topics[topic] = self._recording.topic(topic)
+        if len(self._numbers) >= _MOST_TOPICS:  # a publisher offers now this and now that
+            self._numbers.clear()
         # It is kept, so that no other one gets its place in memory.
-        known = self._numbers[id(topic)] = topic, self._recording.topic(topic)
+        known = self._numbers[id(topic)] = topic, number
         return known
 
     def _is_published(self, topic: str) -> bool:
@@ -251,6 +275,13 @@ class Recorder:
         for one in about.attachments:
             self._recording.attach(one.name, one.data, one.media_type, now)
         self._recording.add_metadata(ABOUT, about.metadata)
+
+
+def _why(error: BaseException) -> str:
+    """Why a recording has ended."""
+    if isinstance(error, BagError | zenoh.ZError):
+        return str(error)
+    return brief(f"the recording has failed: {type(error).__name__}: {error}")
 
 
 def _size(files: list[Path]) -> int:

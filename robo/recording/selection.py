@@ -10,13 +10,14 @@ from robo.wire import names
 from robo.wire.keys import is_hidden
 
 EVERYTHING = "**"
+_TF, _TF_STATIC = "tf", "tf_static"
 
 _MOST_KEYS = 20_000
 """Of which it is remembered whether they are wanted."""
 
 
 class Selection:
-    """Which topics are wanted. Used by one thread at a time."""
+    """Which topics are wanted. Any thread may ask."""
 
     def __init__(self, asked: Iterable[str], exclude: Iterable[str] = (), beside: Iterable[str] = ()) -> None:
         """
@@ -26,7 +27,7 @@ class Selection:
             beside: what is wanted too, though nobody has asked for it by name.
 
         Raises:
-            BagError: nothing is asked for, or what is no topic.
+            BagError: nothing is asked for, or what is no topic, or nothing but what is not wanted.
         """
         self.asked = list(dict.fromkeys(asked))
         """What has to come, else it is told."""
@@ -39,6 +40,8 @@ class Selection:
                     f"{shown(name)} is no topic: parts that begin with @ are of keys by which Zenoh and robo work"
                 )
         self._excluded = list(map(_expression, exclude))
+        if all(any(out.includes(_expression(key)) for out in self._excluded) for key in self.asked):
+            raise BagError(f"all that is asked for is excluded, by {', '.join(map(shown, exclude))}")
         every = list(map(_expression, dict.fromkeys((*self.asked, *beside))))
         self._expressions = [
             one for number, one in enumerate(every) if not any(_covers(other, one) for other in _others(every, number))
@@ -57,6 +60,11 @@ class Selection:
             found = self._sources[key] = self._find(key)
         return found
 
+    def excludes(self, key: str) -> bool:
+        """Whether somebody has said of a topic that it is not wanted."""
+        exact = _expression(key)
+        return any(one.intersects(exact) for one in self._excluded)
+
     def missing(self, came: Iterable[str]) -> list[str]:
         """What was asked for and of which nothing has come.
 
@@ -71,7 +79,7 @@ class Selection:
             exact = zenoh.KeyExpr(key)
         except zenoh.ZError:
             return -1
-        if _is_internal(key) or any(one.intersects(exact) for one in self._excluded):
+        if _is_internal(key) or self.excludes(key):
             return -1
         hidden = is_hidden(key)
         for number, one in enumerate(self._expressions):
@@ -80,17 +88,29 @@ class Selection:
         return -1
 
 
-def static_transforms_beside(asked: Iterable[str], tf_static: str = "tf_static") -> list[str]:
-    """Where the static transforms of the robots are told whose topics are asked for: in each of their namespaces.
+def beside_robot(asked: Iterable[str], *, transforms: bool = True) -> list[str]:
+    """What belongs to the robots whose topics are asked for: static transforms, in each of their namespaces; and
+    where all of a robot is asked for, what all robots share, the clock of a simulation and transforms.
 
-    >>> static_transforms_beside(["r1/arm/joint_states"])
+    Args:
+        asked: key expressions of topics.
+        transforms: whether those are wanted.
+
+    >>> beside_robot(["r1/arm/joint_states"])
     ['r1/arm/tf_static', 'r1/tf_static', 'tf_static']
+    >>> beside_robot(["r1/**"])
+    ['clock', 'tf', 'r1/tf_static', 'tf_static']
+    >>> beside_robot(["r1/**"], transforms=False)
+    ['clock']
     """
+    asked = list(asked)
     found: dict[str, None] = {}
-    for key in asked:
+    if any(key.endswith(EVERYTHING) for key in asked):
+        found = dict.fromkeys(("clock", _TF) if transforms else ("clock",))
+    for key in asked if transforms else ():
         chunks = key.split("/")[:-1]
         for end in range(len(chunks), -1, -1):
-            found[names.join(*chunks[:end], tf_static)] = None
+            found[names.join(*chunks[:end], _TF_STATIC)] = None
     return list(found)
 
 

@@ -39,6 +39,10 @@ class Senders:
         last[sender] = number
         return sender
 
+    def has(self, topic: str, signed: str | None, number: int) -> bool:
+        """Whether a message of a publisher that signs has come already, or one that is newer."""
+        return signed is not None and self._last.get(topic, {}).get(signed, number - 1) >= number
+
     def _guessed(self, topic: str, last: dict[str, int], number: int) -> str:
         """The one whose last number this one follows, or comes closest behind."""
         nearest, nearest_number = "", -1

@@ -31,6 +31,8 @@ class TopicFigures(msgspec.Struct, frozen=True):
     """Hz, lately; in all, once it is over. None for fewer than two messages."""
     made_of: str = ""
     """The topic of which it was made, where nobody published it: `tf` of odometry."""
+    left_out: int = 0
+    """Messages that were not written down because too many waited; those that are counted are among the lost."""
 
 
 class _Topic(msgspec.Struct):
@@ -80,14 +82,18 @@ class Tally:
             over: whether rates are to be those of all of it.
         """
         found = []
-        for name in sorted({*self._topics, *malformed}):
+        left_out = {name: of_topic.left_out for name, of_topic in counts.items() if of_topic.left_out}
+        for name in sorted({*self._topics, *malformed, *left_out}):
             topic = self._topics.get(name, _Topic("", ""))
             rate = _rate(topic) if over else self._rate_lately(topic, now)
             lost = counts[name].lost if name in counts else 0
             bad, origin = malformed[name], made.get(name, "")
             found.append(
-                TopicFigures(name, topic.type, topic.encoding, topic.count, lost, bad, topic.size, rate, origin)
-            )
+                TopicFigures(
+                    name, topic.type, topic.encoding, topic.count, lost, bad, topic.size, rate, origin,
+                    left_out.get(name, 0),
+                )
+            )  # fmt: skip
         return found
 
     def _rate_lately(self, topic: _Topic, now: float) -> float | None:

@@ -13,7 +13,7 @@ from robo.bag.mcap.compression import Compression, compressor
 from robo.bag.options import Options
 from robo.errors import BagError, InvalidName, ParameterError
 from robo.machine.manifests import manifests_of
-from robo.recording.selection import Selection, static_transforms_beside
+from robo.recording.selection import Selection, beside_robot
 from robo.wire import names
 from robo_messages import DiagnosticStatus, KeyValue, Trigger
 
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 _MB = 1_000_000
 _PATIENCE = 5.0
 """After how long it is said of a topic that was named that nothing has come, s."""
-_OF_ALL_ROBOTS = ["clock", "tf", "tf_static"]
-"""Topics outside of its namespace that belong to a robot all the same."""
 
 
 class Recorder(Node):
@@ -231,8 +229,7 @@ class Recorder(Node):
         p = self.parameters
         try:
             asked = self._keys(p.topics)
-            beside = [*_OF_ALL_ROBOTS, *static_transforms_beside(asked)] if p.make_tf else []
-            return Selection(asked, self._keys(p.exclude), beside)
+            return Selection(asked, self._keys(p.exclude), beside_robot(asked, transforms=p.make_tf))
         except (BagError, InvalidName) as error:
             raise ParameterError(f"{self.full_name}: topics or exclude: {error}") from None
 

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +62,10 @@ def recording(
 
 def received(recorder: Recorder, topic: str) -> int:
     return next((one.received for one in recorder.status().topics if one.topic == topic), 0)
+
+
+def has_received(recorder: Recorder, topic: str, count: int) -> bool:
+    return received(recorder, topic) == count
 
 
 def values(path: Path, topic: str) -> list[Any]:
@@ -206,9 +211,86 @@ def test_what_is_malformed_is_counted_and_told_once(
     assert figures(recorder.stop()) == {"r1/cmd_vel": (1, 0, 3)}
     with bag.open(tmp_path / "a.mcap") as opened:
         words = {one.name: one.words for one in opened.all_metadata()}
-    assert json.loads(words[COUNTS]["r1/cmd_vel"]) == {"received": 1, "lost": 0, "malformed": 3}
+    assert json.loads(words[COUNTS]["r1/cmd_vel"]) == {"received": 1, "lost": 0, "malformed": 3, "left_out": 0}
     assert len(told) == 1
     assert told[0].startswith("r1/cmd_vel: a message cannot be written down, and is counted: not a geometry/Twist")
+
+
+def test_what_is_malformed_is_not_lost(
+    session: zenoh.Session, other: zenoh.Session, told: Told, tmp_path: Path
+) -> None:
+    with recording(other, tmp_path / "a.mcap", told, "r1/*") as recorder:
+        for number in range(1, 7):
+            data = robo_messages.encode(Twist()) if number not in (3, 4) else b"\x01"
+            session.put("r1/cmd_vel", data, encoding=TWIST, attachment=codec.pack_attachment(number, 10**18 + number))
+        eventually(lambda: received(recorder, "r1/cmd_vel") == 4, "the good ones")
+    assert figures(recorder.stop()) == {"r1/cmd_vel": (4, 0, 2)}
+
+
+def test_what_is_left_out_is_counted_by_topic(
+    session: zenoh.Session, other: zenoh.Session, told: Told, tmp_path: Path
+) -> None:
+    with recording(other, tmp_path / "a.mcap", told, "r1/*", most_bytes=1) as recorder:
+        with recorder._work:  # nothing is taken out
+            for _ in range(20):
+                session.put("r1/cmd_vel", robo_messages.encode(Twist()), encoding=TWIST)
+            eventually(lambda: recorder._intake.left_out().total() == 19, "one may wait")
+        eventually(lambda: recorder.status().left_out == 19, "they are counted")
+    (topic,) = recorder.stop().topics
+    assert (topic.topic, topic.received, topic.left_out) == ("r1/cmd_vel", 1, 19)
+    with bag.open(tmp_path / "a.mcap") as opened:
+        words = {one.name: one.words for one in opened.all_metadata()}
+    assert json.loads(words[COUNTS]["r1/cmd_vel"])["left_out"] == 19
+
+
+@pytest.mark.parametrize("error", [RuntimeError("odd"), MemoryError("odd"), SystemExit("odd")])
+def test_whatever_ends_a_recording_is_told_and_its_file_is_whole(
+    session: zenoh.Session,
+    other: zenoh.Session,
+    told: Told,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    error: BaseException,
+) -> None:
+    def fail(_: object) -> None:
+        raise error
+
+    path = tmp_path / "a.mcap"
+    with recording(other, path, told, "r1/*") as recorder:
+        session.put("r1/cmd_vel", robo_messages.encode(Twist()), encoding=TWIST)
+        eventually(lambda: received(recorder, "r1/cmd_vel") == 1, "it came")
+        monkeypatch.setattr(recorder._conversion, "convert", fail)
+        session.put("r1/cmd_vel", robo_messages.encode(Twist()), encoding=TWIST)
+        assert recorder.wait(10.0)
+        assert recorder.ended == f"the recording has failed: {type(error).__name__}: odd"
+    assert recorder.stop().ended
+    assert bag.check(path).findings == []
+    assert len(values(path, "r1/cmd_vel")) == 1
+
+
+def test_a_recorder_that_cannot_begin_leaves_no_file(
+    other: zenoh.Session, told: Told, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise zenoh.ZError("closed")
+
+    monkeypatch.setattr("robo.recording.recorder.Watch", fail)
+    with pytest.raises(zenoh.ZError):
+        Recorder(other, tmp_path / "a.mcap", Selection([EVERYTHING]), tell=told)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_changes_its_quality_of_service_again_and_again_is_one_topic(
+    session: zenoh.Session, other: zenoh.Session, told: Told, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robo.recording.recorder._MOST_TOPICS", 2)
+    with recording(other, tmp_path / "a.mcap", told, "r1/*") as recorder:
+        for number in range(6):
+            session.put("r1/cmd_vel", robo_messages.encode(Twist()), encoding=TWIST)
+            eventually(partial(has_received, recorder, "r1/cmd_vel", number + 1), "it came")
+            with recorder._work:
+                recorder._offer_changed("r1/cmd_vel")
+    assert figures(recorder.stop()) == {"r1/cmd_vel": (6, 0, 0)}
 
 
 def test_what_is_excluded_or_hidden_or_of_robo_itself_is_not_recorded(
@@ -275,12 +357,13 @@ def test_parameters_graph_and_versions_are_in_the_file(
 
 
 def test_what_waits_has_a_limit_and_what_is_left_out_is_counted(session: zenoh.Session, other: zenoh.Session) -> None:
-    intake = Intake(other, Selection(["r1/text"]), most_bytes=1_000)
+    intake = Intake(other, Selection(["r1/*"], ["r1/other"]), most_bytes=13_000)
     publisher = session.declare_publisher("r1/text")
     eventually(lambda: bool(publisher.matching_status), "it listens")
     for _ in range(50):
+        session.put("r1/other", b"x" * 10_000)  # nobody wants it: it takes no room
         publisher.put(b"x" * 100)
-    eventually(lambda: intake.left_out == 40, "ten may wait")
+    eventually(lambda: intake.left_out() == {"r1/text": 40}, "ten may wait")
     assert len(intake.take()) == 10
     publisher.put(b"x" * 100)
     eventually(lambda: len(intake.take()) == 1, "then there is room again")

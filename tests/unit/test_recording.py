@@ -2,6 +2,7 @@
 
 import random
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -9,6 +10,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+import robo_messages
 from robo.bag.types import topic_of
 from robo.cli.reach import Reach
 from robo.cli.record_words import RecordWords
@@ -18,14 +20,16 @@ from robo.interfaces import cdr
 from robo.machine.log_files import RunInfo
 from robo.machine.manifests import manifests_of
 from robo.recording.about import parameters_yaml
-from robo.recording.conversion import Converted
+from robo.recording.conversion import Came, Conversion, Converted, Refused
+from robo.recording.latched import LONGEST_HELD, LatchedFirst
 from robo.recording.odometry import PATIENCE, TransformsOfOdometry
 from robo.recording.offers import Offers
-from robo.recording.selection import EVERYTHING, Selection, static_transforms_beside
+from robo.recording.selection import EVERYTHING, Selection, beside_robot
 from robo.recording.senders import Senders
+from robo.wire import codec
 from robo.wire.keys import EndpointToken
 from robo.wire.qos import KEEP_ALL, QoS
-from robo_messages import Header, Odometry, TFMessage, Time, TransformStamped
+from robo_messages import Header, Odometry, TFMessage, Time, TransformStamped, Twist
 
 # -- selection -------------------------------------------------------------------------------------
 
@@ -65,9 +69,22 @@ def test_what_is_no_topic_is_refused(asked: list[str]) -> None:
 
 
 def test_static_transforms_are_looked_for_beside_topics() -> None:
-    assert static_transforms_beside(["r1/arm/joint_states"]) == ["r1/arm/tf_static", "r1/tf_static", "tf_static"]
-    assert static_transforms_beside(["odom"]) == ["tf_static"]
-    assert static_transforms_beside(["*/odom", "r1/scan"]) == ["*/tf_static", "tf_static", "r1/tf_static"]
+    assert beside_robot(["r1/arm/joint_states"]) == ["r1/arm/tf_static", "r1/tf_static", "tf_static"]
+    assert beside_robot(["odom"]) == ["tf_static"]
+    assert beside_robot(["*/odom", "r1/scan"]) == ["*/tf_static", "tf_static", "r1/tf_static"]
+
+
+def test_beside_all_of_a_robot_is_what_all_robots_share() -> None:
+    assert beside_robot(["r1/**"]) == ["clock", "tf", "r1/tf_static", "tf_static"]
+    assert beside_robot(["r1/**"], transforms=False) == ["clock"]
+    assert beside_robot(["r1/odom"], transforms=False) == []
+
+
+def test_what_is_excluded_is_not_all_that_is_asked_for() -> None:
+    selection = Selection(["r1/odom", "r1/scan"], ["r1/scan", "**/tf"])
+    assert (selection.excludes("r1/tf"), selection.excludes("r1/odom")) == (True, False)
+    with pytest.raises(BagError, match=r"all that is asked for is excluded, by '\*\*'"):
+        Selection(["r1/odom", "r2/**"], ["**"])
 
 
 # -- publishers ------------------------------------------------------------------------------------
@@ -110,6 +127,104 @@ def test_what_was_offered_last_holds_until_somebody_offers_something_else() -> N
     assert offers.of("r1/cmd").publishers == ("session:b",)
     offers.delete(publisher("nobody"))
     assert offers.of("r1/cmd").qos == QoS.DEFAULT
+
+
+class Replaced(list[tuple[str, str]]):
+    def __call__(self, topic: str, publisher: str) -> None:
+        self.append((topic, publisher))
+
+
+def again(node: str, number: int) -> EndpointToken:
+    """A latched publisher of a node that was started so many times."""
+    return msgspec.structs.replace(publisher(node, QoS.LATCHED), id=f"session{number}:1")
+
+
+def test_a_latched_publisher_is_replaced_where_its_node_comes_again() -> None:
+    replaced = Replaced()
+    offers = Offers(replaced)
+    for number in range(3):
+        offers.put(again("a", number))
+        offers.put(again("b", 100 + number))
+        offers.delete(again("a", number))
+    assert replaced == [("r1/cmd", "session0:1"), ("r1/cmd", "session1:1")]
+    offers.put(again("a", 2))
+    assert len(replaced) == 2, "it was behind a cut cable"
+
+
+def test_a_latched_publisher_is_replaced_though_its_end_comes_late() -> None:
+    replaced = Replaced()
+    offers = Offers(replaced)
+    offers.put(again("a", 0))
+    offers.put(again("a", 1))
+    assert replaced == []
+    offers.delete(again("a", 0))
+    assert replaced == [("r1/cmd", "session0:1")]
+
+
+class Entity:
+    """Zenoh's id of a publisher."""
+
+    def __init__(self, zid: str) -> None:
+        self.zid, self.eid = zid, 1
+
+
+class Payload(bytes):
+    def to_bytes(self) -> bytes:
+        return self
+
+
+class Sample:
+    """A message of a publisher that signs."""
+
+    def __init__(self, number: int, data: bytes = robo_messages.encode(Twist()), zid: str = "abc") -> None:
+        self.encoding = codec.encoding_of(Twist)
+        self.payload = Payload(data)
+        self.attachment = Payload(codec.pack_attachment(number, 1_000 + number))
+        self.source_info = type("Source", (), {"source_id": Entity(zid), "source_sn": number})
+
+
+def came(number: int, data: bytes = robo_messages.encode(Twist()), *, is_kept: bool = False, key: str = "r1/c") -> Came:
+    sample: Any = Sample(number, data)
+    return Came(key, 2_000 + number, sample, is_kept)
+
+
+def test_what_is_refused_is_told_with_its_number() -> None:
+    refused: list[Refused] = []
+    conversion = Conversion(lambda _: None, refused=refused.append)
+    assert conversion.convert(came(1)) is not None
+    assert conversion.convert(came(2, b"\x01")) is None
+    assert refused == [Refused("r1/c", 2, 1_002, "abc:1")]
+    assert conversion.malformed == {"r1/c": 1}
+
+
+def test_of_malformed_messages_no_more_topics_are_told_apart_than_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robo.recording.conversion._MOST_FORMS", 3)
+    conversion = Conversion(lambda _: None)
+    for number in range(10):
+        conversion.convert(came(1, b"\x01", key=f"t{number % 6}"))
+    assert (len(conversion.malformed), conversion.malformed.total()) == (4, 10)
+
+
+def test_what_came_before_its_publisher_was_known_to_be_latched_is_there_once() -> None:
+    refused: list[Refused] = []
+    conversion = Conversion(lambda _: None, refused=refused.append)
+    assert conversion.convert(came(1)) is not None
+    assert conversion.convert(came(1, is_kept=True)) is None
+    found = conversion.convert(came(2, is_kept=True))
+    assert found is not None
+    assert (found.sequence, refused) == (2, [])
+
+
+def test_a_publisher_that_does_not_answer_holds_nothing_up() -> None:
+    now = [100.0]
+    latched = LatchedFirst(lambda: now[0])
+    assert latched.keeper("r1/c", "abc:1")
+    assert latched.live(came(1)) == []
+    assert latched.overdue() == []
+    now[0] += LONGEST_HELD
+    assert [one.arrived for one in latched.overdue()] == [2_001]
+    assert latched.live(came(2))[0].arrived == 2_002
+    assert latched.done("abc:1") == []
 
 
 def test_messages_without_a_name_are_of_the_publisher_whose_numbers_they_go_on() -> None:

@@ -55,6 +55,16 @@ def test_others_stay_the_bytes_that_they_are(encoding: str, written: str, schema
         assert zenoh_encoding(form.topic.encoding, form.topic.schema) == encoding
 
 
+def test_a_type_that_raises_costs_its_own_topic_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    def gone(_: str) -> None:
+        raise FileNotFoundError("no such folder")
+
+    monkeypatch.setattr("robo.interfaces.catalogue.find_here", gone)
+    form = form_of("r1/cmd_vel", encoding_of(Twist))
+    assert form.unknown == "its type geometry/Twist cannot be used: FileNotFoundError: no such folder"
+    assert form.topic.encoding == "msgpack"
+
+
 def test_names_of_strangers_are_bounded() -> None:
     form = form_of("r1/odd", f"application/msgpack;{'x' * 100_000}")
     assert len(form.topic.schema) < 300

@@ -18,6 +18,8 @@ class Counts(msgspec.Struct):
     """By gaps in the sequence numbers."""
     malformed: int = 0
     """That came and could not be written down."""
+    left_out: int = 0
+    """That came while too many waited to be written down; those that had a number are among the lost, too."""
 
 
 class Counter:
@@ -57,6 +59,11 @@ class Counter:
         """The counts since the last file began; a new one begins."""
         found, self.file = self.file, {}
         return found
+
+    def count_left_out(self, topic: str, count: int) -> None:
+        """Messages have come that were not looked at."""
+        self._of(self.total, topic).left_out += count
+        self._of(self.file, topic).left_out += count
 
     def _gap(self, topic: str, sequence: int, published: int, source: Hashable) -> int:
         """How many messages are missing between the last one and this one."""

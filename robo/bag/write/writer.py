@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable, Hashable
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 
 from robo.bag.mcap.compression import MOST, compressor
 from robo.bag.mcap.index import COUNTS
@@ -58,7 +57,6 @@ class Recording:
         span, size = self._options.split_duration, self._options.split_size
         self._split_span = round(min(span, 1e10) * 1e9) if span is not None else 2**64
         self._split_size = size if size is not None else 2**64
-        """Of what comes after the beginning: a file that begins with much has room for messages all the same."""
         self._part = self._next_part(0)
 
     def topic(self, topic: TopicInFile) -> int:
@@ -105,8 +103,8 @@ class Recording:
         if not 0 <= published <= U64:
             published = arrived
         if len(data) > MOST_MESSAGE:
-            name = self._contents.names[topic]
-            raise BagError(f"{name}: a message of {len(data):,} bytes is larger than {MOST_MESSAGE:,}")
+            name, most = self._contents.names[topic], f"{MOST_MESSAGE:,}"
+            raise BagError(f"{name}: a message of {len(data):,} bytes is larger than {most}")
         part = self._part
         if part.counts and (arrived - part.begin >= self._split_span or part.size - part.head >= self._split_size):
             self.split(arrived)
@@ -122,6 +120,10 @@ class Recording:
     def malformed(self, topic: str, sequence: int | None = None, published: int = 0, source: Hashable = None) -> None:
         """A message came that cannot be written down: it is counted, and not among the lost. The rest as of `write`."""
         self._counter.count_malformed(topic, sequence, published, source)
+
+    def left_out(self, topic: str, count: int) -> None:
+        """So many messages of a topic came that nobody has even looked at: they are counted."""
+        self._counter.count_left_out(topic, count)
 
     def forget(self, topic: str, source: Hashable) -> None:
         """A publisher of a latched topic is replaced: what it has said last is not said again in files that follow."""
@@ -175,8 +177,8 @@ class Recording:
         self._flush_due = self._monotonic() + self._options.flush_period  # however long it takes
         self._part.flush(self._options.sync)
         if not self._disk.has_room():
-            least = self._options.least_free
-            self._close(DiskFull(f"the recording has ended: the disk has less than {least:,} bytes left", self.path))
+            least = f"{self._options.least_free:,}"
+            self._close(DiskFull(f"the recording has ended: the disk has less than {least} bytes left", self.path))
             self._check_open()
 
     def tick(self) -> float:
@@ -217,8 +219,7 @@ class Recording:
             folder: where they are to stand; it is made.
             at: the time of now, ns since the epoch.
 
-        Returns:
-            The second names, the oldest file first.
+        Returns the second names, the oldest file first.
 
         Raises:
             BagError: as `split`; or the folder is there already, or cannot be made.
@@ -244,9 +245,7 @@ class Recording:
     def __enter__(self) -> "Recording":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _close(self, why: BagError) -> None:

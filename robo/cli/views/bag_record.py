@@ -26,7 +26,7 @@ from robo.cli.views.screen import Screen
 from robo.errors import BagError, UsageError
 from robo.machine.manifests import manifests_of
 from robo.recording.recorder import Recorder, Status
-from robo.recording.selection import EVERYTHING, Selection, static_transforms_beside
+from robo.recording.selection import EVERYTHING, Selection, beside_robot
 from robo.recording.tally import TopicFigures
 from robo.text.brief import shown
 from robo.text.suggestions import suggest
@@ -123,7 +123,7 @@ def size_of(text: str, option: str) -> int:
 
 
 def _selection(keys: Sequence[str], words: "RecordWords", reach: Reach) -> Selection:
-    beside = [] if words.no_tf else static_transforms_beside(keys)
+    beside = beside_robot(keys, transforms=not words.no_tf)
     try:
         return Selection(keys, [reach.key(name) for name in words.exclude or ()], beside)
     except BagError as error:

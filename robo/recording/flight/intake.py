@@ -93,13 +93,16 @@ class FlightIntake(Intake):
 
     def _empty_channels(self, now: int) -> None:
         """Take out of the channels what waits there."""
-        came: deque[tuple[int, int, Any, int, int]] = deque()
+        came: deque[tuple[int, int, Any, str, int]] = deque()
+        source_of, put = self._selection.source, zenoh.SampleKind.PUT
         size = 0
         for number, handler in self._channels:
             try_recv = handler.try_recv
             while (sample := try_recv()) is not None:
-                here = len(sample.payload)
-                came.append((now, LIVE, sample, number, here))
+                key, here = str(sample.key_expr), len(sample.payload)
+                if source_of(key) != number or sample.kind != put:
+                    continue
+                came.append((now, LIVE, sample, key, here))
                 size += here
                 while size > MOST_AT_ONCE and len(came) > 1:
                     size -= came.popleft()[4]
