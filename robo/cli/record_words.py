@@ -16,7 +16,7 @@ class RecordWords(NamedTuple):
     output: Annotated[
         str | None,
         typer.Option(
-            "-o", "--output", metavar="FILE", help="Default: robo_ with date and time. With splits: a folder."
+            "-o", "--output", metavar="FILE", help="Default: robo_ with date and time, and .mcap; with splits a folder."
         ),
     ] = None
     compression: Annotated[Literal["zstd", "none"], typer.Option("--compression", help="Of the file.")] = "zstd"

@@ -93,6 +93,7 @@ OPTIONS: dict[tuple[str, str], dict[str, str]] = {
         "-d": "write --split-duration S",
         "--max-bag-duration": "write --split-duration S",
         "--max-bag-files": "write --keep N",
+        "--max-cache-size": "nothing is to be said: up to 256 MB wait for the disk",
         "-s": "it is always mcap",
         "--storage": "it is always mcap",
         "--compression-mode": "write --compression zstd or none",

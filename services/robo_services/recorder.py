@@ -13,6 +13,7 @@ from robo.bag.mcap.compression import Compression, compressor
 from robo.bag.options import Options
 from robo.errors import BagError, InvalidName, ParameterError
 from robo.machine.manifests import manifests_of
+from robo.recording.naming import name_of, unused
 from robo.recording.selection import Selection, beside_robot
 from robo.wire import names
 from robo_messages import DiagnosticStatus, KeyValue, Trigger
@@ -20,8 +21,11 @@ from robo_messages import DiagnosticStatus, KeyValue, Trigger
 if TYPE_CHECKING:
     from robo.recording.recorder import Recorder as Recording
     from robo.recording.recorder import Status
+    from robo.recording.tally import TopicFigures
 
 _MB = 1_000_000
+_MOST_TOLD = 100
+"""Topics that are told of in the state."""
 _PATIENCE = 5.0
 """After how long it is said of a topic that was named that nothing has come, s."""
 
@@ -68,7 +72,8 @@ class Recorder(Node):
     parameters: Parameters
 
     state = Publisher(DiagnosticStatus, "recorder_state", latched=True)
-    """Whether it records, into which file, and how many messages came, were lost or malformed: once a second."""
+    """Whether it records, into which file, and how many messages came, were lost, malformed or left out, in all and by
+    topic: once a second."""
 
     _recording: "Recording | None" = None
     _last: "Status | None" = None
@@ -124,7 +129,7 @@ class Recorder(Node):
         """Keep what has been recorded and is still there as a recording of its own, and go on."""
         if self._recording is None or not self._is_recording():
             return Trigger.Response(success=False, message="it does not record")
-        folder = _unused(self._path.with_name(f"{self._path.name}_snapshot"))
+        folder = unused(self._path.with_name(f"{self._path.name}_snapshot"))
         try:
             files = self._recording.snapshot(folder)
         except BagError as error:
@@ -144,11 +149,13 @@ class Recorder(Node):
             return Health.ok("it does not record")
         if status.ended:
             return Health.error(status.ended)
-        figures = {"received": status.received, "lost": status.lost, "malformed": status.malformed}
+        bad = {"lost": status.lost, "malformed": status.malformed, "left_out": status.left_out}
+        figures = {"received": status.received, **bad}
         if status.missing and status.duration > _PATIENCE:
             return Health.warn(f"nothing has come on {', '.join(map(names.shown_key, status.missing))}", **figures)
-        if status.lost or status.malformed:
-            return Health.warn(f"{status.lost} messages lost, {status.malformed} malformed", **figures)
+        if any(bad.values()):
+            words = (f"{count} {what.replace('_', ' ')}" for what, count in bad.items() if count)
+            return Health.warn(f"of messages {', '.join(words)}", **figures)
         return Health.ok(**figures)
 
     def _is_recording(self) -> bool:
@@ -158,8 +165,7 @@ class Recorder(Node):
         from robo.recording.recorder import Recorder as Recording  # who only may record does without
 
         p = self.parameters
-        # One may have been started within this second.
-        self._path = path = _unused(Path(p.folder) / time.strftime("robo_%Y_%m_%d-%H_%M_%S", time.localtime()))
+        self._path = path = unused(Path(p.folder) / name_of(time.time()))
         self._recording = Recording(
             self.session,
             path,
@@ -194,7 +200,7 @@ class Recorder(Node):
         if status is None:
             self.state.publish(DiagnosticStatus(DiagnosticStatus.OK, self.full_name, "does not record"))
             return
-        bad = status.lost or status.malformed
+        bad = status.lost or status.malformed or status.left_out
         level = DiagnosticStatus.ERROR if status.ended else DiagnosticStatus.WARN if bad else DiagnosticStatus.OK
         values = {
             "file": status.files[-1] if status.files else "",
@@ -207,6 +213,7 @@ class Recorder(Node):
             "left_out": str(status.left_out),
             "missing": " ".join(map(names.shown_key, status.missing)),
         }
+        values.update((topic.topic, _words(topic)) for topic in status.topics[:_MOST_TOLD])
         pairs = [KeyValue(key, value) for key, value in values.items()]
         self.state.publish(DiagnosticStatus(level, self.full_name, status.ended or "records", values=pairs))
 
@@ -238,13 +245,11 @@ class Recorder(Node):
         return [names.key_of(one if one.startswith("/") else f"/{self.namespace}/{one}") for one in patterns]
 
 
-def _unused(path: Path) -> Path:
-    """This name, or with a number where there is something of this name."""
-    name, number = path.name, 1
-    while path.exists():
-        number += 1
-        path = path.with_name(f"{name}_{number}")
-    return path
+def _words(topic: "TopicFigures") -> str:
+    """How it goes with a topic."""
+    rate = "" if topic.rate is None else f" at {topic.rate:.1f} Hz"
+    bad = {"lost": topic.lost, "malformed": topic.malformed, "left out": topic.left_out}
+    return ", ".join([f"{topic.received}{rate}", *(f"{count} {what}" for what, count in bad.items() if count)])
 
 
 def _best() -> Compression:

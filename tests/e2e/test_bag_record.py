@@ -146,6 +146,8 @@ def test_mistakes_are_said_in_a_line(robot: Robot, tmp_path: Path) -> None:
         ("bag record -a --keep 3", 2, "say what splits them"),
         ("bag record '@robo/**'", 2, "is no topic"),
         ("bag record -a --max-bag-size 100", 2, "--split-size"),
+        ("bag record -a --max-cache-size 100", 2, "up to 256 MB wait"),
+        ("bag record odom --exclude odom", 2, "all that is asked for is excluded"),
         (f"bag record -a -o {tmp_path}/there.mcap --compression none", 1, "it is there already"),
         (f"bag record -a -o {tmp_path}/a.mcap --compression none --least-free 900TB --duration 20", 1, "the disk has"),
     ):

@@ -164,3 +164,30 @@ def test_a_full_disk_is_told_and_the_file_is_whole(other: zenoh.Session, tmp_pat
         eventually(lambda: node.it_records().level == DiagnosticStatus.ERROR, "others have less than is left to them")
         assert "the disk has less than" in node.it_records().message
     assert counts(tmp_path) == [0]
+
+
+def test_it_tells_of_each_topic(session: zenoh.Session, other: zenoh.Session, driver: Driver, tmp_path: Path) -> None:
+    with running(other, tmp_path) as node:
+        drive(driver, node, 5)
+        session.put("r1/cmd_vel", b"\x01", encoding="application/msgpack;geometry/Twist")
+
+        def words() -> str:
+            return values(states(session)[-1]).get("r1/cmd_vel", "")
+
+        eventually(lambda: words().startswith("5 at ") and words().endswith(" Hz, 1 malformed"), "what came of it")
+
+
+def test_whatever_ends_it_is_an_error(
+    other: zenoh.Session, driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_: object) -> None:
+        raise RuntimeError("odd")
+
+    with running(other, tmp_path) as node:
+        drive(driver, node, 5)
+        assert node._recording is not None
+        monkeypatch.setattr(node._recording._conversion, "convert", fail)
+        driver.command.publish(Twist())
+        eventually(lambda: node.it_records().level == DiagnosticStatus.ERROR, "it has ended")
+        assert node.it_records().message == "the recording has failed: RuntimeError: odd"
+    assert counts(tmp_path) == [5]

@@ -1,6 +1,9 @@
 """What decides what is recorded, and what it is: without a network."""
 
+import os
 import random
+import signal
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +17,7 @@ import robo_messages
 from robo.bag.types import topic_of
 from robo.cli.reach import Reach
 from robo.cli.record_words import RecordWords
-from robo.cli.views.bag_record import keys_of, path_of, size_of
+from robo.cli.views.bag_record import _options, _Signals, keys_of, path_of, size_of
 from robo.errors import BagError, UsageError
 from robo.interfaces import cdr
 from robo.machine.log_files import RunInfo
@@ -352,6 +355,63 @@ def test_topics_are_those_of_the_robot_that_is_named() -> None:
     ]  # fmt: skip
     assert keys_of(None, RecordWords(everything=True), reach) == ["r1/**"]
     assert keys_of(None, RecordWords(everything=True), Reach()) == ["**"]
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        ({"keep": 3}, "^--keep deletes the oldest of several files: say what splits them, such as --split-size$"),
+        ({"split_size": "0"}, "^--split-size 0: use a number above 0"),
+        ({"split_size": "500"}, "^--split-size '500' is 500 bytes; use 100kB or more, such as 500MB$"),
+        ({"split_size": "9" * 400}, "^--split-size '9+.*use a size such as 500MB"),
+        ({"when_full": "drop_oldest"}, "^--when-full drop_oldest deletes the oldest"),
+        ({"duration": float("nan")}, "^--duration nan: use a number of seconds"),
+    ],
+)
+def test_words_that_make_no_sense_are_told_as_they_are_said(words: dict[str, Any], reason: str) -> None:
+    with pytest.raises(UsageError, match=reason):
+        _options(RecordWords(**words))
+
+
+@pytest.mark.parametrize(
+    ("output", "split", "path"),
+    [
+        ("drive", None, "drive.mcap"),
+        ("to/v1.2", None, "to/v1.2.mcap"),
+        ("drive.mcap", None, "drive.mcap"),
+        ("drive.mcap", 5.0, "drive"),
+        ("v1.2", 5.0, "v1.2"),
+    ],
+)
+def test_a_file_is_called_mcap_and_a_folder_is_not(output: str, split: float | None, path: str) -> None:
+    assert path_of(RecordWords(output=output, split_duration=split), 0) == Path(path)
+
+
+def test_two_recordings_of_one_second_have_two_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    first = path_of(RecordWords(), 0)
+    first.touch()
+    assert path_of(RecordWords(), 0).name == f"{first.stem}_2.mcap"
+
+
+def test_the_first_signal_ends_and_no_other_one_disturbs() -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    both = {signal.SIGHUP, signal.SIGTERM}
+    with _Signals() as signals:
+        signal.pthread_sigmask(signal.SIG_BLOCK, both)
+        for number in both:
+            signal.pthread_kill(threading.get_ident(), number)
+        with pytest.raises(KeyboardInterrupt), signals.raised():
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, both)  # now they come at once
+        os.kill(os.getpid(), signal.SIGINT)
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_a_signal_that_comes_too_early_ends_it_in_time() -> None:
+    with _Signals() as signals:
+        os.kill(os.getpid(), signal.SIGTERM)
+        with pytest.raises(KeyboardInterrupt), signals.raised():
+            pytest.fail("it has ended")
 
 
 def test_the_name_is_the_time_where_nobody_says_another() -> None:

@@ -6,9 +6,10 @@ import sys
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from types import FrameType
+from typing import TYPE_CHECKING, Any, Literal
 
 import zenoh
 from rich import box
@@ -18,13 +19,14 @@ from rich.table import Table
 from rich.text import Text
 
 from robo.bag import Options
-from robo.cli.connection import connect_to_robot
+from robo.cli.connection import join_robot
 from robo.cli.link import Link
 from robo.cli.printing import amount, data_size, note, print_json, print_line, print_table
 from robo.cli.reach import Reach
 from robo.cli.views.screen import Screen
 from robo.errors import BagError, UsageError
 from robo.machine.manifests import manifests_of
+from robo.recording.naming import name_of, unused
 from robo.recording.recorder import Recorder, Status
 from robo.recording.selection import EVERYTHING, Selection, beside_robot
 from robo.recording.tally import TopicFigures
@@ -41,6 +43,8 @@ _PERIOD = 0.5
 """How often it is drawn, s."""
 _PATIENCE = 3.0
 """After how long it is said of what was asked for that nothing has come, s."""
+_TELL = 60.0
+"""How often it is said in a line how it goes where nothing is drawn, s."""
 _LOOK = 0.1
 """How often it is looked whether it is over, s."""
 
@@ -48,8 +52,12 @@ _WIDE = 100
 """From how many columns on there is room for types."""
 _WIDEST = 140
 """Beyond it numbers would stand too far from their names."""
+_MOST_DIGITS = 15
 _SIZE = re.compile(r"(\d+(?:\.\d+)?) ?([kKMGT]?)(i?)B?")
 _FACTORS = {"": 0, "k": 1, "K": 1, "M": 2, "G": 3, "T": 4}
+_LEAST_SPLIT = 100_000
+"""Of files that somebody wants, bytes: for less a unit was forgotten."""
+_OPTION = re.compile(r"\b(compression|split_size|split_duration|keep|least_free|when_full)\b")
 _COLUMNS = ("TOPIC", "TYPE", "MESSAGES", "RATE", "LOST", "MALFORMED", "SIZE")
 
 
@@ -66,21 +74,28 @@ def record(names: list[str] | None, reach: Reach, words: "RecordWords", *, json:
     selection = _selection(keys, words, reach)
     options = _options(words)
     path = path_of(words, time.time())
-    with connect_to_robot(reach) as session, _ended_by_signals():
-        told: deque[str] = deque()
-        tf = not words.no_tf
-        recorder = Recorder(session, path, selection, options, tell=told.append, make_tf=tf, manifests=manifests_of)
-        view = _View(recorder, told, Link(session, reach), path, live=sys.stdout.isatty() and not json)
+    session = join_robot(reach)
+    with _Signals() as signals:
         try:
-            note(f"recording {', '.join(map(shown_key, keys))} to {path}")
-            view.follow(session, reach, words.duration)
-        except KeyboardInterrupt:
-            pass
-        finally:
-            with _undisturbed():
+            told: deque[str] = deque()
+            tf = not words.no_tf
+            recorder = Recorder(session, path, selection, options, tell=told.append, make_tf=tf, manifests=manifests_of)
+            view: _View | None = None
+            try:
+                note(f"recording {', '.join(map(shown_key, keys))} to {path}")
+                view = _View(recorder, told, Link(session, reach), path, live=sys.stdout.isatty() and not json)
+                with signals.raised():
+                    view.follow(session, reach, words.duration)
+            except KeyboardInterrupt:
+                pass
+            finally:
                 status = recorder.stop()
-        view.tell()
-    return _tell_end(status, path, json=json, everything=words.everything)
+            if view is not None:
+                view.tell()
+            return _tell_end(status, path, json=json, everything=words.everything)
+        finally:
+            with suppress(zenoh.ZError):  # nothing was said that a router has to take
+                session.close()
 
 
 def keys_of(names: list[str] | None, words: "RecordWords", reach: Reach) -> list[str]:
@@ -100,12 +115,17 @@ def keys_of(names: list[str] | None, words: "RecordWords", reach: Reach) -> list
 
 
 def path_of(words: "RecordWords", now: float) -> Path:
-    """Where the recording goes: what somebody says, or a name of the time of now, s since the epoch."""
-    if words.output is not None:
-        return Path(words.output)
-    name = time.strftime("robo_%Y_%m_%d-%H_%M_%S", time.localtime(now))
+    """Where the recording goes: what somebody says, or a name of the time of now, s since the epoch.
+
+    A file has `.mcap`, by which its kind is told, and a folder has not.
+    """
     splits = words.split_size is not None or words.split_duration is not None
-    return Path(name if splits else f"{name}.mcap")
+    if words.output is None:
+        return unused(Path(name_of(now) if splits else f"{name_of(now)}.mcap"))
+    path = Path(words.output)
+    if (path.suffix == ".mcap") != splits or not path.name or path.is_dir():  # the last one is refused
+        return path
+    return path.with_suffix("") if splits else path.with_name(f"{path.name}.mcap")
 
 
 def size_of(text: str, option: str) -> int:
@@ -115,7 +135,7 @@ def size_of(text: str, option: str) -> int:
         UsageError: it is none.
     """
     match = _SIZE.fullmatch(text.strip())
-    if match is None:
+    if match is None or len(match[1]) > _MOST_DIGITS:
         raise UsageError(f"{option} {shown(text)}: use a size such as 500MB, 2GB or a number of bytes")
     number, prefix, binary = match.groups()
     factor: int = (1024 if binary else 1000) ** _FACTORS[prefix]
@@ -131,7 +151,11 @@ def _selection(keys: Sequence[str], words: "RecordWords", reach: Reach) -> Selec
 
 
 def _options(words: "RecordWords") -> Options:
+    if words.duration is not None and not words.duration > 0:
+        raise UsageError(f"--duration {words.duration}: use a number of seconds above 0")
     size = size_of(words.split_size, "--split-size") if words.split_size is not None else None
+    if size is not None and 0 < size < _LEAST_SPLIT:
+        raise UsageError(f"--split-size {shown(words.split_size)} is {size:,} bytes; use 100kB or more, such as 500MB")
     try:
         return Options(
             compression=words.compression,
@@ -142,36 +166,46 @@ def _options(words: "RecordWords") -> Options:
             when_full=words.when_full,
         )
     except BagError as error:
-        raise UsageError(str(error)) from None
+        raise UsageError(_OPTION.sub(lambda found: f"--{found[0].replace('_', '-')}", str(error))) from None
 
 
-@contextmanager
-def _ended_by_signals() -> Iterator[None]:
+class _Signals:
     """SIGTERM, and a terminal that is closed, end a recording as Ctrl-C does: its file is whole.
 
-    So does SIGINT for one that a script has started in the background, where it is ignored at first.
+    So does SIGINT for one that a script has started in the background, where it is ignored at first. The first of them
+    counts; no further one keeps the end of the file from being written.
     """
-    before = {}
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it
-            before[number] = signal.signal(number, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
+
+    def __init__(self) -> None:
+        self._before: dict[int, Any] = {}
+        self._came = False
+        self._raises = False
+
+    def __enter__(self) -> "_Signals":
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it
+                self._before[number] = signal.signal(number, self._take)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
             signal.signal(number, handler)
 
+    @contextmanager
+    def raised(self) -> Iterator[None]:
+        """Within it a signal is a KeyboardInterrupt, also one that has come before."""
+        self._raises = True
+        try:
+            if self._came:
+                raise KeyboardInterrupt
+            yield
+        finally:
+            self._raises = False
 
-@contextmanager
-def _undisturbed() -> Iterator[None]:
-    """No signal keeps the end of the file from being written: that takes a moment."""
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    def _take(self, _number: int, _frame: FrameType | None) -> None:
+        is_first, self._came = not self._came, True
+        if is_first and self._raises:
+            raise KeyboardInterrupt
 
 
 class _View:
@@ -219,6 +253,9 @@ class _View:
                 drawn = now
                 picture = render(self._recorder.status(), self._path, self._console.width, self._console.height)
                 self._display.update(picture, refresh=True)
+            elif self._display is None and now - drawn >= _TELL:
+                drawn = now
+                self._note(f"so far {_sum(self._recorder.status(), self._path)}")
 
     def _note(self, text: str) -> None:
         if self._display is not None:
@@ -254,6 +291,8 @@ def render(status: Status, path: Path, width: int, height: int) -> RenderableTyp
         head.append(f"  {status.lost:,} lost", style="bold yellow")
     if status.malformed:
         head.append(f"  {status.malformed:,} malformed", style="bold yellow")
+    if status.left_out:
+        head.append(f"  {status.left_out:,} left out", style="bold yellow")
     head.append("  Ctrl-C ends", style="dim")
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, width=min(width, _WIDEST), padding=(0, 1, 0, 0))
     shown = [number for number, name in enumerate(_COLUMNS) if name != "TYPE" or width >= _WIDE]
