@@ -1,6 +1,7 @@
 """Recording a running robot: what was said is in the file, with all that was lost and all that could not be read."""
 
 import json
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -16,7 +17,7 @@ import robo_messages
 from robo import KEEP_ALL, Node, Publisher, bag
 from robo.bag.mcap.index import COUNTS
 from robo.bag.of_robot import ABOUT
-from robo.recording.intake import Intake
+from robo.recording.intake import _KEEPER, Intake
 from robo.recording.recorder import MADE, Recorder, Status
 from robo.recording.selection import EVERYTHING, Selection
 from robo.wire import codec
@@ -166,6 +167,19 @@ def test_latched_topics_come_first_in_every_file(
     assert sorted(again) == [("r1/state", "now"), ("r1/steps", "2"), ("r1/steps", "3"), ("r1/steps", "4")]
 
 
+def test_of_a_node_that_was_started_again_only_what_it_says_now_is_said_again(
+    session: zenoh.Session, other: zenoh.Session, told: Told, tmp_path: Path
+) -> None:
+    path = tmp_path / "run"
+    with recording(other, path, told, "r1/state", options=bag.Options(split_by_hand=True)) as recorder:
+        for number in range(3):
+            with Driver(namespace="r1", session=session) as node:
+                node.state.publish(String(str(number)))
+                eventually(partial(has_received, recorder, "r1/state", number + 1), "it came")
+        recorder.split()
+    assert [one.data for one in values(path / "run_1.mcap", "r1/state")] == ["2"]
+
+
 def test_a_latched_publisher_that_comes_later_is_asked_too(
     session: zenoh.Session, other: zenoh.Session, told: Told, tmp_path: Path
 ) -> None:
@@ -266,6 +280,73 @@ def test_whatever_ends_a_recording_is_told_and_its_file_is_whole(
     assert recorder.stop().ended
     assert bag.check(path).findings == []
     assert len(values(path, "r1/cmd_vel")) == 1
+
+
+def test_a_folder_that_somebody_deletes_ends_the_recording(
+    session: zenoh.Session, other: zenoh.Session, told: Told, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    options = bag.Options(split_by_hand=True, least_free=1)
+    with recording(other, folder, told, "r1/*", options=options) as recorder:
+        session.put("r1/cmd_vel", robo_messages.encode(Twist()), encoding=TWIST)
+        eventually(lambda: received(recorder, "r1/cmd_vel") == 1, "it came")
+        shutil.rmtree(folder)
+        assert recorder.wait(10.0)
+        assert recorder.ended.endswith("run_0.mcap: somebody has deleted it while it was recorded")
+
+
+def test_transforms_that_are_none_end_nothing(
+    session: zenoh.Session, other: zenoh.Session, told: Told, tmp_path: Path
+) -> None:
+    odometry = robo_messages.encode(Odometry(Header(Time(1, 0), "odom"), "base_link"))
+    with recording(other, tmp_path / "a.mcap", told, "r1/*") as recorder:
+        for number in range(2):
+            session.put("r1/odom", odometry, encoding=codec.encoding_of(Odometry))
+            session.put("r1/tf", b"{}", encoding="application/cdr;tf2_msgs/msg/TFMessage")
+            eventually(partial(has_received, recorder, "r1/odom", number + 1), "it goes on")
+    assert recorder.stop().ended == ""
+
+
+def test_an_excluded_tf_is_not_made_of_odometry(
+    session: zenoh.Session, other: zenoh.Session, told: Told, tmp_path: Path
+) -> None:
+    odometry = robo_messages.encode(Odometry(Header(Time(1, 0), "odom"), "base_link"))
+    recorder = Recorder(other, tmp_path / "a.mcap", Selection(["r1/**"], ["**/tf"]), tell=told)
+    try:
+        session.put("r1/odom", odometry, encoding=codec.encoding_of(Odometry))
+        eventually(lambda: received(recorder, "r1/odom") == 1, "it came")
+    finally:
+        status = recorder.stop()
+    assert figures(status) == {"r1/odom": (1, 0, 0)}
+
+
+def test_a_latched_message_that_comes_before_its_publisher_is_known_is_there_once(
+    session: zenoh.Session, other: zenoh.Session, told: Told, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    late: list[Any] | None = []
+    post = Intake._post
+
+    def hold_tokens(intake: Intake, kind: int, news: Any = None) -> None:
+        if late is None:
+            post(intake, kind, news)
+        else:
+            late.append((kind, news))
+
+    monkeypatch.setattr(Intake, "_post", hold_tokens)  # as where two routers are linking
+    with (
+        recording(other, tmp_path / "a.mcap", told, "r1/**") as recorder,
+        Driver(namespace="r1", session=session) as node,
+    ):
+        node.steps.publish(String("1"))
+        node.steps.publish(String("2"))
+        eventually(lambda: received(recorder, "r1/steps") == 2, "both")
+        eventually(lambda: any(kind == _KEEPER for kind, _ in late or ()), "then it is known")
+        tokens, late = late or [], None
+        for kind, news in tokens:
+            post(recorder._intake, kind, news)
+        node.steps.publish(String("3"))
+        eventually(lambda: received(recorder, "r1/steps") >= 3, "and goes on")
+    assert [one.data for one in values(tmp_path / "a.mcap", "r1/steps")] == ["1", "2", "3"]
 
 
 def test_a_recorder_that_cannot_begin_leaves_no_file(
