@@ -90,7 +90,8 @@ def test_sigterm_ends_it_too_and_what_never_came_is_told(robot: Robot, tmp_path:
     path = tmp_path / "drive.mcap"
     with recording(robot, path, "odom", "scan", "odum", "--robot-name", "r1") as command:
         command.wait_for("nothing has come on r1/odum yet: nobody publishes it so far; did you mean r1/odom?")
-        command.process.send_signal(signal.SIGTERM)
+        for number in (signal.SIGHUP, signal.SIGTERM, signal.SIGTERM):  # as where a terminal is closed
+            command.process.send_signal(number)
         assert command.wait() == 1, command.output
     command.wait_for("nothing came on r1/odum")
     assert set(counts(path)) == {"r1/odom", "r1/scan", "r1/tf_static", "r1/tf"}  # nobody tells tf what is not recorded

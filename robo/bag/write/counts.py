@@ -41,10 +41,18 @@ class Counter:
             published: ns since the epoch.
             source: its publisher; None where that is not known.
         """
-        lost = self._gap(topic, sequence, published, source) if sequence is not None else 0
-        for counts in (self._of(self.total, topic), self._of(self.file, topic)):
-            counts.received += 1
-            counts.lost += lost
+        total = self.total.get(topic) or self._of(self.total, topic)
+        file = self.file.get(topic) or self._of(self.file, topic)
+        total.received += 1
+        file.received += 1
+        if sequence is None:
+            return
+        key = topic, source
+        if self._last.get(key) == sequence - 1:  # as nearly always
+            self._last[key] = sequence
+        elif lost := self._gap(topic, sequence, published, source):
+            total.lost += lost
+            file.lost += lost
 
     def count_malformed(
         self, topic: str, sequence: int | None = None, published: int = 0, source: Hashable = None
