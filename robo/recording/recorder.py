@@ -100,6 +100,8 @@ class Recorder:
         self._ended = ""
         self._work = threading.RLock()
         self._over = threading.Event()
+        self._done = threading.Event()
+        """Not by `join`: one that Ctrl-C interrupts takes its thread for ended (CPython 3.11)."""
         self._news: deque[About] = deque()
         self._topics: dict[TopicInFile, int] = {}
         self._numbers: dict[int, tuple[TopicInFile, int]] = {}
@@ -117,8 +119,7 @@ class Recorder:
             self._conversion = Conversion(tell, self._intake.offers.of, self._refused)
             self._watch = Watch(session, self._news.append, tell, manifests)
             undo.pop_all()
-        self._thread = threading.Thread(target=self._run, name="robo-record", daemon=True)
-        self._thread.start()
+        threading.Thread(target=self._run, name="robo-record", daemon=True).start()
 
     @property
     def ended(self) -> str:
@@ -127,8 +128,7 @@ class Recorder:
 
     def wait(self, timeout: float) -> bool:
         """Wait until it has ended by itself, or for some time, s; whether it has."""
-        self._thread.join(timeout)
-        return not self._thread.is_alive()
+        return self._done.wait(timeout)
 
     def status(self) -> Status:
         """How it goes, or went. Rates are those since it was last asked, a second ago at the least."""
@@ -176,7 +176,7 @@ class Recorder:
         """End: what has come is written, and the file is whole. Once more only tells again how it went."""
         if self._duration is None:
             self._over.set()
-            self._thread.join()
+            self._done.wait()
         return self.status()
 
     def _run(self) -> None:
@@ -211,6 +211,7 @@ class Recorder:
                 self._ended = self._ended or _why(error)
             finally:
                 self._duration = time.monotonic() - self._begin
+                self._done.set()
 
     def _write_what_came(self) -> None:
         convert, made = self._conversion.convert, self._made

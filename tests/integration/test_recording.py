@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -347,6 +349,18 @@ def test_a_latched_message_that_comes_before_its_publisher_is_known_is_there_onc
         node.steps.publish(String("3"))
         eventually(lambda: received(recorder, "r1/steps") >= 3, "and goes on")
     assert [one.data for one in values(tmp_path / "a.mcap", "r1/steps")] == ["1", "2", "3"]
+
+
+def test_an_interrupt_while_it_is_waited_for_does_not_make_it_seem_ended(
+    other: zenoh.Session, told: Told, tmp_path: Path
+) -> None:
+    main = threading.get_ident()
+    with recording(other, tmp_path / "a.mcap", told, "r1/*") as recorder:
+        threading.Timer(0.1, signal.pthread_kill, (main, signal.SIGINT)).start()
+        with pytest.raises(KeyboardInterrupt):
+            recorder.wait(30.0)
+        assert not recorder.wait(0.0)
+    assert recorder.wait(0.0)
 
 
 def test_a_recorder_that_cannot_begin_leaves_no_file(
