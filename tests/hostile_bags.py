@@ -26,7 +26,7 @@ from robo.bag.forms.from_csv import from_csv
 from robo.bag.forms.json_lines import from_json_lines, to_json_lines
 from robo.bag.forms.to_csv import to_csv
 from robo.bag.patterns import chosen
-from robo.errors import BagError
+from robo.errors import BagError, UsageError
 from tests import bags
 
 MEMORY = 2**30
@@ -117,7 +117,7 @@ def _torture(path: Path, data: bytes, uses: dict[str, Callable[[Path, Path], Non
         whole.unlink(missing_ok=True)
         try:
             use(path, whole)
-        except BagError as error:
+        except (BagError, UsageError) as error:
             refused = error
         else:
             outcomes[f"{name}: done"] += 1

@@ -1,21 +1,29 @@
-"""Topics by patterns, as key expressions have them: `r1/*`, `**/scan`. Pure.
+"""Topics of recordings by patterns, as people write key expressions. Pure.
 
 `*` stands for one part of a name, `**` for any number of them, also none. Within a part `*`, which Zenoh writes `$*`,
-stands for any letters: `r1/camera_*`.
+stands for any letters: `r1/camera_*`. Outer slashes do not count, but a pattern that begins with one means whole names.
 """
 
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
-from robo.errors import BagError
+from robo.errors import UsageError
 from robo.text.suggestions import suggest
 
 Pattern = Sequence["re.Pattern[str] | None"]
 """What each part has to be; None for any number of them."""
 
+_OPTIONS = ("", "--exclude")
+
 
 def chosen(
-    names: Collection[str], wanted: Sequence[str], excluded: Sequence[str] = (), path: str = ""
+    names: Collection[str],
+    wanted: Sequence[str],
+    excluded: Sequence[str] = (),
+    path: str = "",
+    *,
+    robot: str = "",
+    options: tuple[str, str] = _OPTIONS,
 ) -> Callable[[str], bool]:
     """Which topics are meant.
 
@@ -24,44 +32,54 @@ def chosen(
         wanted: patterns of those that are meant; none for all.
         excluded: patterns of those that are not, whatever `wanted` says.
         path: of the recording, for messages.
+        robot: a namespace that patterns may leave out.
+        options: by which both are asked for, for messages; empty for what has none.
 
     Raises:
-        BagError: a pattern makes no sense, one of `wanted` matches no topic, or no topic is left.
+        UsageError: a pattern makes no sense, matches no topic, or no topic is left. One of `excluded` may match none
+            if it has a `*`.
     """
-    for text in wanted:
-        pattern = _pattern(text)
-        if not any(_matches(pattern, name) for name in names):
-            raise BagError(f"it has no topic {text}; {suggest(text, names, 'it has')}", path)
-    found = set(filter(matcher(wanted, excluded), names))
+    place = f"{path}: " if path else ""
+    for option, patterns in zip(options, (wanted, excluded), strict=True):
+        for text in patterns:
+            if not any(map(matcher([text], robot=robot), names)) and not (patterns is excluded and "*" in text):
+                said = f"{option} {text}: no topic matches" if option else f"it has no topic {text}"
+                raise UsageError(f"{place}{said}; {suggest(text, names, 'it has')}")
+    found = set(filter(matcher(wanted, excluded, robot), names))
     if names and not found:
-        raise BagError("no topic is left", path)
+        raise UsageError(f"{place}no topic is left")
     return found.__contains__
 
 
-def matcher(wanted: Sequence[str], excluded: Sequence[str] = ()) -> Callable[[str], bool]:
+def matcher(wanted: Sequence[str], excluded: Sequence[str] = (), robot: str = "") -> Callable[[str], bool]:
     """Whether a topic is meant, where nobody knows yet which there are; as `chosen`.
 
     Raises:
-        BagError: a pattern makes no sense.
+        UsageError: a pattern makes no sense.
     """
-    yes, no = list(map(_pattern, wanted)), list(map(_pattern, excluded))
-    return lambda name: (not yes or _any(yes, name)) and not _any(no, name)
+    yes, no = ([_one(text, robot) for text in patterns] for patterns in (wanted, excluded))
+    return lambda name: (not yes or any(one(name) for one in yes)) and not any(one(name) for one in no)
+
+
+def _one(text: str, robot: str) -> Callable[[str], bool]:
+    pattern = _pattern(text)
+    own = f"{robot}/" if robot and not text.startswith("/") else ""
+    if not own:
+        return lambda name: _matches(pattern, name)
+    return lambda name: _matches(pattern, name) or (name.startswith(own) and _matches(pattern, name.removeprefix(own)))
 
 
 def _pattern(text: str) -> Pattern:
-    parts = text.removeprefix("/").split("/")
-    if "" in parts:
-        raise BagError(f"topic {text!r} makes no sense: letters, * or ** stand between slashes, as in r1/* or **/scan")
+    parts = text.replace("$*", "*").strip("/").split("/")
+    if "" in parts or any("**" in part and part != "**" for part in parts):
+        raise UsageError(
+            f"topic {text!r} makes no sense: letters, * or ** stand between slashes, as in r1/* or **/scan"
+        )
     return [None if part == "**" else re.compile(_letters(part), re.DOTALL) for part in parts]
 
 
 def _letters(part: str) -> str:
-    # A `*` behind another one says nothing more, and would have a long name take long.
-    return ".*".join(map(re.escape, re.split(r"(?:\$?\*)+", part)))
-
-
-def _any(patterns: Iterable[Pattern], name: str) -> bool:
-    return any(_matches(pattern, name) for pattern in patterns)
+    return ".*".join(map(re.escape, part.split("*")))
 
 
 def _matches(pattern: Pattern, name: str) -> bool:

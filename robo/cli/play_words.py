@@ -15,14 +15,15 @@ class PlayWords(NamedTuple):
         ),
     ] = 1.0
     start: Annotated[
-        float, typer.Option("--start", "--start-offset", metavar="S", help="Begin S seconds into it.", min=0.0)
-    ] = 0.0
-    end: Annotated[
-        float | None, typer.Option("--end", metavar="S", help="End S seconds after its beginning.", min=0.0)
-    ] = None
+        str, typer.Option("--start", "--start-offset", metavar="TIME", help="From then on.", show_default=False)
+    ] = ""
+    end: Annotated[str, typer.Option("--end", metavar="TIME", help="Before then.", show_default=False)] = ""
     duration: Annotated[
-        float | None, typer.Option("--duration", metavar="S", help="Play S seconds of it.", min=0.0)
+        float | None, typer.Option("--duration", "--playback-duration", metavar="S", help="Play S seconds of it.")
     ] = None
+    delay: Annotated[
+        float, typer.Option("--delay", metavar="S", help="Wait before the first message.", min=0.0, max=86_400.0)
+    ] = 0.0
     loop: Annotated[bool, typer.Option("-l", "--loop", help="Begin again at the end, until Ctrl-C.")] = False
     start_paused: Annotated[bool, typer.Option("-p", "--start-paused", help="Begin with a pause.")] = False
     topics: Annotated[
@@ -30,25 +31,29 @@ class PlayWords(NamedTuple):
         typer.Option("--topics", metavar="KEY", help="Only these; * and ** match. May be repeated."),
     ] = None
     exclude: Annotated[
-        list[str] | None, typer.Option("--exclude", metavar="KEY", help="Not these. May be repeated.")
+        list[str] | None,
+        typer.Option("--exclude", "--exclude-topics", metavar="KEY", help="Not these. May be repeated."),
     ] = None
     remap: Annotated[
         list[str] | None,
         typer.Option("-m", "--remap", metavar="OLD:=NEW", help="Under another name; a/**:=b/** for all within."),
     ] = None
     order: Annotated[
-        Literal["arrived", "published"], typer.Option("--order", help="By when messages came, or were published.")
+        Literal["arrived", "published", "received", "sent"],
+        typer.Option("--order", "--message-order", help="By when messages came, or were published."),
     ] = "arrived"
     clock: Annotated[
         bool, typer.Option("--clock", help="Tell the recording's time on /clock, for nodes with use_sim_time.")
     ] = False
     clock_rate: Annotated[
         float | None,
-        typer.Option("--clock-rate", metavar="HZ", help="So often, beside once for each message.", min=0.1, max=1000.0),
+        typer.Option("--clock-rate", metavar="HZ", help="So often, beside once for each message; 0.1 to 1000."),
     ] = None
     wait_for_subscribers: Annotated[
         bool, typer.Option("--wait-for-subscribers", help="Begin once somebody listens to each topic.")
     ] = False
     force: Annotated[bool, typer.Option("--force", help="Also where nodes know a topic as another type.")] = False
     beside: Annotated[bool, typer.Option("--beside", help="Also where somebody publishes a topic already.")] = False
-    no_keys: Annotated[bool, typer.Option("--no-keys", help="Leave the terminal's keys alone.")] = False
+    no_keys: Annotated[
+        bool, typer.Option("--no-keys", "--disable-keyboard-controls", help="Leave the terminal's keys alone.")
+    ] = False

@@ -39,7 +39,13 @@ class Sender:
     """Publishes on one topic."""
 
     def __init__(
-        self, session: zenoh.Session, key: str, type_name: str, qos: QoS = QoS.DEFAULT, node: str = ""
+        self,
+        session: zenoh.Session,
+        key: str,
+        type_name: str,
+        qos: QoS = QoS.DEFAULT,
+        node: str = "",
+        remembered: int = _REMEMBERED,
     ) -> None:
         """Announces itself as nodes do, so that tools show it.
 
@@ -49,6 +55,7 @@ class Sender:
             type_name: of its messages; empty where each says its own.
             qos: what it latches, and what goes first.
             node: the full name by which it is announced; by default one that tells this process.
+            remembered: so many of its messages `has_sent` knows.
         """
         encoding = f"{codec.MSGPACK};{type_name}" if type_name else codec.MSGPACK
         # What a person or a file says is to arrive: nothing is dropped on the way out.
@@ -71,7 +78,7 @@ class Sender:
         self._source = None if qos.latched else sources.counted(self._publisher.id)
         self._token = session.liveliness().declare_token(token.key())
         self._number = 0
-        self._sent: deque[tuple[int, int | None]] = deque(maxlen=_REMEMBERED)
+        self._sent: deque[tuple[int, int | None]] = deque(maxlen=remembered)
 
     def send(self, payload: bytes, encoding: str | None = None) -> None:
         """Publish one message with the next sequence number and the time of now."""

@@ -1,21 +1,24 @@
 """Plays a recording."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
 
 import robo
 from robo import READ_ONLY, Node, ParameterError, Unit
-from robo.bag.of_robot import robot_of
+from robo.bag.of_robot import robots_of
 from robo.bag.opening import open_bag
 from robo.bag.read.reader import Bag
 from robo.errors import BagError, InvalidName, UsageError
 from robo.recording.play.outputs import ClockOutput, Outputs
 from robo.recording.play.player import Player
 from robo.recording.play.services import PlayerServices
-from robo.recording.play.tape import BagTape
+from robo.recording.play.tape import BagTape, Window
+from robo.recording.play.timeline import check_clock_rate
 from robo.recording.play.topics import CLOCK, Choice, Played, select
+from robo.wire.discovery import tokens
+from robo.wire.keys import EndpointToken
 
 
 class BagPlayer(Node):
@@ -40,17 +43,37 @@ class BagPlayer(Node):
             Unit("s"),
             READ_ONLY,
         ] = 0.0
+        start: Annotated[
+            str,
+            Meta(description="from then on: s from the beginning, or else a time as for robo bag play; empty: all"),
+            READ_ONLY,
+        ] = ""
+        end: Annotated[str, Meta(description="before then, as start; empty: all"), READ_ONLY] = ""
+        duration: Annotated[float, Meta(ge=0, le=1e9, description="so much of it; 0: all"), Unit("s"), READ_ONLY] = 0.0
+        order: Annotated[
+            Literal["arrived", "published"],
+            Meta(description="by the times at which messages came, or were published"),
+            READ_ONLY,
+        ] = "arrived"
         loop: Annotated[bool, Meta(description="begin again at the end"), READ_ONLY] = False
         start_paused: Annotated[bool, Meta(description="begin with a pause"), READ_ONLY] = False
-        topics: Annotated[list[str], Meta(description="only these; * and ** match; empty: all"), READ_ONLY] = (
-            msgspec.field(default_factory=list)
-        )
+        topics: Annotated[
+            list[str],
+            Meta(description="only these; * and ** match; empty: all but what nodes say of themselves"),
+            READ_ONLY,
+        ] = msgspec.field(default_factory=list)
         exclude: Annotated[list[str], Meta(description="not these"), READ_ONLY] = msgspec.field(default_factory=list)
         publish_clock: Annotated[
             bool,
             Meta(description="publish /clock: time is that of the recording, for nodes with use_sim_time"),
             READ_ONLY,
         ] = False
+        clock_rate: Annotated[
+            float,
+            Meta(ge=0, le=1000, description="publish it so often too, beside once for each message; 0: no"),
+            Unit("Hz"),
+            READ_ONLY,
+        ] = 0.0
 
     parameters: Parameters
 
@@ -73,23 +96,47 @@ class BagPlayer(Node):
     def _prepare(self, recording: Bag) -> None:
         p = self.parameters
         try:
+            if p.clock_rate:
+                check_clock_rate(p.clock_rate)
             choice = Choice(p.topics, p.exclude, (), self.namespace)
-            chosen = select(recording.topics, choice, recording.path, robot_of(recording))
+            chosen = select(recording.topics, choice, recording.path, robots_of(recording))
             played = [msgspec.structs.replace(one, key=self._key(one)) for one in chosen.played]
-            self._tape = BagTape(recording, played)
+            window = Window(p.start, p.end, p.duration or None)
+            self._tape = BagTape(recording, played, p.order, window)
+            self._refuse_types(played)
         except UsageError as error:
             raise ParameterError(f"{self.full_name}: {error}") from None
-        for fault in recording.faults:
+        self._faults = recording.faults
+        for fault in self._faults:
             self.logger.warning("%s; what can be read is played", fault)
+        if chosen.left:
+            self.logger.info("not played, for nodes that run say it of themselves: %s", ", ".join(chosen.left))
         for one in played:
             if not one.type:
                 self.logger.warning("%s is published as %s: %s", one.key, one.encoding, one.topic.unknown)
         self._outputs = Outputs(self.session, played, self.full_name)
         clock = None
-        if p.publish_clock and all(one.key != CLOCK for one in played):
+        if (p.publish_clock or p.clock_rate) and all(one.key != CLOCK for one in played):
             clock = ClockOutput(self.session, self.full_name)
-        self._player = Player(self._tape, self._outputs, rate=p.rate, paused=p.start_paused, loop=p.loop, clock=clock)
+        self._player = Player(
+            self._tape,
+            self._outputs,
+            rate=p.rate,
+            paused=p.start_paused,
+            loop=p.loop,
+            clock=clock,
+            clock_period=1.0 / p.clock_rate if p.clock_rate else None,
+        )
         self._services = PlayerServices(self.session, self._player, self.full_name, self._player.stop)
+
+    def _refuse_types(self, played: list[Played]) -> None:
+        """Refuse what nodes that are there know as another type."""
+        types = {one.key: one.type or one.topic.schema or "bytes" for one in played}
+        for token in tokens(self.session, 1.0):
+            if isinstance(token, EndpointToken) and token.kind in ("pub", "sub") and token.topic in types:
+                type_ = types[token.topic]
+                if token.type_name and token.type_name != type_:
+                    raise UsageError(f"{token.topic} is no {type_}: {token.full_name} knows it as {token.type_name}")
 
     def _key(self, played: Played) -> str:
         """Where a topic goes: as this node has it, if it is one of the robot's."""
@@ -132,6 +179,11 @@ class BagPlayer(Node):
             self.parameters.file,
             self.clock.monotonic() - begin,
         )
+        if whole and not player.played and not unreadable:
+            self.logger.error("no message of what is played is in this part of the recording")
+            self.shutdown(1)
+        elif unreadable or self._faults:
+            self.shutdown(1)
 
     def on_stop(self) -> None:
         """Let go of the recording."""

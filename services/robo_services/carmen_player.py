@@ -13,7 +13,7 @@ from robo.tf import StaticTransformBroadcaster, Transform3
 from robo_messages import Clock, Header, LaserScan, Odometry, TFMessage, Time
 
 MOST_NAMED = 20
-"""Malformed lines named one by one while playing; the summary names the lines of all."""
+"""Lines that are left out and named, one by one while playing, and in the summary."""
 
 
 class CarmenPlayer(Node):
@@ -175,10 +175,14 @@ class CarmenPlayer(Node):
             self.logger.info(
                 "skipped %d odometry records of time 0, which a mapping tool wrote: lines %s",
                 len(self._rewritten),
-                line_ranges(self._rewritten[:MOST_NAMED]) + (", …" if len(self._rewritten) > MOST_NAMED else ""),
+                _first(self._rewritten),
             )
         if self._malformed:
-            self.logger.warning("skipped %d malformed lines: %s", len(self._malformed), line_ranges(self._malformed))
+            self.logger.warning("skipped %d malformed lines: %s", len(self._malformed), _first(self._malformed))
+
+
+def _first(lines: list[int]) -> str:
+    return line_ranges(lines[:MOST_NAMED]) + (", …" if len(lines) > MOST_NAMED else "")
 
 
 def line_ranges(lines: Iterable[int]) -> str:

@@ -1,6 +1,7 @@
 """Topics by patterns, times as people write them, and recordings side by side."""
 
 import random
+import re
 import time
 from collections.abc import Iterator
 from datetime import datetime
@@ -8,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import zenoh
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robo import bag
@@ -18,7 +19,8 @@ from robo.bag.look.pairing import Pairing
 from robo.bag.moments import moment
 from robo.bag.patterns import chosen, matcher
 from robo.bag.types import topic_of
-from robo.errors import BagError
+from robo.errors import InvalidName, UsageError
+from robo.wire import names
 from robo_messages import Twist
 from tests import bags
 from tests.bags import MS, START
@@ -27,14 +29,41 @@ PLAIN = bag.Options(compression="none", sync=False)
 SECOND = 10**9
 NAMES = ["r1/odom", "r1/scan", "r1/camera_left/image", "r2/scan", "tf"]
 
-parts = st.lists(st.sampled_from(["a", "b", "ab", "*", "**"]), min_size=1, max_size=5)
-names = st.lists(st.sampled_from(["a", "b", "ab"]), min_size=1, max_size=5).map("/".join)
+parts = st.lists(
+    st.sampled_from(["a", "b", "ab", "*", "**", "a*", "*b", "a$*b", "a**", "$**", ""]), min_size=1, max_size=5
+)
+topics = st.lists(st.sampled_from(["a", "b", "ab", "aab"]), min_size=1, max_size=5).map("/".join)
 
 
-@given(parts, names)
-def test_patterns_are_those_of_key_expressions(pattern: list[str], name: str) -> None:
-    expression = zenoh.KeyExpr.autocanonize("/".join(pattern))
-    assert matcher(["/".join(pattern)])(name) == expression.intersects(zenoh.KeyExpr(name))
+@settings(max_examples=500)
+@given(parts.map("/".join), topics)
+def test_patterns_are_those_of_key_expressions(pattern: str, name: str) -> None:
+    """What somebody types means the same of a recording as of what runs."""
+    try:
+        expression = zenoh.KeyExpr(names.key_of(pattern))
+    except InvalidName:
+        with pytest.raises(UsageError, match="makes no sense"):
+            matcher([pattern])
+    else:
+        assert matcher([pattern])(name) == expression.intersects(zenoh.KeyExpr(name))
+
+
+@pytest.mark.parametrize(
+    ("pattern", "found"),
+    [
+        ("odom", ["r1/odom"]),
+        ("*", ["r1/odom", "r1/scan", "tf"]),
+        ("/*", ["tf"]),
+        ("/r1/odom/", ["r1/odom"]),
+        ("camera_*/**", ["r1/camera_left/image"]),
+        ("r1/scan", ["r1/scan"]),
+        ("scan", ["r1/scan"]),
+    ],
+)
+def test_the_robot_that_was_recorded_may_be_left_out(pattern: str, found: list[str]) -> None:
+    assert list(filter(chosen(NAMES, [pattern], robot="r1"), NAMES)) == found
+    left = list(filter(chosen(NAMES, [], [pattern], robot="r1"), NAMES))
+    assert left == [name for name in NAMES if name not in found]
 
 
 @pytest.mark.parametrize(
@@ -46,24 +75,28 @@ def test_patterns_are_those_of_key_expressions(pattern: list[str], name: str) ->
         (["r1/camera_*/image"], [], ["r1/camera_left/image"]),
         (["r1/camera_$*/**"], [], ["r1/camera_left/image"]),
         (["r1/**"], ["**/scan"], ["r1/odom", "r1/camera_left/image"]),
-        ([], ["r1/**", "nothing"], ["r2/scan", "tf"]),
+        ([], ["r1/**", "nothing/*"], ["r2/scan", "tf"]),
         (["*.*"], [], None),
     ],
 )
 def test_topics_are_chosen(wanted: list[str], excluded: list[str], found: list[str] | None) -> None:
     if found is None:
-        with pytest.raises(BagError, match=r"a\.mcap: it has no topic \*\.\*; it has r1/odom, "):
+        with pytest.raises(UsageError, match=r"a\.mcap: it has no topic \*\.\*; it has r1/odom, "):
             chosen(NAMES, wanted, excluded, "a.mcap")
     else:
         assert list(filter(chosen(NAMES, wanted, excluded), NAMES)) == found
 
 
 def test_patterns_that_make_no_sense_are_told() -> None:
-    for pattern in ("", "a//b", "a/"):
-        with pytest.raises(BagError, match=f"topic '{pattern}' makes no sense"):
+    for pattern in ("", "a//b", "/", "a/b**"):
+        with pytest.raises(UsageError, match=re.escape(f"topic '{pattern}' makes no sense")):
             matcher([pattern])
-    with pytest.raises(BagError, match="no topic is left"):
+    with pytest.raises(UsageError, match="no topic is left"):
         chosen(NAMES, ["r1/*"], ["**"])
+    with pytest.raises(UsageError, match=r"a\.mcap: --exclude r1/odm: no topic matches; did you mean r1/odom\?"):
+        chosen(NAMES, [], ["r1/odm"], "a.mcap")
+    with pytest.raises(UsageError, match="--topics r1/odm: no topic matches"):
+        chosen(NAMES, ["r1/odm"], options=("--topics", "--exclude"))
 
 
 def test_no_pattern_takes_long() -> None:
@@ -92,6 +125,8 @@ END = BEGIN + 90 * SECOND
         ("2026-11-24T00:00:10", 39.75),
         ("2026-11-24 00:00:10.5", 40.25),
         (str(BEGIN + 7), 7e-9),
+        (f"{BEGIN // SECOND + 1}.25", 1.0),
+        ("99999999", 99999999.0),
     ],
 )
 def test_times_are_what_people_write(text: str, seconds: float) -> None:
@@ -104,8 +139,8 @@ def test_a_date_may_have_its_zone() -> None:
 
 @pytest.mark.parametrize("text", ["", "soon", "25:00", "1e3", "nan", "--5", "2026-13-01", "9" * 200, "12:61", "1_0"])
 def test_what_is_no_time_is_told(text: str) -> None:
-    with pytest.raises(BagError, match="is no time: write seconds from the beginning"):
-        moment(text, BEGIN, END)
+    with pytest.raises(UsageError, match=r"--start .* is no time: write seconds from the beginning"):
+        moment(text, BEGIN, END, "--start")
 
 
 def test_times_stay_what_a_file_can_hold() -> None:

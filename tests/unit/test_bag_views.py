@@ -7,8 +7,9 @@ import pytest
 
 from robo.cli.views import bag_progress
 from robo.cli.views.bag_progress import progress
-from robo.cli.views.bag_times import date, duration
+from robo.cli.views.bag_times import duration
 from robo.errors import BagError, DamagedBag
+from robo.text.dates import date
 from robo.text.terminal import Door
 
 

@@ -82,9 +82,9 @@ def test_a_rate_makes_it_quicker_or_slower(rate: float, whole: int) -> None:
     assert machine.said[-1] == (2, whole)
 
 
-@pytest.mark.parametrize("rate", [-1.0, math.nan, math.inf, 1e7])
+@pytest.mark.parametrize("rate", [-1.0, math.nan, math.inf, 1e7, 1e-7, 1e-320])
 def test_a_rate_that_is_none_is_refused(rate: float) -> None:
-    with pytest.raises(UsageError, match="use 1 for as recorded"):
+    with pytest.raises(UsageError, match=r"use 1 for as recorded, .*; else 1e-06 to 1e\+06"):
         Timeline(START, 0, rate)
     machine = Machine(Tape([0, 10 * MS]))
     with pytest.raises(UsageError):
@@ -149,6 +149,55 @@ def test_it_begins_again_at_its_end() -> None:
     assert not machine.play(until=35 * MS)
     assert machine.said == [(0, 0), (1, 10 * MS), (0, 10 * MS), (1, 20 * MS), (0, 20 * MS), (1, 30 * MS), (0, 30 * MS)]
     assert machine.jumps == [0, 2, 4, 6]
+
+
+def test_steps_go_on_from_the_beginning_where_it_begins_again() -> None:
+    machine = Machine(Tape([0, 10 * MS], latched=[0]), paused=True, loop=True)
+    for count in range(1, 6):
+        assert machine.playback.step()
+        assert not machine.play()
+        assert len(machine.said) == count
+    assert machine.order == [0, 1, 0, 1, 0]
+
+
+def test_nobody_waits_for_a_message_that_comes_after_days() -> None:
+    machine = Machine(Tape([0, 10 * MS, 10**18, 10**18 + 5 * MS]))
+    machine.play(until=20 * MS)
+    assert machine.playback.next_time == START + 10**18
+    assert machine.playback.hurry(machine.now) == START + 10**18
+    assert machine.play()
+    assert machine.said[2:] == [(2, 20 * MS), (3, 25 * MS)]
+    assert machine.playback.hurry(machine.now) == machine.tape.end, "there is none after the last"
+
+
+def test_while_it_stands_nothing_is_said_by_going_to_the_next_message() -> None:
+    machine = Machine(Tape([0, 10 * MS]), paused=True)
+    machine.playback.step()
+    assert not machine.play()
+    assert machine.playback.hurry(machine.now) == START + 10 * MS
+    assert not machine.play()
+    assert machine.order == [0]
+
+
+def test_who_asks_while_the_next_message_is_looked_for_has_an_answer() -> None:
+    machine = Machine(Tape([0, 10 * MS, 20 * MS]))
+    machine.play(until=10 * MS)
+    playback = machine.playback
+    playback.seek(START + 15 * MS, machine.now)
+    coming = playback.coming
+    assert coming is not None
+    later = machine.now + 60_000 * MS
+    assert playback.position(later) == START + 15 * MS
+    assert playback.next_time is None
+    playback.pause(later)
+    playback.resume(later)
+    playback.seek(START, later)
+    playback.take(coming, next(coming))
+    assert playback.coming not in (None, coming), "what was looked for before is of no use"
+    assert playback.position(later) == START
+    machine.now = later
+    assert machine.play()
+    assert machine.order == [0, 1, 0, 1, 2]
 
 
 def test_what_has_no_message_begins_again_never() -> None:

@@ -83,7 +83,8 @@ class Bag:
             topics: one or several; None for all.
             begin: from this time on, ns since the epoch.
             end: before this time, ns since the epoch.
-            order: by which time: of arrival, or of publishing. By the latter, the recording is read twice.
+            order: by which time: of arrival, or of publishing, where that is said. By the latter, the recording is
+                read twice.
 
         Raises:
             BagError: it has no such topic.
@@ -230,16 +231,18 @@ class Bag:
     def _published_span(self, number: int) -> Span:
         data = self.files.data(number)
         try:
-            times = [row.published for row in rows(data)]
+            times = [_published(row) for row in rows(data)]
         except Malformed as error:
             raise self.files.damaged(number, str(error)) from None
         return Span(min(times, default=0), max(times, default=0))
 
 
-_TIMES: dict[Order, Callable[[Row], int]] = {
-    "arrived": lambda row: row.arrived,
-    "published": lambda row: row.published,
-}
+def _published(row: Row) -> int:
+    """When a message was published; where nobody says so, when it came."""
+    return row.published or row.arrived
+
+
+_TIMES: dict[Order, Callable[[Row], int]] = {"arrived": lambda row: row.arrived, "published": _published}
 
 
 class _Selection:

@@ -58,7 +58,14 @@ def bag_record(
 )
 def bag_play(
     reach: Reach,
-    file: Annotated[str, typer.Argument(metavar="FILE", help="A recording in MCAP, or a folder of its files.")],
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE",
+            help="A recording in MCAP, or a folder of its files.",
+            autocompletion=completion.recordings,
+        ),
+    ],
     words: PlayWords,
     json: JsonLines = False,
 ) -> int:
@@ -66,10 +73,15 @@ def bag_play(
 
     Messages have the time of now beside them and the stamps of then within. What was latched is latched again, and said
     first, after each jump too. With --robot-name the recorded robot's topics become those of that robot; topics may
-    be named without it. A topic that somebody publishes already is refused, unless --beside is said.
+    be named without it. A topic that somebody publishes already is refused, unless --beside is said. What nodes say of
+    themselves, such as log, is played where --topics names it.
 
-    On a terminal: space pauses, . steps, arrows and pages jump, + and - change the rate, q ends. The same as services:
-    bag_player/pause, resume, toggle_paused, step, seek, set_rate, get_rate, is_paused, stop.
+    TIME counts as --order says: seconds from the beginning (12.5) or from the end (-5), a time of the clock here
+    (18:30:00), a date (2026-11-23T18:30:00, or with a zone), or s or ns since the epoch, as --json prints them.
+
+    On a terminal: space pauses, . steps, n goes to the next message, arrows and pages jump, + and - change the rate, q
+    ends. Much the same as services: bag_player/pause, resume, toggle_paused, step, seek, set_rate, get_rate, is_paused,
+    stop.
 
     Exit code: 0 played, 1 something could not be read or a topic has a publisher, 2 words that make no sense.
     """

@@ -106,8 +106,8 @@ def bag_cut(
     """Make a recording of a part of the time of another.
 
     TIME counts arrivals: seconds from the beginning (12.5) or from the end (-5), a time of the clock here (18:30:00),
-    a date (2026-11-23T18:30:00, or with a zone), or ns since the epoch, as --json prints them. What latched topics had
-    said before stands at the beginning.
+    a date (2026-11-23T18:30:00, or with a zone), or s or ns since the epoch, as --json prints them. What latched topics
+    had said before stands at the beginning.
     """
     from robo.cli.views.bag_edit import cut
 
@@ -133,8 +133,8 @@ def bag_filter(
 ) -> None:
     """Make a recording of some topics of another.
 
-    A pattern is one of whole names: * stands for one part between slashes, or some letters of it, ** for any number of
-    parts.
+    In a name * stands for one part between slashes, or some letters of it, ** for any number of parts. The namespace of
+    the robot that was recorded may be left out.
     """
     from robo.cli.views.bag_edit import keep
 

@@ -6,9 +6,9 @@ from robo import bag
 from robo.bag.look.inspection import FATAL, Report
 from robo.cli.printing import amount, hint, paint, print_json, print_line, print_table
 from robo.cli.views.bag_progress import progress
-from robo.cli.views.bag_times import date
 from robo.text import colours
 from robo.text.brief import brief
+from robo.text.dates import date
 
 
 def print_check(path: str, *, strict: bool, json: bool) -> int:

@@ -12,6 +12,7 @@ from robo.bag.forms.json_lines import from_json_lines, to_json_lines
 from robo.bag.forms.lines import STANDARD
 from robo.bag.forms.to_csv import to_csv
 from robo.bag.mcap.compression import Compression
+from robo.bag.of_robot import only_robot
 from robo.bag.patterns import chosen, matcher
 from robo.bag.progress import Tell
 from robo.cli.printing import amount, note, print_line
@@ -61,13 +62,13 @@ def convert(asked: Conversion) -> None:
 
 def _from_mcap(asked: Conversion, target: Form, tell: Tell) -> Converted:
     with bag.open(asked.source) as opened:
-        wanted = chosen(opened.topics, asked.topics, asked.exclude, asked.source)
+        wanted = chosen(opened.topics, asked.topics, asked.exclude, asked.source, robot=only_robot(opened))
         write = to_csv if target == "csv" else to_json_lines
         return write(opened, asked.output, wanted=wanted, force=asked.force, tell=tell)
 
 
 def _to_mcap(asked: Conversion, source: Form, tell: Tell) -> Converted:
-    wanted: Wanted = matcher(asked.topics, asked.exclude)
+    wanted: Wanted = matcher(asked.topics, asked.exclude, asked.namespace)
     path, output, force = asked.source, asked.output, asked.force
     if source == "carmen":
         setting = Setting(namespace=asked.namespace)

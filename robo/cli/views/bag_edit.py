@@ -7,11 +7,13 @@ from robo import bag
 from robo.bag.edit.editing import Edited
 from robo.bag.mcap.compression import Compression
 from robo.bag.moments import moment
+from robo.bag.of_robot import only_robot
 from robo.bag.patterns import chosen
 from robo.cli.printing import amount, data_size, note, print_line
 from robo.cli.views.bag_progress import progress
-from robo.cli.views.bag_times import date, duration
+from robo.cli.views.bag_times import duration
 from robo.errors import BagError, UsageError
+from robo.text.dates import date
 from robo.text.terminal import visible
 
 
@@ -19,8 +21,8 @@ def cut(path: str, output: str, start: str | None, end: str | None, compression:
     """Make a recording of a part of the time of another.
 
     Raises:
-        UsageError: no time is said.
-        BagError: a time is none, nothing came in it, or a file cannot be read or written.
+        UsageError: no time is said, or it is none.
+        BagError: nothing came in it, or a file cannot be read or written.
     """
     if start is None and end is None:
         raise UsageError("say from when or up to when: --start, --end or both")
@@ -28,8 +30,8 @@ def cut(path: str, output: str, start: str | None, end: str | None, compression:
         with bag.open(path) as opened:
             first, last = opened.begin, opened.end
             known = bool(opened.count) and not opened.faults
-        begin = moment(start, first, last) if start is not None else None
-        until = moment(end, first, last) if end is not None else None
+        begin = moment(start, first, last, "--start") if start is not None else None
+        until = moment(end, first, last, "--end") if end is not None else None
         if begin is not None and until is not None and begin >= until:
             raise UsageError(f"--end {end} is not after --start {start}")
         if known and ((begin is not None and begin > last) or (until is not None and until <= first)):
@@ -44,14 +46,14 @@ def keep(
     """Make a recording of some topics of another.
 
     Raises:
-        UsageError: no topic is said.
-        BagError: it has none of the topics, or a file cannot be read or written.
+        UsageError: no topic is said, or one that it has not.
+        BagError: a file cannot be read or written.
     """
     if not topics and not exclude:
         raise UsageError("say which topics: TOPICS, --exclude or both")
     with progress(f"filtering {path}") as tell:
         with bag.open(path) as opened:
-            wanted = chosen(opened.topics, topics, exclude, path)
+            wanted = chosen(opened.topics, topics, exclude, path, robot=only_robot(opened))
         _tell(bag.keep(path, output, wanted, compression, force=force, tell=tell))
 
 

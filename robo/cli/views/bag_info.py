@@ -6,9 +6,10 @@ from robo import bag
 from robo.bag.look.summary import Info, TopicInfo
 from robo.cli.printing import amount, data_size, note, paint, print_json, print_line, print_table
 from robo.cli.views.bag_progress import progress
-from robo.cli.views.bag_times import date, duration
+from robo.cli.views.bag_times import duration
 from robo.text import colours
 from robo.text.brief import brief
+from robo.text.dates import date
 from robo.text.terminal import visible
 
 _MOST_LISTED = 50

@@ -4,9 +4,9 @@ from typing import Final, Literal
 
 from robo.recording.play.player import State
 
-Key = Literal["pause", "step", "ahead", "back", "far ahead", "far back", "faster", "slower", "quit"]
+Key = Literal["pause", "step", "next", "ahead", "back", "far ahead", "far back", "faster", "slower", "quit"]
 
-HELP: Final = "space pause   . step   ← → 5 s   PgUp PgDn 60 s   + - rate   q quit"
+HELP: Final = "space pause   . step   n next   ← → 5 s   PgUp PgDn 60 s   + - rate   q quit"
 
 SEEK: Final = 5.0
 """By an arrow, s of the recording."""
@@ -17,6 +17,7 @@ _ESCAPE = "\x1b"
 _KEYS: dict[str, Key] = {
     " ": "pause",
     ".": "step",
+    "n": "next",
     "+": "faster",
     "=": "faster",
     "-": "slower",
@@ -30,6 +31,22 @@ _KEYS: dict[str, Key] = {
     "[6~": "far back",
 }
 _RATES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+
+
+_FAR_AWAY = 10.0
+"""From how far away the next message is told, s of the wall clock."""
+_DAY = 86_400 * 10**9
+"""ns: no recorder waits so long; somebody has set its clock."""
+
+
+def far_away(state: State) -> str | None:
+    """What is told of a message that comes after a long time of nothing; None where it comes soon."""
+    left = 0 if state.coming is None or state.paused else state.coming - state.position
+    if not state.rate or left * 1e-9 / state.rate < _FAR_AWAY:
+        return None
+    if left > _DAY:
+        return f"nothing for {left / _DAY:,.0f} days of the recording: its clock was set there"
+    return f"nothing for {left * 1e-9:.0f} s of the recording"
 
 
 class Decoder:

@@ -12,18 +12,19 @@ from typing import TYPE_CHECKING, NoReturn
 import zenoh
 
 from robo import bag
-from robo.bag.of_robot import robot_of
-from robo.bag.read.reader import Bag
+from robo.bag.of_robot import robots_of
+from robo.bag.read.reader import Bag, Order
 from robo.cli.connection import connect_to_robot
 from robo.cli.link import Link
 from robo.cli.printing import amount, hint, note, print_json, print_line
 from robo.cli.reach import Reach
-from robo.cli.views.bag_keys import FAR, SEEK, Decoder, Key, next_rate, status_line
+from robo.cli.views.bag_keys import FAR, SEEK, Decoder, Key, far_away, next_rate, status_line
 from robo.errors import BagError, DamagedBag, InvalidName
 from robo.recording.play.outputs import ClockOutput, Outputs
 from robo.recording.play.player import Player
 from robo.recording.play.services import PlayerServices
 from robo.recording.play.tape import BagTape, Window
+from robo.recording.play.timeline import check_clock_rate, check_rate
 from robo.recording.play.topics import CLOCK, Choice, Played, Selection, select
 from robo.samples.publishing import Audience
 from robo.text.brief import brief
@@ -31,7 +32,7 @@ from robo.text.keyboard import KeyboardTerminal, NoTerminal
 from robo.tools import topics
 from robo.wire import names
 from robo.wire.discovery import tokens
-from robo.wire.keys import SYSTEM_TOPICS, EndpointToken
+from robo.wire.keys import EndpointToken
 
 if TYPE_CHECKING:  # what a verb does is apart from how it is called
     from robo.cli.play_words import PlayWords
@@ -41,6 +42,8 @@ NAME = "bag_player"
 
 _LOOK = 0.1
 """How often it is looked what to draw, s."""
+_FOUND = 1.0
+"""How long it may take until Zenoh has found those who listen, s: what is published sooner would miss them."""
 _LAST = 1.0
 """How long the last message may take, s: a receiver that wants all of them may hang."""
 _LATE = 0.1
@@ -62,53 +65,46 @@ def play(path: str, reach: Reach, words: "PlayWords", *, json: bool) -> int:
         TopicTaken: somebody publishes a topic already.
         RoboError: nothing runs.
     """
+    check_rate(words.rate)
+    check_clock_rate(words.clock_rate)
     with bag.open(path) as recording, ExitStack() as ends:
         _tell_all(f"{fault}; what can be read is played, and `robo bag recover` mends it" for fault in recording.faults)
-        selection = select(recording.topics, _choice(words, reach), recording.path, robot_of(recording))
-        window = Window(words.start, words.end, words.duration)
-        tape = BagTape(recording, selection.played, words.order, window)  # a mistake is told before anything is dialled
+        choice = Choice(words.topics or (), words.exclude or (), words.remap or (), reach.namespace)
+        selection = select(recording.topics, choice, recording.path, robots_of(recording))
+        tape = _tape(recording, selection.played, words)  # a mistake is told before anything is dialled
         session = ends.enter_context(connect_to_robot(reach))
-        played = _allowed(session, selection, words, reach)
-        if len(played) < len(selection.played):
-            tape = BagTape(recording, played, words.order, window)
-        run = _Run(session, recording, tape, selection._replace(played=played), words, reach, json=json)
-        run.play()
+        listening = _refuse_taken(session, selection.played, words, reach)
+        run = _Run(session, recording, tape, selection, words, reach, json=json)
+        run.play(listening)
     return 1 if recording.faults or tape.converter.unreadable else 0
 
 
-def _choice(words: "PlayWords", reach: Reach) -> Choice:
-    return Choice(words.topics or (), words.exclude or (), words.remap or (), reach.namespace)
+def _tape(recording: Bag, played: list[Played], words: "PlayWords") -> BagTape:
+    order: Order = "published" if words.order in ("published", "sent") else "arrived"
+    try:
+        return BagTape(recording, played, order, Window(words.start, words.end, words.duration))
+    except DamagedBag:
+        hint("`robo bag recover` makes a recording of all that can be read")
+        raise
 
 
-def _allowed(session: zenoh.Session, selection: Selection, words: "PlayWords", reach: Reach) -> list[Played]:
-    """The topics that may be published.
+def _refuse_taken(session: zenoh.Session, played: list[Played], words: "PlayWords", reach: Reach) -> list[str]:
+    """Refuse what is not to be published. Returns the topics to which somebody listens.
 
     Raises:
         MessageError: nodes know one as another type.
         TopicTaken: somebody publishes one already.
-        BagError: no other one is there.
     """
-    wanted = {one.key: one.type for one in selection.played}
-    if _tells_time(selection.played, words):
+    wanted = {one.key: one.type or one.topic.schema or "bytes" for one in played}
+    if _tells_time(played, words):
         wanted[CLOCK] = "system/Clock"
     there = topics.among(session, wanted, reach.timeout)
-    left_out: set[str] = set()
     for topic in there:
-        # What every node says by itself is said by those that are there: the recorded ones' would be in its place.
-        own = topic.key.rpartition("/")[2] in SYSTEM_TOPICS
-        if own and topic.publishers and not words.topics and not words.beside:
-            left_out.add(topic.key)
-    if left_out:
-        note(f"not played, for nodes that run say it themselves: {', '.join(sorted(left_out))}; --beside plays it too")
-    for topic in there:
-        if wanted[topic.key] and not words.force:
+        if not words.force:
             topics.refuse_type(topic, wanted[topic.key])
-        if topic.key not in left_out and not words.beside:
+        if not words.beside:
             topics.refuse_taken(topic, "--exclude leaves it out, --remap and --robot-name play it elsewhere")
-    allowed = [one for one in selection.played if one.key not in left_out]
-    if not allowed:
-        raise BagError("nothing else is left to be played")
-    return allowed
+    return [topic.key for topic in there if topic.subscribers]
 
 
 def _tells_time(played: list[Played], words: "PlayWords") -> bool:
@@ -157,13 +153,18 @@ class _Run:
         self._json = json
         self._link = Link(session, reach)
         self._link_due = 0.0
+        self._told_far_away = False
         self._terminal: KeyboardTerminal | None = None
         self._over = threading.Event()
         self._complete = False
         self._error: BaseException | None = None
 
-    def play(self) -> None:
-        """Play it, and tell of it."""
+    def play(self, listening: list[str]) -> None:
+        """Play it, and tell of it.
+
+        Args:
+            listening: topics to which somebody listens.
+        """
         words, session, played = self._words, self._session, self._selection.played
         namespace = self._reach.namespace or _as_namespace(self._selection.robot)
         with ExitStack() as ends:
@@ -176,8 +177,7 @@ class _Run:
                 clock = ends.enter_context(closing(ClockOutput(session, node)))
             elif words.clock or words.clock_rate is not None:
                 note("the recording has a /clock of its own, which is played: --clock adds none")
-            if words.wait_for_subscribers:
-                self._wait_for_subscribers()
+            self._wait_for_subscribers(listening)
             player = Player(
                 self._tape,
                 outputs,
@@ -201,6 +201,8 @@ class _Run:
                 hint("what comes before it was played; `robo bag recover` makes a recording of all that can be read")
             if self._error is not None:
                 raise self._error
+            if self._complete and not player.played and not self._tape.converter.unreadable:
+                self._refuse_nothing()
 
     def _run(self, player: Player) -> None:
         """Play in a thread of its own, and look after keys and the link meanwhile."""
@@ -247,15 +249,18 @@ class _Run:
             terminal.close()
 
     def _attend(self, player: Player) -> None:
-        terminal = self._terminal
+        terminal, state = self._terminal, player.state
         if time.monotonic() >= self._link_due:
             self._link_due = time.monotonic() + 3 * _LOOK
             if changed := self._link.look():
                 self._note(changed)
+        if not self._told_far_away and (text := far_away(state)) is not None:
+            self._told_far_away = True
+            self._note(f"{text}; {'n goes to the next message' if terminal is not None else '--start goes beyond it'}")
         if terminal is None:
             self._over.wait(_LOOK)
             return
-        _draw(terminal, status_line(player.state, self._tape.first, self._tape.end, terminal.size.columns))
+        _draw(terminal, status_line(state, self._tape.first, self._tape.end, terminal.size.columns))
         heard = terminal.wait(_LOOK)
         if heard.closed:
             player.stop()
@@ -270,21 +275,30 @@ class _Run:
             _draw(self._terminal, "")
         note(text)
 
-    def _wait_for_subscribers(self) -> None:
-        keys = dict.fromkeys(one.key for one in self._selection.played)
-        with closing(Audience(self._session, keys)) as audience:
-            told: list[str] = []
-            while not audience.wait(_LOOK):
-                if told != audience.missing:
-                    told = audience.missing
-                    hint(
-                        f"waiting for a subscriber of {', '.join(told)} … (--topics and --exclude say which are played)"
-                    )
+    def _wait_for_subscribers(self, listening: list[str]) -> None:
+        """Wait for those that are there already until Zenoh has found them, or, if that is wanted, for all."""
+        with closing(Audience(self._session, listening)) as audience:
+            audience.wait(_FOUND)
+        if self._words.wait_for_subscribers:
+            keys = dict.fromkeys(one.key for one in self._selection.played)
+            with closing(Audience(self._session, keys)) as audience:
+                told: list[str] = []
+                while not audience.wait(_LOOK):
+                    if told != audience.missing:
+                        told = audience.missing
+                        missing = ", ".join(told)
+                        hint(f"waiting for a subscriber of {missing} … (--topics and --exclude say which are played)")
+        time.sleep(self._words.delay)
 
     def _tell_beginning(self, node: str) -> None:
         played, tape = self._selection.played, self._tape
-        for one in self._selection.nameless[:_MOST_TOLD]:
-            note(f"{brief(one, 100)} is not played: it is no name of a topic; --remap OLD:=NEW gives another one")
+        _tell_all(
+            f"{brief(one, 100)} is not played: it is no name of a topic; --remap OLD:=NEW gives another one"
+            for one in self._selection.nameless
+        )
+        if left := self._selection.left:
+            told = ", ".join(brief(one, 100) for one in left[:_MOST_TOLD])
+            note(f"not played, for nodes that run say it of themselves: {told}; --topics plays what it names")
         _tell_all(f"{one.key} is published as {one.encoding}: {one.topic.unknown}" for one in played if not one.type)
         if self._json:
             about = [
@@ -299,6 +313,12 @@ class _Run:
         renamed = f", {recorded} as {robot}" if recorded and robot and recorded != robot else ""
         window = f"{(tape.begin - tape.first) * 1e-9:.1f} to {(tape.end - tape.first) * 1e-9:.1f} s"
         print_line(f"playing {self._recording.path}: {amount(len(played), 'topic')}, {window}{renamed}; {node}")
+
+    def _refuse_nothing(self) -> NoReturn:
+        tape, played = self._tape, self._selection.played
+        names_of = ", ".join(brief(one.topic.name, 100) for one in played[:_MOST_TOLD])
+        begin, end = ((at - tape.first) * 1e-9 for at in (tape.begin, tape.end))
+        raise BagError(f"no message of {names_of} is between {begin:g} and {end:g} s", self._recording.path)
 
     def _tell_end(self, player: Player, outputs: Outputs, seconds: float) -> None:
         unreadable = dict(self._tape.converter.unreadable)
@@ -324,6 +344,8 @@ def _press(key: Key, player: Player) -> None:
             player.toggle()
         case "step":
             player.step()
+        case "next":
+            player.hurry()
         case "ahead" if player.state.paused:
             player.step()
         case "ahead":

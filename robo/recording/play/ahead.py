@@ -9,6 +9,9 @@ from robo.recording.play.playback import Item
 
 T = TypeVar("T")
 
+Wanted = Callable[[], bool]
+"""Whether what is read is still wanted: what takes long asks now and then."""
+
 MOST_BYTES = 2**24
 """That wait; whoever takes them may have as many in hand."""
 MOST_ITEMS = 4_000
@@ -20,10 +23,10 @@ _BATCH_BYTES = 2**18
 class Ahead(Generic[T]):
     """Reads in a thread of its own, and nowhere else: what is read need not be safe from several threads."""
 
-    def __init__(self, read: Callable[[int], Iterator[Item[T]]], size_of: Callable[[T], int]) -> None:
+    def __init__(self, read: Callable[[int, Wanted], Iterator[Item[T]]], size_of: Callable[[T], int]) -> None:
         """
         Args:
-            read: what is to be said from a time on, ns since the epoch.
+            read: what is to be said from a time on, ns since the epoch, for as long as that is wanted.
             size_of: a message, in bytes.
         """
         self._read = read
@@ -52,11 +55,15 @@ class Ahead(Generic[T]):
             self._changed.notify_all()
             return self._items(self._run)
 
-    def close(self) -> None:
-        """Read no more. What is read may be closed after this."""
+    def stop(self) -> None:
+        """Read no more: what `run` returned ends."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
+
+    def close(self) -> None:
+        """Read no more. What is read may be closed after this."""
+        self.stop()
         self._thread.join()
 
     def _items(self, run: int) -> Iterator[Item[T]]:
@@ -98,7 +105,7 @@ class Ahead(Generic[T]):
         batch: list[Item[T]] = []
         size = 0
         try:
-            for item in self._read(at):
+            for item in self._read(at, lambda: run == self._run and not self._closed):
                 batch.append(item)
                 size += self._size_of(item.what)
                 if len(batch) >= _BATCH or size >= _BATCH_BYTES or not self._ready:

@@ -62,8 +62,8 @@ class Outputs:
     def _sender(self, number: int, part: int) -> Sender:
         topic = self.played[number]
         # Of two publishers of one node a late reader takes the newer one's word alone.
-        node = f"{self._node}_{part + 1}" if part else self._node
-        made = Sender(self._session, topic.key, topic.type, topic.qos, node)
+        node = f"{self._node}_part_{part + 1}" if part else self._node
+        made = Sender(self._session, topic.key, topic.type, topic.qos, node, remembered=0)
         self._senders[number, part] = made
         return made
 
@@ -72,7 +72,7 @@ class ClockOutput:
     """Says what time it is in the recording, for nodes that follow `/clock`."""
 
     def __init__(self, session: zenoh.Session, node: str) -> None:
-        self._sender = Sender(session, CLOCK, robo_messages.type_name(Clock), QoS(depth=KEEP_ALL), node)
+        self._sender = Sender(session, CLOCK, robo_messages.type_name(Clock), QoS(depth=KEEP_ALL), node, remembered=0)
 
     def send(self, time: int) -> None:
         """Publish a time, ns since the epoch."""

@@ -87,25 +87,42 @@ class Playback(Generic[T]):
         """Whether it stands."""
         return self._time.paused
 
+    @property
+    def coming(self) -> Iterator[Item[T]] | None:
+        """Where the next message is to be looked for, which may take a while; None where it is known what comes next.
+
+        Whoever must not wait in `next` asks it for the next message, and gives that to `take`.
+        """
+        return None if self._item is not None or self._ended else self._coming
+
+    def take(self, coming: Iterator[Item[T]], item: Item[T] | None) -> None:
+        """What came of `coming`, None at its end. After a jump nobody wants it."""
+        if coming is self._coming:
+            self._item, self._ended = item, item is None
+
+    @property
+    def next_time(self) -> int | None:
+        """The time of the next message, ns since the epoch; None at the end, and as long as it is looked for."""
+        return None if self._item is None else max(self._item.time, self._first)
+
     def position(self, now: int) -> int:
         """Where in the recording it is, ns since the epoch: never beyond a message that has not been said."""
-        at, item = self._time.at(now), self._peek()
-        return min(at, self._tape.end if item is None else max(item.time, self._first))
-
-    def prepare(self) -> None:
-        """Look for what comes next. That may take a while; `next` takes none after it."""
-        self._peek()
+        if self._waits or self.coming is not None:
+            return self._last
+        return min(self._time.at(now), self._tape.end if self.next_time is None else self.next_time)
 
     def next(self, now: int) -> Say[T] | Wait | Over:
         """What to do at this time; to be called again after it was done, or once anything was changed."""
-        item = self._peek()
+        if self.coming is not None:
+            self.take(self._coming, next(self._coming, None))
+        item = self._item
         if self._waits:
             self._waits = False
             self._time.jump(self._first, now)  # time goes on from when there is something to be said
         if item is None:
-            if self._time.paused:
+            if self._time.paused and not (self._steps and self._again):
                 return Wait(None)  # somebody may jump back
-            if not self._loop or not self._said:
+            if not self._again:
                 return Over()
             self._begin_at(self._tape.begin, now)
             return Wait(now)
@@ -137,7 +154,7 @@ class Playback(Generic[T]):
 
     def step(self, count: int = 1) -> bool:
         """Say so many messages while it stands. Returns whether it does, and is not at its end."""
-        if not self._time.paused or self._peek() is None:
+        if not self._time.paused or (self._ended and not self._again):
             return False
         self._steps += count
         return True
@@ -148,6 +165,13 @@ class Playback(Generic[T]):
         self._steps = 0
         self._begin_at(at, now)
         return at
+
+    def hurry(self, now: int) -> int:
+        """Go to the time of the next message. Returns where that is, ns since the epoch."""
+        if self.next_time is not None:
+            self._waits = False
+            self._time.jump(self.next_time, now)
+        return self.position(now)
 
     def change_rate(self, rate: float, now: int) -> None:
         """Be quicker or slower from now on.
@@ -166,20 +190,18 @@ class Playback(Generic[T]):
 
     def _begin_at(self, at: int, now: int) -> None:
         self._time.jump(at, now)
-        self._first = at
+        self._first = self._last = at
         self._coming = self._tape.run(at)
         self._item = None
         self._ended = self._said = False
         self._jumped = self._waits = True
 
-    def _peek(self) -> Item[T] | None:
-        """The message that comes next; None at the end. It is looked for no sooner than it is wanted: that may wait."""
-        if self._item is None and not self._ended:
-            self._item = next(self._coming, None)
-            self._ended = self._item is None
-        return self._item
+    @property
+    def _again(self) -> bool:
+        """Whether it begins again at its end: what says nothing would do so for ever."""
+        return self._loop and self._said
 
     def _say(self, item: Item[T], due: int) -> Say[T]:
         say = Say(item, due, self._jumped)
-        self._jumped, self._item = False, None
+        self._jumped, self._item, self._last = False, None, max(item.time, self._first)
         return say

@@ -17,6 +17,8 @@ R = TypeVar("R")
 STOOD_STILL = 0.5
 """Who wakes so much too late was stopped, or the machine was, s: what is due then comes later, and not all at once."""
 
+_HANGS = 0.2
+"""A message that takes longer to go out waits for a receiver, s; nobody waits for that."""
 _LONGEST_WAIT = 3600.0
 """s."""
 _SWITCH = 0.5e-3
@@ -32,17 +34,37 @@ class State(NamedTuple):
     paused: bool
     played: int
     """Messages."""
+    coming: int | None = None
+    """The time of the next message, ns since the epoch; None at the end, and while it is looked for."""
 
 
 class _Tape:
-    """A tape that is read ahead."""
+    """A tape that is read ahead, or by whoever wants its messages."""
 
-    def __init__(self, tape: BagTape, ahead: "Ahead[Ready]") -> None:
+    def __init__(self, tape: BagTape, *, ahead: bool) -> None:
         self.begin, self.end = tape.begin, tape.end
-        self._ahead = ahead
+        self._tape = tape
+        self._ahead: Ahead[Ready] | None = Ahead(tape.run, _size_of) if ahead else None
+        self._wanted = object()
 
     def run(self, at: int) -> Iterator[Item[Ready]]:
-        return self._ahead.run(at)
+        """What is said from a time on; what was asked for before is wanted no more."""
+        if self._ahead is not None:
+            return self._ahead.run(at)
+        this = self._wanted = object()
+        return self._tape.run(at, lambda: this is self._wanted)
+
+    def stop(self) -> None:
+        """Nothing more is wanted; who waits for something waits no longer."""
+        self._wanted = object()
+        if self._ahead is not None:
+            self._ahead.stop()
+
+    def close(self) -> None:
+        """After this the recording may be closed."""
+        self.stop()
+        if self._ahead is not None:
+            self._ahead.close()
 
 
 def _size_of(message: Ready) -> int:
@@ -80,7 +102,7 @@ class Player:
         """
         # Who does not wait for anything to be due has no time in which another thread could read: both would only wait
         # for each other.
-        self._ahead = Ahead(tape.run, _size_of) if rate else None
+        self._tape = _Tape(tape, ahead=rate != 0)
         self._outputs = outputs
         self._clock = clock
         self._clock_period = round(clock_period * 1e9) if clock_period else None
@@ -88,6 +110,8 @@ class Player:
         self._clock_said = -1
         self._on_change = on_change
         self._changed = threading.Condition()
+        self._in_hand = False
+        """Whether something is on its way out; it is not the lock that is held meanwhile, for receivers may be slow."""
         self._stopped = False
         self.played = 0
         """Messages that were published."""
@@ -95,13 +119,7 @@ class Player:
         """How late the latest of them was, s."""
         try:
             now = time.monotonic_ns()
-            self._playback: Playback[Ready] = Playback(
-                _Tape(tape, self._ahead) if self._ahead is not None else tape,
-                now,
-                rate=rate,
-                paused=paused,
-                loop=loop,
-            )
+            self._playback: Playback[Ready] = Playback(self._tape, now, rate=rate, paused=paused, loop=loop)
         except BaseException:
             self.close()
             raise
@@ -114,18 +132,29 @@ class Player:
         """
         with _quick_turns():
             while True:
+                told = None
                 with self._changed:
+                    self._in_hand = False
+                    self._changed.notify_all()
                     if self._stopped:
                         return False
-                    self._playback.prepare()
+                    coming = self._playback.coming
                     now = time.monotonic_ns()
-                    said = self._playback.next(now)
+                    said = self._playback.next(now) if coming is None else None
                     if isinstance(said, Over):
                         return True
                     if isinstance(said, Wait):
-                        self._wait(said.until, now)
-                        continue
-                self._say(said, now)
+                        told = self._time_to_tell(now)
+                        if told is None:
+                            self._wait(said.until, now)
+                            continue
+                    self._in_hand = coming is None
+                if coming is not None:
+                    self._look_for(coming)
+                elif isinstance(said, Say):
+                    self._say(said, now)
+                elif told is not None:
+                    self._tell_time(told)
 
     def pause(self) -> None:
         """Stand where it is."""
@@ -151,6 +180,10 @@ class Player:
         """Go on or back by so many seconds of the recording. Returns where that is, ns since the epoch."""
         return self._do(lambda now: self._playback.seek(self._playback.position(now) + round(by * 1e9), now))
 
+    def hurry(self) -> int:
+        """Go to the time of the next message. Returns where that is, ns since the epoch."""
+        return self._do(self._playback.hurry)
+
     def change_rate(self, rate: float) -> None:
         """Be quicker or slower.
 
@@ -168,6 +201,7 @@ class Player:
         with self._changed:
             self._stopped = True
             self._changed.notify_all()
+        self._tape.stop()
 
     @property
     def stopped(self) -> bool:
@@ -179,27 +213,46 @@ class Player:
         """How far it has come."""
         with self._changed:
             playback = self._playback
-            return State(playback.position(time.monotonic_ns()), playback.rate, playback.paused, self.played)
+            at = playback.position(time.monotonic_ns())
+            return State(at, playback.rate, playback.paused, self.played, playback.next_time)
 
     def close(self) -> None:
         """Read no more; after this the recording may be closed."""
         self.stop()
-        if self._ahead is not None:
-            self._ahead.close()
+        self._tape.close()
 
     def _do(self, what: Callable[[int], R]) -> R:
         with self._changed:
             done = what(time.monotonic_ns())
             self._changed.notify_all()
+            # What was due before is out before whoever wanted this hears of it, unless a receiver hangs.
+            self._changed.wait_for(lambda: not self._in_hand or self._stopped, _HANGS)
         self._on_change()
         return done
+
+    def _look_for(self, coming: Iterator[Item[Ready]]) -> None:
+        """Find what comes next; whatever somebody wants meanwhile, he need not wait for it."""
+        try:
+            item = next(coming, None)
+        except BaseException:
+            with self._changed:
+                if self._playback.coming is coming:
+                    raise
+            return  # it is of a part that nobody wants any more
+        with self._changed:
+            self._playback.take(coming, item)
+
+    def _time_to_tell(self, now: int) -> int | None:
+        """What time to tell, ns since the epoch, though no message is due; None as long as that is not due."""
+        if self._clock is None or self._clock_period is None or now < self._clock_due:
+            return None
+        due = self._clock_due + self._clock_period
+        self._clock_due = due if due > now else now + self._clock_period
+        return self._playback.position(now)
 
     def _wait(self, until: int | None, now: int) -> None:
         """Wait until something is due, or is changed; the lock is held."""
         if self._clock is not None and self._clock_period is not None:
-            if now >= self._clock_due:
-                self._tell_time(self._playback.position(now))
-                self._clock_due = max(self._clock_due + self._clock_period, now)
             until = min(until, self._clock_due) if until is not None else self._clock_due
         left = (until - now) * 1e-9 if until is not None else _LONGEST_WAIT
         if not self._changed.wait(min(left, _LONGEST_WAIT)) and until is not None:

@@ -32,6 +32,7 @@ class PlayerServices:
             ("resume", Trigger, self._resume),
             ("toggle_paused", Trigger, self._toggle),
             ("step", Trigger, self._step),
+            ("play_next", Trigger, self._step),  # as ROS calls it
             ("stop", Trigger, self._stop),
             ("seek", Seek, self._seek),
             ("set_rate", SetRate, self._set_rate),

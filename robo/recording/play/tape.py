@@ -1,19 +1,24 @@
 """A recording as it is played: its messages as robo's, ready to be published, in order, with what was said before."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import robo_messages
+from robo.bag.moments import moment
 from robo.bag.read.reader import Bag, Order
 from robo.bag.read.topics import BagMessage, last_of_each
 from robo.errors import BagError, UsageError
+from robo.recording.play.ahead import Wanted
 from robo.recording.play.playback import Item
 from robo.recording.play.topics import Played
+from robo.text.dates import date
 from robo_messages import TFMessage
 
 _MOST_PARTS = 64
 """Publishers of static transforms that are told apart."""
+_LOOK = 1_000
+"""Messages from one look whether they are wanted to the next."""
 _LONGEST = 1e9
 """Of a recording, s: 30 years."""
 
@@ -34,7 +39,7 @@ class Converter:
     def __init__(self, played: Sequence[Played]) -> None:
         self._numbers = {played_topic.topic.name: number for number, played_topic in enumerate(played)}
         self._played = played
-        self._parts: dict[int, dict[frozenset[str], int]] = {}
+        self._parts: dict[int, list[frozenset[str]]] = {}
         self.unreadable: Counter[str] = Counter()
         """Messages by topic that are none of their type: they are left out."""
         self.reason = ""
@@ -61,28 +66,50 @@ class Converter:
         Whoever comes later wants them all. Other latched topics have one publisher: of several that follow one another,
         what a former one said is old.
         """
-        parts = self._parts.setdefault(number, {})
+        parts = self._parts.setdefault(number, [])
         frames = frozenset(one.child_frame_id for one in value.transforms)
-        return parts.setdefault(frames, min(len(parts), _MOST_PARTS - 1))
+        # A node says all that it has said so far once more, with what is new.
+        part = next((part for part, known in enumerate(parts) if known <= frames), len(parts))
+        if part == len(parts) < _MOST_PARTS:
+            parts.append(frames)
+        elif part < len(parts):
+            parts[part] = frames
+        return min(part, _MOST_PARTS - 1)
 
 
 class Window(NamedTuple):
-    """Which part of a recording is played, s from its beginning."""
+    """Which part of a recording is played: times as `moment` has them."""
 
-    start: float = 0.0
-    end: float | None = None
+    start: str = ""
+    """From then on; empty for the beginning."""
+    end: str = ""
+    """Before then; empty for the end."""
     duration: float | None = None
-    """From the start on."""
+    """From the start on, s."""
 
-    def check(self) -> None:
-        """Refuse what is no time.
+    def of(self, first: int, last: int) -> tuple[int, int]:
+        """From when on, and before when.
+
+        Args:
+            first: when the recording begins, ns since the epoch.
+            last: the time of its last message.
 
         Raises:
-            UsageError: tells which.
+            UsageError: one of them is no time, or nothing is between them.
         """
-        for name, value in self._asdict().items():
-            if value is not None and not 0 <= value <= _LONGEST:  # NaN too
-                raise UsageError(f"--{name} {value:g}: write seconds from the beginning of the recording")
+        begin = max(moment(self.start, first, last, "--start"), first) if self.start else first
+        until = moment(self.end, first, last, "--end") if self.end else last + 1
+        if self.duration is not None:
+            if not 0 < self.duration <= _LONGEST:  # NaN too
+                raise UsageError(f"--duration {self.duration:g}: write seconds")
+            until = min(until, begin + max(round(self.duration * 1e9), 1))
+        if begin > last or until <= first:
+            word, text = ("--start", self.start) if begin > last else ("--end", self.end)
+            there = f"it begins {date(first)} and lasts {(last - first) * 1e-9:g} s"
+            raise UsageError(f"nothing is there {'after' if begin > last else 'before'} {word} {text}: {there}")
+        if until <= begin:
+            raise UsageError(f"--end {self.end} is not after --start {self.start}")
+        return begin, min(until, last + 1)
 
 
 class BagTape:
@@ -95,11 +122,12 @@ class BagTape:
         Args:
             bag: open, as long as this is used.
             played: which of its topics.
-            order: by which time they are due.
+            order: by which time they are due, and what `window` means; a message of which nobody says when it was
+                published counts as published when it came.
             window: which part; by default all of it.
 
         Raises:
-            UsageError: nothing is in this part.
+            UsageError: a time is none, or no message is in this part.
             DamagedBag: by publish times: a part of the file is damaged.
         """
         self._bag = bag
@@ -107,42 +135,34 @@ class BagTape:
         self._latched = [one.topic for one in played if one.topic.qos.latched]
         self._order: Order = order
         self.converter = Converter(played)
-        window = window or Window()
-        window.check()
         self.first, last = self._span()
         """When the recording begins, ns since the epoch."""
-        self.begin = self.first + round(window.start * 1e9)
-        ends = [last]
-        ends += [self.first + round(window.end * 1e9)] if window.end is not None else []
-        ends += [self.begin + round(window.duration * 1e9)] if window.duration is not None else []
-        self.end = min(ends)
-        if self.begin > last:
-            length = (last - self.first) * 1e-9
-            raise UsageError(f"it cannot start at {window.start:g} s: the recording has {length:g} s")
-        if self.end < self.begin:
-            raise UsageError(f"nothing is between the start at {window.start:g} s and the end at {window.end:g} s")
+        self.begin, self.until = (window or Window()).of(self.first, last)
+        """From when on it is played, and before when, ns since the epoch."""
+        self.end = min(self.until, last)
+        """Where it ends for whoever looks, ns since the epoch."""
 
-    def run(self, at: int) -> Iterator[Item[Ready]]:
-        """What latched topics had said last before a time, then all messages from it on.
+    def run(self, at: int, wanted: Wanted = lambda: True) -> Iterator[Item[Ready]]:
+        """What latched topics had said last before a time, then all messages from it on, as long as they are wanted.
 
         Raises:
             DamagedBag: while messages are read: a part of the file is damaged.
         """
         ready = self.converter.ready
-        for message in self._said_before(at):
+        for message in self._said_before(at, wanted):
             if (made := ready(message)) is not None:
                 yield Item(at, True, made)
-        by_arrival = self._order == "arrived"
-        for message in self._bag.messages(self._names, at, self.end + 1, self._order):
+        time_of = _arrived if self._order == "arrived" else _published
+        for message in self._bag.messages(self._names, at, self.until, self._order):
             if (made := ready(message)) is not None:
-                yield Item(message.arrived if by_arrival else message.published, False, made)
+                yield Item(time_of(message), False, made)
 
-    def _said_before(self, at: int) -> list[BagMessage]:
+    def _said_before(self, at: int, wanted: Wanted) -> list[BagMessage]:
         if at <= self.first and self._order == "arrived":
             return []
         said: list[BagMessage] = []
         for topic in self._latched:
-            messages = self._bag.messages(topic.name, None, at, self._order)
+            messages = _as_long_as(wanted, self._bag.messages(topic.name, None, at, self._order))
             said += last_of_each(messages, max(topic.qos.depth, 1))
         return sorted(said, key=lambda message: message.arrived)
 
@@ -158,6 +178,22 @@ class BagTape:
         last = 0
         for message in self._bag.messages(self._names):
             which = message.topic.name in latched
-            first[which] = min(first[which], message.published)
-            last = max(last, message.published)
+            time = _published(message)
+            first[which] = min(first[which], time)
+            last = max(last, time)
         return (first[0] if first[0] < 2**64 else min(first[1], last)), last
+
+
+def _arrived(message: BagMessage) -> int:
+    return message.arrived
+
+
+def _published(message: BagMessage) -> int:
+    return message.published or message.arrived
+
+
+def _as_long_as(wanted: Wanted, messages: Iterable[BagMessage]) -> Iterator[BagMessage]:
+    for number, message in enumerate(messages):
+        if number % _LOOK == 0 and not wanted():
+            return
+        yield message

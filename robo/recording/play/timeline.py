@@ -8,6 +8,8 @@ import math
 
 from robo.errors import UsageError
 
+SLOWEST = 1e-6
+"""A lower rate is a pause."""
 FASTEST = 1e6
 """A higher rate is as fast as nothing is lost: 0."""
 
@@ -18,9 +20,22 @@ def check_rate(rate: float) -> float:
     Raises:
         UsageError: it does not.
     """
-    if not 0 <= rate <= FASTEST:  # NaN too
-        raise UsageError(f"rate {rate:g}: use 1 for as recorded, 2 for twice as fast, 0 for as fast as nothing is lost")
+    if rate and not SLOWEST <= rate <= FASTEST:  # NaN too
+        raise UsageError(
+            f"rate {rate:g}: use 1 for as recorded, 2 for twice as fast, 0 for as fast as nothing is lost; else "
+            f"{SLOWEST:g} to {FASTEST:g}"
+        )
     return rate
+
+
+def check_clock_rate(rate: float | None) -> None:
+    """Refuse what is no number of times a second at which to tell the time; None for never.
+
+    Raises:
+        UsageError: tells which are.
+    """
+    if rate is not None and not 0.1 <= rate <= 1000.0:  # NaN too
+        raise UsageError(f"clock rate {rate:g}: use 0.1 to 1000 Hz")
 
 
 class Timeline:

@@ -1,16 +1,19 @@
 """Which topics of a recording are played, and under which names. Pure."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import msgspec
 import zenoh
 
+from robo.bag.of_robot import robots_among
+from robo.bag.patterns import chosen
 from robo.bag.read.topics import Topic
 from robo.errors import BagError, InvalidName, UsageError
 from robo.text.brief import brief
 from robo.text.suggestions import suggest
 from robo.wire import codec, names
+from robo.wire.keys import SNAPSHOTS_TOPIC, SYSTEM_TOPICS
 from robo.wire.qos import KEEP_ALL, QoS
 
 CLOCK = "clock"
@@ -28,11 +31,11 @@ class Choice(NamedTuple):
     """What somebody wants of a recording. Names may be those of the recording's robot, without its namespace."""
 
     topics: Sequence[str] = ()
-    """Only these: names, `*` and `**` match; none for all."""
+    """Only these: names, `*` and `**` match; none for all but what nodes say of themselves."""
     exclude: Sequence[str] = ()
     """Not these."""
     remap: Sequence[str] = ()
-    """`old:=new`, or `old/**:=new/**` for all within."""
+    """`old:=new`, or `old/**:=new/**` for all within. The old name is one of the recording, whatever it is."""
     robot: str = ""
     """The namespace that takes the place of the recording's robot; empty: all stays as it was."""
 
@@ -57,51 +60,47 @@ class Selection(NamedTuple):
     played: list[Played]
     nameless: list[str]
     """Topics that were asked for, and whose names no topic can have."""
+    left: list[str]
+    """Topics that nobody has asked for by name: what nodes say of themselves."""
     robot: str
-    """The robot that was recorded, as far as that can be told; empty where it cannot."""
+    """The robot that was recorded, as far as that can be told; empty where it cannot, or there are several."""
 
 
-def select(topics: Mapping[str, Topic], choice: Choice, path: str, robot: str | None = None) -> Selection:
+def select(topics: Mapping[str, Topic], choice: Choice, path: str, robots: Sequence[str] | None = None) -> Selection:
     """Choose topics, and name them.
 
     Args:
         topics: those of the recording.
         choice: what is wanted.
         path: of the recording, for messages.
-        robot: the robot that was recorded, where the recording says so.
+        robots: those that were recorded, where the recording says so; see `robots_among`.
 
     Raises:
-        UsageError: a pattern or a remapping makes no sense, or matches nothing.
-        BagError: nothing is left to be played, or it cannot be told which robot was recorded.
+        UsageError: a pattern or a remapping makes no sense, or matches nothing; or two robots would become one.
+        BagError: nothing is left to be played.
     """
     if not topics:
         raise BagError("it is empty: there is no topic in it", path)
-    recorded = _recorded(topics.values(), robot)
-    wanted = _wanted(topics, choice, recorded)
-    if not any(topic.count for topic in wanted):
-        what = "nothing is left to be played: all topics are excluded" if not wanted else "no message is in it"
-        if wanted and any(topic.count for topic in topics.values()):
-            what = f"there is no message of {', '.join(brief(topic.name, 100) for topic in wanted[:5])}"
-        raise BagError(what, path)
-    renames = [_Rename(text, recorded, choice.robot) for text in choice.remap]
-    played, nameless = [], []
-    for topic in filter(_has_messages, wanted):  # others are not even announced
-        key = _key(topic, recorded, choice.robot, renames)
-        if key is None:
-            nameless.append(topic.name)
-        else:
-            played.append(_played(topic, key))
-    for rename in renames:
-        if not rename.used:
-            raise UsageError(f"--remap {rename.text}: no topic matches; {suggest(rename.old, topics, 'it has')}")
+    every = [own_name(topic) for topic in topics.values()]
+    there = robots_among(every, robots)
+    recorded = there[0] if len(there) == 1 else ""
+    meant = chosen(every, choice.topics, choice.exclude, path, robot=recorded, options=("--topics", "--exclude"))
+    wanted = [topic for topic in topics.values() if meant(own_name(topic))]
+    if not any(map(_has_messages, wanted)):
+        some = any(map(_has_messages, topics.values()))
+        names_of = ", ".join(brief(topic.name, 100) for topic in wanted[:5])
+        raise BagError(f"there is no message of {names_of}" if some else "no message is in it", path)
+    wanted = list(filter(_has_messages, wanted))  # others are not even announced
+    left = [] if choice.topics else [topic.name for topic in wanted if _is_of_nodes(topic)]
+    wanted = [topic for topic in wanted if topic.name not in left]
+    if not wanted:
+        raise BagError(f"nothing is left to be played; --topics {left[0]} plays what nodes said of themselves", path)
+    if choice.robot and len(there) > 1:
+        recorded = _one_of(there, wanted, choice.robot)
+    played, nameless = _named(wanted, recorded, choice)
     if not played:
         raise BagError(f"{brief(nameless[0], 100)} is no name of a topic: --remap OLD:=NEW gives another one", path)
-    _check_apart(played)
-    return Selection(played, nameless, recorded)
-
-
-def _has_messages(topic: Topic) -> bool:
-    return topic.count > 0
+    return Selection(played, nameless, left, recorded)
 
 
 def own_name(topic: Topic) -> str:
@@ -109,57 +108,56 @@ def own_name(topic: Topic) -> str:
     return topic.name.removesuffix(f" ({topic.schema})")
 
 
-def _recorded(topics: Iterable[Topic], robot: str | None) -> str:
-    """The namespace that is the recorded robot's; empty where there is none.
-
-    It is what the recording says, else what all names have in common: a recording of ROS with `/odom` has none.
-    """
-    all_names = [own_name(topic) for topic in topics]
-    if robot and any(name.startswith(f"{robot}/") for name in all_names):
-        return robot
-    first = {name.partition("/")[0] if "/" in name else "" for name in all_names if name != CLOCK}
-    return first.pop() if len(first) == 1 else ""
+def _has_messages(topic: Topic) -> bool:
+    return topic.count > 0
 
 
-def _wanted(topics: Mapping[str, Topic], choice: Choice, recorded: str) -> list[Topic]:
-    def matching(option: str, patterns: Sequence[str]) -> set[str]:
-        found: set[str] = set()
-        for pattern in patterns:
-            these = {name for name, topic in topics.items() if _matches(option, pattern, own_name(topic), recorded)}
-            if not these:
-                raise UsageError(f"{option} {pattern}: no topic matches; {suggest(pattern, topics, 'it has')}")
-            found |= these
-        return found
-
-    only = matching("--topics", choice.topics) if choice.topics else set(topics)
-    left = only - matching("--exclude", choice.exclude)
-    return [topic for name, topic in topics.items() if name in left]
+def _is_of_nodes(topic: Topic) -> bool:
+    """Whether it is what every node says by itself: those that run now say it of themselves."""
+    return own_name(topic).rpartition("/")[2] in {*SYSTEM_TOPICS, SNAPSHOTS_TOPIC}
 
 
-def _matches(option: str, pattern: str, name: str, recorded: str) -> bool:
-    try:
-        wanted = names.key_of(pattern)
-    except InvalidName as error:
-        raise UsageError(f"{option} {pattern}: {error}") from None
-    within = name.removeprefix(f"{recorded}/") if recorded else name
-    return any(_includes(wanted, one) for one in dict.fromkeys((name, within)))
+def _one_of(robots: Sequence[str], wanted: Sequence[Topic], robot: str) -> str:
+    """The one of several recorded robots whose topics are wanted, to be played as another one."""
+    there = [one for one in robots if any(own_name(topic).startswith(f"{one}/") for topic in wanted)]
+    if len(there) > 1:
+        raise UsageError(
+            f"it has {' and '.join(there)}, which cannot all be {robot}: --topics '{there[0]}/**' plays one of them; "
+            f"without --robot-name, --remap '{there[0]}/**:=/{robot}/**' names each"
+        )
+    return there[0] if there else ""
 
 
-def _includes(pattern: str, name: str) -> bool:
-    if "*" not in pattern:
-        return pattern == name
-    try:
-        return zenoh.KeyExpr(pattern).includes(zenoh.KeyExpr(name))
-    except zenoh.ZError:
-        return False  # the name is none
+def _named(topics: Sequence[Topic], recorded: str, choice: Choice) -> tuple[list[Played], list[str]]:
+    """Topics as they are played, and those whose names are none."""
+    renames = [_Rename(text, recorded, choice.robot) for text in choice.remap]
+    played, nameless, by_words = [], [], set()
+    for topic in topics:
+        name = own_name(topic)
+        found = [(rename, key) for rename in renames if (key := rename.applied(name)) is not None]
+        if found:
+            found[0][0].used = True
+        key = _checked(found[0][1] if found else _of_robot(name, recorded, choice.robot))
+        if key is None:
+            nameless.append(topic.name)
+            continue
+        played.append(_played(topic, key))
+        if found:
+            by_words.add(topic.name)
+    for rename in renames:
+        if not rename.used:
+            raise rename.unused([own_name(topic) for topic in topics])
+    _check_apart(played, by_words)
+    return played, nameless
 
 
-def _check_apart(played: Iterable[Played]) -> None:
-    """Refuse two topics that would become one of two types."""
+def _check_apart(played: Iterable[Played], by_words: Collection[str]) -> None:
+    """Refuse two topics that would become one, unless somebody has written so of both, and they are of one type."""
     by_key: dict[str, Topic] = {}
     for one in played:
         other = by_key.setdefault(one.key, one.topic)
-        if other.schema != one.topic.schema and own_name(other) != own_name(one.topic):
+        apart = own_name(other) != own_name(one.topic)
+        if apart and (other.schema != one.topic.schema or not {other.name, one.topic.name} <= set(by_words)):
             both = f"{own_name(other)} ({other.type}) and {own_name(one.topic)} ({one.topic.type})"
             raise UsageError(f"{both} would both be published on {one.key}: --exclude one, or --remap it elsewhere")
 
@@ -170,48 +168,63 @@ class _Rename:
     def __init__(self, text: str, recorded: str, robot: str) -> None:
         self.text = text
         self.used = False
-        self.old, assign, new = text.partition(":=")
-        self._all = self.old.endswith("/**") and new.endswith("/**")
-        olds, news = (self.old[:-3], new[:-3]) if self._all else (self.old, new)
-        if not assign or "*" in olds + news:
-            raise UsageError(f"--remap {text}: write OLD:=NEW, or OLD/**:=NEW/** for all topics within")
+        self._old, assign, new = text.partition(":=")
+        self._all = self._old.endswith("/**") and new.endswith("/**")
+        if self._all:
+            self._old, new = self._old[:-3], new[:-3]
+        if not assign or "*" in new:
+            raise self._unclear()
         try:
-            self._old, self._new = names.key_of(olds), names.key_of(news)
+            self._new = names.key_of(new)
         except InvalidName as error:
             raise UsageError(f"--remap {text}: {error}") from None
+        # A name as it was recorded may be anything, or --remap could give no other one to what is no name.
+        own = f"{recorded}/" if recorded and self._old.strip("/") and not self._old.startswith("/") else ""
+        self._prefixes = dict.fromkeys(("", own))
         self._recorded = recorded
         self._home = "" if new.startswith("/") else robot or recorded
 
     def applied(self, name: str) -> str | None:
-        """The key of a topic, by its recorded name; None where this is none of it."""
-        for prefix in dict.fromkeys(("", f"{self._recorded}/" if self._recorded else "")):
-            rest = self._rest(f"{prefix}{self._old}", name)
+        """The name of a topic, by its recorded name; None where this is none of it."""
+        for prefix in self._prefixes:
+            rest = self._rest(prefix + self._old.strip("/"), name)
             if rest is None:
                 continue
-            self.used = True
             new = f"{self._new}{rest}"
             # A name within the recorded robot goes to one within the robot that is played.
-            own = not prefix or not self._home or new.startswith(f"{self._home}/")
-            return new if own else names.join(self._home, new)
+            whole = bool(self._recorded) and not prefix
+            return new if whole or not self._home or new.startswith(f"{self._home}/") else f"{self._home}/{new}"
         return None
+
+    def unused(self, there: Sequence[str]) -> UsageError:
+        """Why it holds for no topic."""
+        if any(self.applied(name) is not None for name in there):
+            return UsageError(f"--remap {self.text}: one that stands before it holds for all that it means")
+        if "*" in self._old:
+            return self._unclear()
+        return UsageError(f"--remap {self.text}: no topic matches; {suggest(self._old, there, 'it has')}")
+
+    def _unclear(self) -> UsageError:
+        return UsageError(f"--remap {self.text}: write OLD:=NEW, or OLD/**:=NEW/** for all topics within")
 
     def _rest(self, old: str, name: str) -> str | None:
         if not self._all:
-            return "" if name == old else None
+            return "" if name.strip("/") == old else None
         return name[len(old) :] if name.startswith(f"{old}/") else None
 
 
-def _key(topic: Topic, recorded: str, robot: str, renames: Sequence[_Rename]) -> str | None:
-    """On which key a topic is played; None where its name is no name."""
-    name = own_name(topic)
-    for rename in renames:
-        if (key := rename.applied(name)) is not None:
-            return key if not _is_inner(key) else None
-    if robot and name != CLOCK:
-        if recorded and name.startswith(f"{recorded}/"):
-            name = names.join(robot, name.removeprefix(f"{recorded}/"))
-        elif not recorded:
-            name = names.join(robot, name)
+def _of_robot(name: str, recorded: str, robot: str) -> str:
+    """What a topic is called where another robot takes the place of the one that was recorded."""
+    if not robot or name == CLOCK:
+        return name
+    if not recorded:
+        return names.join(robot, name)
+    own = f"{recorded}/"
+    return names.join(robot, name.removeprefix(own)) if name.startswith(own) else name
+
+
+def _checked(name: str) -> str | None:
+    """The key of a name; None where no topic can have it."""
     try:
         key = names.key_of(name)
         fits = "*" not in key and not _is_inner(key) and len(key) <= _LONGEST_NAME and bool(zenoh.KeyExpr(key))
