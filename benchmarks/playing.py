@@ -28,18 +28,16 @@ import zenoh
 
 from benchmarks.__main__ import machine
 from robo import bag
-from robo.bag.forms import carmen
+from robo.bag.forms.from_carmen import Setting, from_carmen
 from robo.bag.types import topic_of
 from robo.interfaces import cdr
-from robo.tf import Transform3
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
-from robo_messages import Header, LaserScan, Message, Odometry, TFMessage, Time, Twist, Vector3
+from robo_messages import Header, LaserScan, Message, Odometry, Time, Twist, Vector3
 
 RESULTS = Path(__file__).parent / "PLAYING.md"
 ROOM = Path(__file__).parents[1] / "robo" / "share" / "logs"
 START = 1_700_000_000_000_000_000
-_CARMEN: dict[str, type[Message]] = {"odom": Odometry, "tf": TFMessage, "scan": LaserScan}
 MOST = 5.0
 """What issue and documentation promise, ms."""
 
@@ -89,29 +87,6 @@ def drive(path: Path, seconds: int) -> list[int]:
                 recording.write(number, cdr.encoder(type(message))(message), when, when, step + 1)
                 times.append(when)
     return times
-
-
-def convert(log: Path, path: Path) -> None:
-    """Make a recording of a log, with all that the CARMEN player publishes, in the order of the log."""
-    latest = 0
-    with bag.Recording(path, bag.Options(compression="none", sync=False)) as recording:
-        numbers: dict[type[Message], int] = {
-            type_: recording.topic(topic_of(f"my_robot/{name}", type_)) for name, type_ in _CARMEN.items()
-        }
-
-        def write(message: Message, stamp: int) -> None:
-            recording.write(numbers[type(message)], cdr.encoder(type(message))(message), latest, stamp)
-
-        for record in carmen.read(str(log)):
-            if isinstance(record, carmen.Motion):
-                latest = max(latest, record.time)
-                odometry = carmen.odometry(record, "odom", "base_link")
-                where = Transform3.from_message(odometry.pose.pose)
-                write(TFMessage([where.to_stamped(odometry.header, "base_link")]), record.time)
-                write(odometry, record.time)
-            elif isinstance(record, carmen.Scan):
-                latest = max(latest, record.time)
-                write(carmen.laser_scan(record, "base_laser", 80.0), record.time)
 
 
 def free_endpoint() -> str:
@@ -193,7 +168,7 @@ def paced(folder: Path, seconds: int, turns: int) -> list[str]:
 def tracked(folder: Path, log: Path, turns: int) -> list[str]:
     """The table of the second part."""
     path = folder / "log.mcap"
-    convert(log, path)
+    from_carmen(log, path, Setting(namespace="my_robot"), "none")
     manifest = folder / "tracker.yaml"
     manifest.write_text(
         "groups:\n  tracking:\n    namespace: my_robot\n"

@@ -103,7 +103,7 @@ def test_cut(folder: Path) -> None:
     assert made(folder, *words, "--start", str(START + 600 * MS), "--force").startswith("part.mcap: 50 messages")
     assert run(folder, *words, "--force")[::2] == (2, "error: say from when or up to when: --start, --end or both\n")
     code, _, said = run(folder, *words, "--start", "soon", "--force")
-    assert (code, said[:24]) == (1, "error: 'soon' is no time")
+    assert (code, said[:32]) == (2, "error: --start 'soon' is no time")
     for times in (("--start", "2000-01-01", "--end", "2001-01-01"), ("--start", "1.5")):
         code, _, said = run(folder, "cut", "drive.mcap", "-o", "none.mcap", *times)
         assert (code, "nothing is there at that time: it begins 2023-11-1" in said) == (1, True)
@@ -125,7 +125,10 @@ def test_filter(folder: Path) -> None:
     with bag.open(folder / "some.mcap") as some:
         assert [*some.topics] == ["r1/cmd_vel", "r1/tf_static"]
     code, _, said = run(folder, "filter", "drive.mcap", "r1/odm", "-o", "none.mcap")
-    assert (code, said) == (1, "error: drive.mcap: it has no topic r1/odm; did you mean r1/odom?\n")
+    assert (code, said) == (2, "error: drive.mcap: it has no topic r1/odm; did you mean r1/odom?\n")
+    assert made(folder, "filter", "drive.mcap", "odom", "-o", "odom.mcap") == "odom.mcap: 10 messages on 1 topic\n"
+    code, _, said = run(folder, "filter", "drive.mcap", "--exclude", "r1/odm", "-o", "none.mcap")
+    assert (code, said) == (2, "error: drive.mcap: --exclude r1/odm: no topic matches; did you mean r1/odom?\n")
     assert run(folder, "filter", "drive.mcap", "-o", "none.mcap")[0] == 2
 
 

@@ -22,12 +22,12 @@ import zenoh
 
 import robo_messages
 from robo import bag
-from robo.bag.forms import carmen
+from robo.bag.forms.from_carmen import Setting, from_carmen
 from robo.bag.types import topic_of
 from robo.interfaces import cdr
 from robo.samples.publishing import Sender
 from robo.testing import Launch
-from robo_messages import LaserScan, Odometry, String, Twist
+from robo_messages import LaserScan, String, Twist
 from tests import bags
 from tests.bags import MS, START
 from tests.e2e.test_teleop import ALONE, SHELL
@@ -48,6 +48,15 @@ def commands(path: Path, count: int, chunk_size: int = 2**20) -> Path:
         for at in range(count):
             recording.write(number, bags.twist(at), START + at * 10 * MS, START + at * 10 * MS, at + 1)
     return path
+
+
+def damage(path: Path, chunk: int) -> int:
+    """Change a byte of a chunk. Returns where that begins."""
+    data = bytearray(path.read_bytes())
+    chunks = [at for kind, at, _ in bags.records_of(bytes(data)) if kind == 6]
+    data[chunks[chunk] + 200] ^= 0xFF
+    path.write_bytes(data)
+    return chunks[chunk]
 
 
 def test_a_recording_is_played_and_told_of(session: zenoh.Session, endpoint: str, tmp_path: Path) -> None:
@@ -84,11 +93,21 @@ def test_in_json_lines(session: zenoh.Session, endpoint: str, tmp_path: Path) ->
         (["empty.mcap"], 1, "it is empty: there is no topic in it"),
         (["text.mcap"], 1, "it is no MCAP file"),
         (["drive.mcap", "--topics", "odm"], 2, "--topics odm: no topic matches; did you mean"),
-        (["drive.mcap", "--exclude", "**"], 1, "all topics are excluded"),
+        (["drive.mcap", "--exclude", "**"], 2, "no topic is left"),
+        (["drive.mcap", "--exclude", "odm"], 2, "--exclude odm: no topic matches; did you mean"),
         (["drive.mcap", "--remap", "odom"], 2, "write OLD:=NEW"),
-        (["drive.mcap", "--start", "5"], 2, "it cannot start at 5 s: the recording has 0.99"),
+        (["drive.mcap", "--start", "5"], 2, "nothing is there after --start 5: it begins "),
+        (["drive.mcap", "--end", "soon"], 2, "--end 'soon' is no time: write seconds from the beginning"),
         (["drive.mcap", "--rate", "nan"], 2, "rate"),
-        (["drive.mcap", "--start", "0.5", "--end", "0.2"], 2, "nothing is between"),
+        (["drive.mcap", "--rate", "1e-320"], 2, "1e-06 to 1e+06"),
+        (["drive.mcap", "--clock-rate", "nan"], 2, "use 0.1 to 1000 Hz"),
+        (["drive.mcap", "--start", "0.5", "--end", "0.2"], 2, "--end 0.2 is not after --start 0.5"),
+        (
+            ["drive.mcap", "--topics", "odom", "--start", "0.51", "--end", "0.6"],
+            1,
+            "no message of r1/odom is between 0.51 and 0.6 s",
+        ),
+        (["damaged.mcap", "--order", "sent"], 1, "a chunk has another checksum"),
     ],
 )
 def test_a_mistake_is_told(
@@ -98,6 +117,7 @@ def test_a_mistake_is_told(
     bags.drive(tmp_path / "drive.mcap")
     bag.Recording(tmp_path / "empty.mcap", bag.Options(compression="none", sync=False)).close()
     (tmp_path / "text.mcap").write_text("hello, this is no recording")
+    damage(commands(tmp_path / "damaged.mcap", 200, chunk_size=4_000), chunk=2)
     result = run_robo("bag", "play", *words, "--connect", endpoint, cwd=str(tmp_path))
     assert (result.returncode, "Traceback" in result.stderr) == (code, False), result.stderr
     assert text in result.stderr
@@ -113,8 +133,8 @@ def test_it_waits_for_who_listens(session: zenoh.Session, endpoint: str, tmp_pat
         assert values(samples(heard, 20)) == list(range(20))
 
 
-def test_what_nodes_say_of_themselves_is_left_to_those_that_are_there(
-    session: zenoh.Session, other: zenoh.Session, endpoint: str, tmp_path: Path
+def test_what_nodes_say_of_themselves_is_played_where_it_is_named(
+    session: zenoh.Session, endpoint: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "robot.mcap"
     text = cdr.encoder(String)(String("said"))
@@ -122,16 +142,35 @@ def test_what_nodes_say_of_themselves_is_left_to_those_that_are_there(
         for name in ("a", "log", "z"):
             number = recording.topic(topic_of(f"r-1/{name}", String))
             recording.write(number, text, START, START, 1)
-    log = Sender(other, "r-1/log", "std/String", node="/r1/base")
-    eventually(lambda: "r-1/log" in run_robo("topic", "list", "--connect", endpoint).stdout, "it is announced")
     heard = hear(session, "r-1/*")
     result = run_robo("bag", "play", str(path), "--connect", endpoint)
     assert result.returncode == 0, result.stderr
-    assert "not played, for nodes that run say it themselves: r-1/log" in result.stderr
+    assert "not played, for nodes that run say it of themselves: r-1/log; --topics" in result.stderr
     assert "; /bag_player" in result.stdout, "nodes may not be called as this robot is"
     assert [str(sample.key_expr) for sample in samples(heard, 2)] == ["r-1/a", "r-1/z"]
-    assert run_robo("bag", "play", str(path), "--topics", "log", "--connect", endpoint).returncode == 1
-    log.close()
+    assert run_robo("bag", "play", str(path), "--topics", "log", "--connect", endpoint).returncode == 0
+    assert str(samples(heard)[0].key_expr) == "r-1/log"
+
+
+def test_bytes_go_where_nobody_knows_them_as_something_else(
+    session: zenoh.Session, other: zenoh.Session, endpoint: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "grip.mcap"
+    with bag.Recording(path, bag.Options(compression="none", sync=False)) as recording:
+        grip = bag.TopicInFile("r1/grip", "arm_msgs/msg/Grip", "float64 width\n")
+        recording.write(recording.topic(grip), bytes(12), START, START, 1)
+    heard = hear(session, "r1/*")
+    result = run_robo("bag", "play", str(path), "--connect", endpoint)
+    assert result.returncode == 0, result.stderr
+    told = "r1/grip is published as application/cdr;arm_msgs/msg/Grip: robo has no type 'arm_msgs/msg/Grip'"
+    assert told in result.stderr
+    assert str(samples(heard)[0].encoding) == "application/cdr;arm_msgs/msg/Grip"
+    reader = Sender(other, "r1/grip", "std/String", node="/r1/hand")
+    eventually(lambda: "r1/grip" in run_robo("topic", "list", "--connect", endpoint).stdout, "it is announced")
+    refused = run_robo("bag", "play", str(path), "--beside", "--connect", endpoint)
+    assert refused.returncode == 1
+    assert "r1/grip is no arm_msgs/msg/Grip: /r1/hand know it as std/String; --force" in refused.stderr
+    reader.close()
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
@@ -330,15 +369,12 @@ def test_where_a_part_is_damaged_the_terminal_is_given_back_too(
     session: zenoh.Session, endpoint: str, tmp_path: Path
 ) -> None:
     path = commands(tmp_path / "damaged.mcap", 200, chunk_size=4_000)
-    data = bytearray(path.read_bytes())
-    chunks = [at for kind, at, _ in bags.records_of(bytes(data)) if kind == 6]
-    data[chunks[2] + 200] ^= 0xFF
-    path.write_bytes(data)
+    place = damage(path, chunk=2)
     heard = hear(session, "r1/cmd_vel")
     with typist(str(path), "--connect", endpoint) as person:
         assert person.shell.wait(PATIENCE) == 1
         eventually(person.has_its_mode_back, "the terminal is as it was")
-        eventually(lambda: f"byte {chunks[2]:,}: a chunk has another checksum" in person.output, "the error is told")
+        eventually(lambda: f"byte {place:,}: a chunk has another checksum" in person.output, "the error is told")
         assert "`robo bag recover`" in person.output
         assert "Traceback" not in person.output
     count = int(re.findall(r"stopped: (\d+) messages", person.output)[0])
@@ -356,29 +392,14 @@ def test_a_terminal_that_goes_takes_the_player_along(session: zenoh.Session, end
         assert "stopped: " in person.output
 
 
-def intel_recording(log: Path, path: Path) -> int:
-    """The odometry of a log as a recording, in the order of the log; returns how many messages.
-
-    Stamps of the log step back here and there: what came later has not arrived before.
-    """
-    encode = cdr.encoder(Odometry)
-    count = arrived = 0
-    with bag.Recording(path, bag.Options(compression="none", sync=False)) as recording:
-        number = recording.topic(topic_of("my_robot/odom", Odometry))
-        for record in carmen.read(str(log)):
-            if isinstance(record, carmen.Motion):
-                count += 1
-                arrived = max(arrived, record.time)
-                data = encode(carmen.odometry(record, "odom", "base_link"))
-                recording.write(number, data, arrived, record.time, count)
-    return count
-
-
 def test_a_real_log_is_tracked_to_the_millimetre_through_a_recording(
     launch: Launch, intel_log: Path, tmp_path: Path
 ) -> None:
     path = tmp_path / "intel.mcap"
-    assert intel_recording(intel_log, path) == 13_700
+    made = from_carmen(
+        intel_log, path, Setting(namespace="my_robot"), "none", wanted=lambda name: name.endswith("/odom")
+    )
+    assert made.messages == 13_700
     (tmp_path / "tracker.yaml").write_text(
         "groups:\n  tracking:\n    namespace: my_robot\n"
         "    nodes: {position_tracker: {service: robo_services.position_tracker}}\n"

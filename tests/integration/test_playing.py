@@ -23,8 +23,9 @@ from robo.recording.play.tape import BagTape, Window
 from robo.recording.play.topics import Choice, select
 from robo.recording.recorder import Recorder
 from robo.recording.selection import Selection
-from robo.samples.publishing import Audience
+from robo.samples.publishing import Audience, Sender
 from robo.wire import codec
+from robo.wire.discovery import tokens
 from robo.wire.latched import LatchedSubscriber
 from robo.wire.network import Network
 from robo.wire.qos import QoS
@@ -505,11 +506,71 @@ def test_as_a_node_it_plays_into_its_namespace_and_ends_with_the_recording(
         assert so_far(heard["odom"]) == []
 
 
-def test_as_a_node_a_file_that_is_none_is_told_at_once(tool: zenoh.Session, tmp_path: Path) -> None:
-    told: list[tuple[dict[str, str], str]] = [
+def test_as_a_node_it_plays_the_part_that_is_named_and_tells_the_time(
+    session: zenoh.Session, tool: zenoh.Session, tmp_path: Path
+) -> None:
+    path = tmp_path / "drive.mcap"
+    bags.drive(path)
+    heard, clock = hear(session, "r5/cmd_vel"), hear(session, "clock")
+    which = {"topics": ["cmd_vel"], "start": "0.5", "end": "-0.2", "duration": 0.1, "order": "published"}
+    parameters = {"file": str(path), "rate": 0.0, "clock_rate": 100.0, **which}
+    with BagPlayer(session=tool, namespace="r5", parameters=parameters) as node:
+        assert node.wait(PATIENCE)
+        assert node.exit_code == 0
+    found = [robo_messages.decode(sample.payload.to_bytes(), Twist).linear.x for sample in samples(heard, 10)]
+    assert found == [5 + number / 10 for number in range(10)]
+    assert so_far(heard) == []
+    assert at(samples(clock, 10)[-1]) >= START + 500 * MS
+
+
+def test_as_a_node_what_cannot_be_read_is_no_success(tool: zenoh.Session, tmp_path: Path) -> None:
+    cut, odd, part = (tmp_path / f"{name}.mcap" for name in ("cut", "odd", "part"))
+    bags.drive(part)
+    cut.write_bytes(part.read_bytes()[:-100])
+    with bag.Recording(odd, bag.Options(compression="none", sync=False)) as recording:
+        number = recording.topic(topic_of("r1/cmd_vel", Twist))
+        recording.write(number, b"\0\1\0\0odd", START, START)
+    played: list[dict[str, Any]] = [
+        {"file": str(cut)},
+        {"file": str(odd)},
+        {"file": str(part), "topics": ["odom"], "start": "0.51", "end": "0.59"},
+    ]
+    for parameters in played:
+        with BagPlayer(session=tool, parameters={"rate": 0.0, **parameters}) as node:
+            assert node.wait(PATIENCE)
+            assert node.exit_code == 1, parameters
+
+
+def test_as_a_node_it_leaves_what_nodes_say_to_them(
+    session: zenoh.Session, tool: zenoh.Session, tmp_path: Path
+) -> None:
+    path = tmp_path / "log.mcap"
+    with bag.Recording(path, bag.Options(compression="none", sync=False)) as recording:
+        for name in ("log", "cmd_vel", "flight_snapshots"):
+            recording.write(recording.topic(topic_of(f"r1/{name}", Twist)), bags.twist(1.0), START, START)
+    heard = hear(session, "r5/flight_snapshots")
+    for topics, count in (([], 0), (["flight_snapshots"], 1)):
+        with BagPlayer(session=tool, namespace="r5", parameters={"file": str(path), "topics": topics}) as node:
+            assert node.wait(PATIENCE)
+        assert len(samples(heard, count) if count else so_far(heard)) == count
+
+
+def test_as_a_node_a_file_that_is_none_is_told_at_once(
+    session: zenoh.Session, tool: zenoh.Session, tmp_path: Path
+) -> None:
+    drive = tmp_path / "drive.mcap"
+    bags.drive(drive)
+    told: list[tuple[dict[str, Any], str]] = [
         ({}, "file names no"),
         ({"file": str(tmp_path / "none.mcap")}, "none.mcap"),
+        ({"file": str(drive), "start": "soon"}, "--start 'soon' is no time"),
+        ({"file": str(drive), "clock_rate": 0.01}, "use 0.1 to 1000 Hz"),
+        ({"file": str(drive), "topics": ["odm"]}, "odm: no topic matches"),
+        ({"file": str(drive)}, "r1/odom is no nav/Odometry: /r1/base knows it as std/String"),
     ]
+    there = Sender(session, "r1/odom", "std/String", node="/r1/base")
+    eventually(lambda: "/r1/base" in {one.full_name for one in tokens(tool, 1.0)}, "it is announced")
     for parameters, text in told:
         with pytest.raises(RoboError, match=text), BagPlayer(session=tool, parameters=parameters):
             pass
+    there.close()
