@@ -117,7 +117,7 @@ def _torture(path: Path, data: bytes, uses: dict[str, Callable[[Path, Path], Non
         whole.unlink(missing_ok=True)
         try:
             use(path, whole)
-        except (BagError, UsageError) as error:
+        except BagError as error:
             refused = error
         else:
             outcomes[f"{name}: done"] += 1
@@ -165,7 +165,10 @@ def _cut(path: Path, whole: Path) -> None:
 
 def _filter(path: Path, whole: Path) -> None:
     with bag.open(path) as opened:
-        wanted = chosen(opened.topics, ["**"], ["**/scan"], str(path))
+        try:
+            wanted = chosen(opened.topics, ["**"], ["**/scan"])
+        except UsageError as error:  # there is no topic
+            raise BagError(str(error), str(path)) from None
     bag.keep(path, whole, wanted, "none")
     _is_whole(whole)
 

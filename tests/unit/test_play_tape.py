@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 import robo_messages
 from robo import bag
 from robo.bag.of_robot import robot_of
-from robo.bag.read.topics import BagMessage, Topic
-from robo.bag.types import of_robo, topic_of
+from robo.bag.read.topics import BagMessage
+from robo.bag.types import topic_of
 from robo.cli.views.bag_edit import cut
 from robo.errors import DamagedBag, RoboError, UsageError
 from robo.interfaces import cdr
@@ -150,9 +150,10 @@ def test_who_is_stopped_reads_no_more_of_what_was_latched(tmp_path: Path) -> Non
         assert looks == 3
 
 
-def test_what_two_nodes_say_of_what_stands_still_stays_that_of_two() -> None:
-    known = of_robo("tf2_msgs/msg/TFMessage")
-    topic = Topic("tf_static", "tf2/TFMessage", "", "", "cdr", 1, QoS.LATCHED, "", frozenset(), known)
+def test_what_two_nodes_say_of_what_stands_still_stays_that_of_two(tmp_path: Path) -> None:
+    bags.drive(tmp_path / "drive.mcap", count=1)
+    with bag.open(tmp_path / "drive.mcap") as recording:
+        topic = recording.topics["r1/tf_static"]
     converter = Converter(select({"tf_static": topic}, Choice(), "").played)
 
     def part(*frames: str) -> int:

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from robo.recording.play import player as player_module
 from robo.recording.play.ahead import Wanted
 from robo.recording.play.playback import Item
 from robo.recording.play.player import Player
@@ -99,26 +100,32 @@ def test_nobody_waits_for_what_is_read(rate: float) -> None:
         within(5.0, player.stop)
 
 
-@pytest.mark.parametrize("how", ["pause", "seek"])
-def test_what_was_on_its_way_is_out_before_somebody_hears_that_it_stands(how: str) -> None:
+@pytest.mark.parametrize("how", ["pause", "seek", "step"])
+def test_what_was_on_its_way_is_out_before_anybody_hears_of_something_else(
+    how: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(player_module, "_HANGS", PATIENCE)
     outputs = Outputs()
-    with playing(Tape(), outputs, rate=100.0) as player:
-        for _ in range(10):
-            assert outputs.begun.acquire(timeout=PATIENCE)
-            if how == "pause":
-                player.pause()
-                said = list(outputs.said)
-                player.step()
-                eventually(lambda said=said: len(outputs.said) == len(said) + 1, "one step")
-                assert outputs.said[:-1] == said
-                player.resume()
-            else:
-                player.seek(START + 50_000 * MS)
-                before = len(outputs.said)
-                assert outputs.begun.acquire(timeout=PATIENCE)
-                eventually(lambda before=before: len(outputs.said) > before, "it goes on there")
-                assert outputs.said[before] >= 50_000
-                player.seek(START)
+    outputs.go_on.clear()
+    said: list[list[int]] = []
+    with playing(Tape(), outputs) as player:
+        do: dict[str, Callable[[], object]] = {
+            "pause": player.pause,
+            "seek": lambda: player.seek(Tape.end),
+            "step": player.step,
+        }
+
+        def hear() -> None:
+            do[how]()
+            said.append(list(outputs.said))
+
+        assert outputs.begun.acquire(timeout=PATIENCE)
+        somebody = threading.Thread(target=hear)
+        somebody.start()
+        somebody.join(0.1)
+        outputs.go_on.set()
+        somebody.join(PATIENCE)
+        assert said[0][0] == 0
 
 
 def test_a_receiver_that_hangs_keeps_nobody_waiting() -> None:

@@ -89,6 +89,7 @@ def test_rules_hold_for_topics_and_fields_that_fit(tmp_path: Path) -> None:
     assert some.of("x", "covariance.3").ignored
     assert (some.of("r1/odom", "frame").ignored, some.of("x", "frame").ignored) == (True, False)
     assert some.idle(["r1/scan"]) == ["r1/odom"]
+    assert load(None, ["r$*/o*:x"]).of("r1/odom", "x").ignored, "as topics are written everywhere"
     assert load(None).of("x", "y") == Tolerance()
     exact = some.only_ignored()
     assert (exact.of("r1/odom", "pose.pose.position.x"), exact.time_of("r1/odom")) == (Tolerance(), None)
@@ -106,6 +107,8 @@ def test_rules_hold_for_topics_and_fields_that_fit(tmp_path: Path) -> None:
         ("topics: {a: {fields: {x: no}}}", "f:1:26: expected a number of at least 0, {absolute: …, relative: …} or i"),
         ("topics: {a: {fields: {x: {absolut: 1}}}}", "f:1:27: there is no key 'absolut' here; did you mean absolute?"),
         ("a: [", "f:1:"),
+        ("topics: {a//b: {}}", "f:1:10: topic 'a//b' makes no sense"),
+        ("topics: {r1/od**: {time: 1}}", "f:1:10: topic 'r1/od**' makes no sense"),
     ],
 )  # fmt: skip
 def test_mistakes_in_tolerances_are_told_with_their_place(text: str, told: str) -> None:
@@ -117,6 +120,8 @@ def test_what_is_ignored_is_written_as_a_field() -> None:
     for word in ("", ":x", "r1/odom:"):
         with pytest.raises(UsageError, match="write FIELD or TOPIC:FIELD"):
             load(None, [word])
+    with pytest.raises(UsageError, match="--ignore 'r1//odom:x': topic 'r1//odom' makes no sense"):
+        load(None, ["r1//odom:x"])
     with pytest.raises(UsageError, match=r"no\.yaml: No such file"):
         load("no.yaml")
 

@@ -13,12 +13,13 @@ topics:
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
+from robo.bag.patterns import matcher
 from robo.errors import UnreadableFile, UsageError
 from robo.text.brief import shown
 from robo.text.files import read_text
@@ -56,6 +57,7 @@ class Rule(msgspec.Struct, frozen=True):
     """What is said of some fields of some topics."""
 
     topics: str
+    """A pattern as `bag.patterns` has them."""
     fields: str
     tolerance: Tolerance
 
@@ -123,6 +125,10 @@ def load(path: str | Path | None, ignored: Sequence[str] = ()) -> Tolerances:
         topic, colon, field = word.rpartition(":")
         if not field or (colon and not topic):
             raise UsageError(f"--ignore {shown(word)}: write FIELD or TOPIC:FIELD, for example header.stamp")
+        try:
+            matcher([topic or "**"])
+        except UsageError as error:
+            raise UsageError(f"--ignore {shown(word)}: {error}") from None
         rules.append(Rule(topic or "**", field, Tolerance(ignored=True)))
     return Tolerances(rules, times)
 
@@ -155,7 +161,12 @@ class _Reader:
                 self._time("**", value)
             else:
                 for entry in self._entries(value):
-                    self._topic(entry.key.removeprefix("/"), entry.value)
+                    try:
+                        matcher([entry.key])
+                    except UsageError as error:
+                        self._problems.append(Problem(entry.position, str(error)))
+                    else:
+                        self._topic(entry.key.removeprefix("/"), entry.value)
 
     def _topic(self, topic: str, tree: Tree) -> None:
         for key, value in self._map(tree, "time", "fields"):
@@ -208,18 +219,12 @@ class _Reader:
         self._problems.append(Problem(tree.position, text))
 
 
-def _topics(pattern: str) -> Any:
-    """Whether a topic fits: `*` stands for what is between two slashes, `**` for anything."""
-    return re.compile(_regex(pattern.removeprefix("/"), "/")).fullmatch
+def _topics(pattern: str) -> Callable[[str], bool]:
+    return matcher([pattern])
 
 
 def _fields(pattern: str) -> Any:
     """Whether a field, or what it is in, fits: `*` stands for what is between two dots, `**` for anything."""
-    return re.compile(_regex(pattern, ".") + r"(\..*)?").fullmatch
-
-
-def _regex(pattern: str, border: str) -> str:
-    edge = re.escape(border)
-    words = {f"**{border}": f"(?:.*{edge})?", "**": ".*", "*": f"[^{edge}]*"}
-    parts = re.split(rf"(\*\*{edge}|\*\*|\*)", pattern)
-    return "".join(words.get(part, re.escape(part)) for part in parts)
+    words = {"**.": r"(?:.*\.)?", "**": ".*", "*": r"[^\.]*"}
+    parts = (words.get(part, re.escape(part)) for part in re.split(r"(\*\*\.|\*\*|\*)", pattern))
+    return re.compile("".join(parts) + r"(\..*)?").fullmatch
