@@ -15,7 +15,7 @@ from robo.recording.play.outputs import ClockOutput, Outputs
 from robo.recording.play.player import Player
 from robo.recording.play.services import PlayerServices
 from robo.recording.play.tape import BagTape, Window
-from robo.recording.play.timeline import check_clock_rate
+from robo.recording.play.timeline import SLOWEST, SLOWEST_CLOCK
 from robo.recording.play.topics import CLOCK, Choice, Played, select
 from robo.wire.discovery import tokens
 from robo.wire.keys import EndpointToken
@@ -70,7 +70,7 @@ class BagPlayer(Node):
         ] = False
         clock_rate: Annotated[
             float,
-            Meta(ge=0, le=1000, description="publish it so often too, beside once for each message; 0: no"),
+            Meta(ge=0, le=1000, description="publish it so often too, at least each 10 s; 0: with messages alone"),
             Unit("Hz"),
             READ_ONLY,
         ] = 0.0
@@ -96,8 +96,6 @@ class BagPlayer(Node):
     def _prepare(self, recording: Bag) -> None:
         p = self.parameters
         try:
-            if p.clock_rate:
-                check_clock_rate(p.clock_rate)
             choice = Choice(p.topics, p.exclude, (), self.namespace)
             chosen = select(recording.topics, choice, recording.path, robots_of(recording))
             played = [msgspec.structs.replace(one, key=self._key(one)) for one in chosen.played]
@@ -121,11 +119,11 @@ class BagPlayer(Node):
         self._player = Player(
             self._tape,
             self._outputs,
-            rate=p.rate,
+            rate=max(p.rate, SLOWEST) if p.rate else 0.0,
             paused=p.start_paused,
             loop=p.loop,
             clock=clock,
-            clock_period=1.0 / p.clock_rate if p.clock_rate else None,
+            clock_period=1.0 / max(p.clock_rate, SLOWEST_CLOCK) if p.clock_rate else None,
         )
         self._services = PlayerServices(self.session, self._player, self.full_name, self._player.stop)
 

@@ -564,7 +564,6 @@ def test_as_a_node_a_file_that_is_none_is_told_at_once(
         ({}, "file names no"),
         ({"file": str(tmp_path / "none.mcap")}, "none.mcap"),
         ({"file": str(drive), "start": "soon"}, "--start 'soon' is no time"),
-        ({"file": str(drive), "clock_rate": 0.01}, "use 0.1 to 1000 Hz"),
         ({"file": str(drive), "topics": ["odm"]}, "odm: no topic matches"),
         ({"file": str(drive)}, "r1/odom is no nav/Odometry: /r1/base knows it as std/String"),
     ]

@@ -112,6 +112,8 @@ class Player:
         self._changed = threading.Condition()
         self._in_hand = False
         """Whether something is on its way out; it is not the lock that is held meanwhile, for receivers may be slow."""
+        self._awaited = 0
+        """How many wait until it is out."""
         self._stopped = False
         self.played = 0
         """Messages that were published."""
@@ -135,7 +137,8 @@ class Player:
                 told = None
                 with self._changed:
                     self._in_hand = False
-                    self._changed.notify_all()
+                    if self._awaited:
+                        self._changed.notify_all()
                     if self._stopped:
                         return False
                     coming = self._playback.coming
@@ -226,7 +229,9 @@ class Player:
             done = what(time.monotonic_ns())
             self._changed.notify_all()
             # What was due before is out before whoever wanted this hears of it, unless a receiver hangs.
+            self._awaited += 1
             self._changed.wait_for(lambda: not self._in_hand or self._stopped, _HANGS)
+            self._awaited -= 1
         self._on_change()
         return done
 

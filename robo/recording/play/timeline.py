@@ -12,6 +12,8 @@ SLOWEST = 1e-6
 """A lower rate is a pause."""
 FASTEST = 1e6
 """A higher rate is as fast as nothing is lost: 0."""
+SLOWEST_CLOCK = 0.1
+"""How often the time is told at least, Hz."""
 
 
 def check_rate(rate: float) -> float:
@@ -34,8 +36,8 @@ def check_clock_rate(rate: float | None) -> None:
     Raises:
         UsageError: tells which are.
     """
-    if rate is not None and not 0.1 <= rate <= 1000.0:  # NaN too
-        raise UsageError(f"clock rate {rate:g}: use 0.1 to 1000 Hz")
+    if rate is not None and not SLOWEST_CLOCK <= rate <= 1000.0:  # NaN too
+        raise UsageError(f"clock rate {rate:g}: use {SLOWEST_CLOCK:g} to 1000 Hz")
 
 
 class Timeline:
