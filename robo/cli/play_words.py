@@ -21,9 +21,7 @@ class PlayWords(NamedTuple):
     duration: Annotated[
         float | None, typer.Option("--duration", "--playback-duration", metavar="S", help="Play S seconds of it.")
     ] = None
-    delay: Annotated[
-        float, typer.Option("--delay", metavar="S", help="Wait before the first message.", min=0.0, max=86_400.0)
-    ] = 0.0
+    delay: Annotated[float, typer.Option("--delay", metavar="S", help="Wait S seconds before the first message.")] = 0.0
     loop: Annotated[bool, typer.Option("-l", "--loop", help="Begin again at the end, until Ctrl-C.")] = False
     start_paused: Annotated[bool, typer.Option("-p", "--start-paused", help="Begin with a pause.")] = False
     topics: Annotated[

@@ -175,13 +175,14 @@ class CarmenPlayer(Node):
             self.logger.info(
                 "skipped %d odometry records of time 0, which a mapping tool wrote: lines %s",
                 len(self._rewritten),
-                _first(self._rewritten),
+                first_lines(self._rewritten),
             )
         if self._malformed:
-            self.logger.warning("skipped %d malformed lines: %s", len(self._malformed), _first(self._malformed))
+            self.logger.warning("skipped %d malformed lines: %s", len(self._malformed), first_lines(self._malformed))
 
 
-def _first(lines: list[int]) -> str:
+def first_lines(lines: list[int]) -> str:
+    """The first of many line numbers, in short."""
     return line_ranges(lines[:MOST_NAMED]) + (", …" if len(lines) > MOST_NAMED else "")
 
 

@@ -100,6 +100,7 @@ def test_in_json_lines(session: zenoh.Session, endpoint: str, tmp_path: Path) ->
         (["drive.mcap", "--end", "soon"], 2, "--end 'soon' is no time: write seconds from the beginning"),
         (["drive.mcap", "--rate", "nan"], 2, "rate"),
         (["drive.mcap", "--rate", "1e-320"], 2, "1e-06 to 1e+06"),
+        (["drive.mcap", "--delay", "nan"], 2, "--delay nan: use 0 to 86400 s"),
         (["drive.mcap", "--clock-rate", "nan"], 2, "use 0.1 to 1000 Hz"),
         (["drive.mcap", "--start", "0.5", "--end", "0.2"], 2, "--end 0.2 is not after --start 0.5"),
         (
@@ -335,6 +336,22 @@ def test_keys_steer_it_and_the_terminal_is_given_back(session: zenoh.Session, en
         assert person.shell.wait(PATIENCE) == 0
         assert person.has_its_mode_back()
         assert "stopped: " in person.output
+
+
+def test_nobody_waits_for_days_where_a_clock_was_set(session: zenoh.Session, endpoint: str, tmp_path: Path) -> None:
+    path = tmp_path / "set.mcap"
+    with bag.Recording(path, bag.Options(compression="none", sync=False)) as recording:
+        number = recording.topic(topic_of("r1/cmd_vel", Twist))
+        for count, at in enumerate((START, START + 19_675 * 86_400 * 1000 * MS)):
+            recording.write(number, bags.twist(count), at, at, count + 1)
+    heard = hear(session, "r1/cmd_vel")
+    with typist(str(path), "--connect", endpoint) as person:
+        told = "nothing for 19,675 days of the recording: its clock was set there; n goes to the next message"
+        eventually(lambda: told in person.output, "it is told")
+        person.type(b"n")
+        assert person.shell.wait(PATIENCE) == 0
+        assert "played 2 messages" in person.output
+    assert values(samples(heard, 2)) == [0.0, 1.0]
 
 
 @pytest.mark.parametrize("how", ["Ctrl-C", "SIGTERM", "Ctrl-Z"])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from robo.bag.forms import carmen
 from robo.bag.forms.carmen import LaserOffset, LogError, MalformedLog, Motion, Record, Rewritten, Scan
-from robo_services.carmen_player import line_ranges
+from robo_services.carmen_player import MOST_NAMED, first_lines, line_ranges
 from robo_services.planar import yaw_from_quaternion
 from tests import room_log
 
@@ -167,4 +167,8 @@ def test_the_log_of_a_real_robot(intel_log: Path) -> None:
 
 @pytest.mark.parametrize(("lines", "text"), [([], ""), ([3], "3"), ([3, 7, 8, 9, 12], "3, 7-9, 12"), ([1, 2], "1-2")])
 def test_line_numbers_in_short(lines: list[int], text: str) -> None:
-    assert line_ranges(lines) == text
+    assert line_ranges(lines) == first_lines(lines) == text
+
+
+def test_of_very_many_lines_the_first_are_named() -> None:
+    assert first_lines([2 * number for number in range(10**6)]).endswith(f" {2 * MOST_NAMED - 2}, …")

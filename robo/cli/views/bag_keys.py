@@ -36,7 +36,9 @@ _RATES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.
 _FAR_AWAY = 10.0
 """From how far away the next message is told, s of the wall clock."""
 _DAY = 86_400 * 10**9
-"""ns: no recorder waits so long; somebody has set its clock."""
+"""ns."""
+_CLOCK_WAS_SET = 2 * _DAY
+"""No recorder waits so long, ns."""
 
 
 def far_away(state: State) -> str | None:
@@ -44,7 +46,7 @@ def far_away(state: State) -> str | None:
     left = 0 if state.coming is None or state.paused else state.coming - state.position
     if not state.rate or left * 1e-9 / state.rate < _FAR_AWAY:
         return None
-    if left > _DAY:
+    if left > _CLOCK_WAS_SET:
         return f"nothing for {left / _DAY:,.0f} days of the recording: its clock was set there"
     return f"nothing for {left * 1e-9:.0f} s of the recording"
 

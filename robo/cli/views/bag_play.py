@@ -19,7 +19,7 @@ from robo.cli.link import Link
 from robo.cli.printing import amount, hint, note, print_json, print_line
 from robo.cli.reach import Reach
 from robo.cli.views.bag_keys import FAR, SEEK, Decoder, Key, far_away, next_rate, status_line
-from robo.errors import BagError, DamagedBag, InvalidName
+from robo.errors import BagError, DamagedBag, InvalidName, UsageError
 from robo.recording.play.outputs import ClockOutput, Outputs
 from robo.recording.play.player import Player
 from robo.recording.play.services import PlayerServices
@@ -46,6 +46,8 @@ _FOUND = 1.0
 """How long it may take until Zenoh has found those who listen, s: what is published sooner would miss them."""
 _LAST = 1.0
 """How long the last message may take, s: a receiver that wants all of them may hang."""
+_LONGEST_DELAY = 86_400.0
+"""s."""
 _LATE = 0.1
 """From how late it is told, s."""
 _MOST_TOLD = 10
@@ -67,6 +69,8 @@ def play(path: str, reach: Reach, words: "PlayWords", *, json: bool) -> int:
     """
     check_rate(words.rate)
     check_clock_rate(words.clock_rate)
+    if not 0 <= words.delay <= _LONGEST_DELAY:  # NaN too
+        raise UsageError(f"--delay {words.delay:g}: use 0 to {_LONGEST_DELAY:g} s")
     with bag.open(path) as recording, ExitStack() as ends:
         _tell_all(f"{fault}; what can be read is played, and `robo bag recover` mends it" for fault in recording.faults)
         choice = Choice(words.topics or (), words.exclude or (), words.remap or (), reach.namespace)
