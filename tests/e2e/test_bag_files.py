@@ -193,6 +193,11 @@ def test_convert_there_and_back(folder: Path) -> None:
     assert [json.loads(line)["key"] for line in out.splitlines()] == ["r1/scan"] * 10
     (folder / "run.log").write_text("ODOM 1 0 0.5 0.3 0.1 0 20.5 host 10.5\n")
     made(folder, "convert", "run.log", "-o", "run.mcap", "--robot-name", "r1", "--compression", "none")
+    made(folder, "convert", "run.log", "odom", "-o", "odom.mcap", "--robot-name", "r1", "--compression", "none")
+    with bag.open(folder / "odom.mcap") as odom:
+        assert [*odom.topics] == ["r1/odom"]
+    code, _, said = run(folder, "convert", "run.log", "odm", "-o", "none.mcap", "--compression", "none")
+    assert (code, "no topic of those that are there is wanted: odom, " in said) == (1, True)
     assert [topic.name for topic in bag.info(folder / "run.mcap").topics] == ["r1/odom", "r1/tf", "r1/tf_static"]
 
 

@@ -17,8 +17,11 @@ from robo.bag.patterns import chosen, matcher
 from robo.bag.progress import Tell
 from robo.cli.printing import amount, note, print_line
 from robo.cli.views.bag_progress import progress
-from robo.errors import UsageError
+from robo.errors import BagError, UsageError
 from robo.text.terminal import visible
+
+_MOST_TOLD = 20
+"""Names of topics."""
 
 
 class Conversion(NamedTuple):
@@ -68,7 +71,23 @@ def _from_mcap(asked: Conversion, target: Form, tell: Tell) -> Converted:
 
 
 def _to_mcap(asked: Conversion, source: Form, tell: Tell) -> Converted:
-    wanted: Wanted = matcher(asked.topics, asked.exclude, asked.namespace)
+    meant = matcher(asked.topics, asked.exclude, asked.namespace)
+    there: set[str] = set()
+
+    def wanted(name: str) -> bool:
+        if len(there) < _MOST_TOLD:
+            there.add(name)
+        return meant(name)
+
+    try:
+        return _read(asked, source, wanted, tell)
+    except BagError:
+        if there and not any(map(meant, there)):
+            note(visible(f"no topic of those that are there is wanted: {', '.join(sorted(there))}"))
+        raise
+
+
+def _read(asked: Conversion, source: Form, wanted: Wanted, tell: Tell) -> Converted:
     path, output, force = asked.source, asked.output, asked.force
     if source == "carmen":
         setting = Setting(namespace=asked.namespace)
