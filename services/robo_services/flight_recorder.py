@@ -10,13 +10,13 @@ from msgspec import Meta, field
 
 import robo
 from robo import READ_ONLY, Health, Node, Publisher, Unit, check, service
-from robo.bag.mcap.compression import compressor
+from robo.bag.mcap.compression import best_compression, compressor
 from robo.environment import RUN_VARIABLE, SUPERVISED_VARIABLE
 from robo.errors import BagError, FlightRecorderError, InvalidName, ParameterError
 from robo.node.turn import paused
 from robo.recording.flight.files import Recorder, Settings
 from robo.recording.flight.flight import Flight
-from robo.recording.flight.ring import best_compression, default_bases
+from robo.recording.flight.ring import default_bases
 from robo.recording.selection import Selection
 from robo.text.folders import log_base
 from robo.wire import names

@@ -9,7 +9,7 @@ from msgspec import Meta, field
 
 import robo
 from robo import READ_ONLY, Health, Node, Publisher, Unit, check, service, timer
-from robo.bag.mcap.compression import Compression, compressor
+from robo.bag.mcap.compression import best_compression
 from robo.bag.options import Options
 from robo.errors import BagError, InvalidName, ParameterError
 from robo.machine.manifests import manifests_of
@@ -221,7 +221,7 @@ class Recorder(Node):
         p = self.parameters
         try:
             return Options(
-                compression=_best() if p.compression == "auto" else p.compression,
+                compression=best_compression() if p.compression == "auto" else p.compression,
                 split_size=round(p.split_size * _MB) or None,
                 split_duration=p.split_duration or None,
                 split_by_hand=True,
@@ -250,15 +250,6 @@ def _words(topic: "TopicFigures") -> str:
     rate = "" if topic.rate is None else f" at {topic.rate:.1f} Hz"
     bad = {"lost": topic.lost, "malformed": topic.malformed, "left out": topic.left_out}
     return ", ".join([f"{topic.received}{rate}", *(f"{count} {what}" for what, count in bad.items() if count)])
-
-
-def _best() -> Compression:
-    """zstd, where it is installed."""
-    try:
-        compressor("zstd")
-    except BagError:
-        return "none"
-    return "zstd"
 
 
 if __name__ == "__main__":

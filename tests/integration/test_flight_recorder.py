@@ -420,7 +420,9 @@ def test_what_has_waited_for_long_is_taken_in_up_to_a_limit(
     session: zenoh.Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("robo.recording.flight.intake.MOST_AT_ONCE", 1_000)
-    intake = FlightIntake(session, Selection(["r1/**"]), lambda _: None, time.time_ns())
+    intake = FlightIntake(
+        session, Selection(["r1/**"]), lambda _: None, lambda _topic, _publisher: None, time.time_ns()
+    )
     facts = {"key_expr": "r1/picture", "kind": zenoh.SampleKind.PUT}
     waiting = [SimpleNamespace(payload=bytes([number]) * 300, **facts) for number in range(10)]
     intake._channels = [(0, SimpleNamespace(try_recv=lambda: waiting.pop(0) if waiting else None))]

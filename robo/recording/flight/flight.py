@@ -92,7 +92,7 @@ class Flight:
         self._witnesses = Witnesses(session, recorder.namespace, run)
         self.files = FlightFiles(recorder, settings, self._witnesses, log, publish)
         self._left_behind = LeftBehind(self.files, place)
-        self._intake = FlightIntake(session, selection, self._tell_once, now)
+        self._intake = FlightIntake(session, selection, self._tell_once, self.keeping.forget, now)
         self._events = session.declare_subscriber(event_key("**"), zenoh.handlers.RingChannel(_MOST_EVENTS))
         self._seen_events: dict[tuple[int, str], None] = {}
         self._missed: deque[tuple[Event, bool]] = deque()

@@ -35,12 +35,20 @@ class Batch(NamedTuple):
 class FlightIntake(Intake):
     """Takes in messages, and what latched publishers have said before. `batch` is called by one thread at a time."""
 
-    def __init__(self, session: zenoh.Session, selection: Selection, tell: Callable[[str], None], now: int) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        selection: Selection,
+        tell: Callable[[str], None],
+        replaced: Callable[[str, str], object],
+        now: int,
+    ) -> None:
         """
         Args:
             session: the network.
             selection: which topics.
             tell: is told once of each topic that cannot be written down as it should.
+            replaced: is told of each latched publisher whose node has another one now: its topic and its id.
             now: ns since the epoch, by the recorder's clock.
         """
         self.torn = 0
@@ -52,7 +60,7 @@ class FlightIntake(Intake):
         self._channels: list[tuple[int, Any]] = []
         self._conversion = Conversion(tell, lambda key: self.offers.of(key))
         self._transforms = TransformsOfOdometry()
-        super().__init__(session, selection, offer_changed=self._conversion.forget)
+        super().__init__(session, selection, offer_changed=self._conversion.forget, replaced=replaced)
 
     def batch(self, now: int, behind: int = 0) -> Batch:
         """What has come since the last look.

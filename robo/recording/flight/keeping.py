@@ -80,6 +80,12 @@ class Keeping:
         except BagError as error:
             self.lose(error)
 
+    def forget(self, topic: str, publisher: str) -> None:
+        """A publisher of a latched topic is replaced: what it has said is not said again in files that follow."""
+        self._latched.pop((topic, publisher), None)
+        if self._ring is not None:
+            self._ring.recording.forget(topic, publisher)
+
     def tend(self, now: int) -> None:
         """Let go what is too old, or try again; to be called once a second."""
         if self._ring is not None and not self.problem:

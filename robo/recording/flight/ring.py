@@ -18,7 +18,7 @@ from pathlib import Path
 import msgspec
 
 from robo.bag.edit.recovery import recover
-from robo.bag.mcap.compression import Compression, compressor
+from robo.bag.mcap.compression import Compression
 from robo.bag.mcap.index import index_of
 from robo.bag.mcap.source import Source
 from robo.bag.options import Options
@@ -44,15 +44,6 @@ class Limits(msgspec.Struct, frozen=True, kw_only=True):
     size: int
     """Bytes at most."""
     compression: Compression = "none"
-
-
-def best_compression() -> Compression:
-    """What this machine has."""
-    try:
-        compressor("zstd")
-    except BagError:
-        return "none"
-    return "zstd"
 
 
 def default_bases() -> list[Path]:
