@@ -6,9 +6,11 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from robo import bag
+from robo.bag import offered
 from robo.bag.mcap import format as mcap
 from robo.bag.mcap import packing
 from robo.bag.mcap.compression import CannotRestore, restored
+from robo.bag.mcap.file_writer import FileWriter
 from robo.bag.mcap.format import MESSAGE, PREFIX, WHOLE_MESSAGE_HEAD
 from robo.bag.types import topic_of
 from robo.interfaces import cdr
@@ -27,6 +29,11 @@ def twist(x: float) -> bytes:
     return cdr.encoder(Twist)(Twist(Vector3(x=x)))
 
 
+def transform(frame: str) -> bytes:
+    """A static transform to a frame as it stands in a recording."""
+    return cdr.encoder(TFMessage)(TFMessage([TransformStamped(Header(frame_id="base_link"), frame)]))
+
+
 def drive(
     path: Path, options: bag.Options | None = None, count: int = 100, missing: Iterable[int] = (), start: int = START
 ) -> None:
@@ -42,8 +49,7 @@ def drive(
         recording.attach("manifest.yaml", b"nodes: {}\n", "text/yaml", start)
         recording.add_metadata("robo", {"version": "1", "robot": "r1"})
         for source in ("base", "laser"):
-            message = TFMessage([TransformStamped(Header(frame_id="base_link"), source)])
-            recording.write(static, cdr.encoder(TFMessage)(message), start, start, 1, source)
+            recording.write(static, transform(source), start, start, 1, source)
         for number in range(count):
             at = start + number * 10 * MS
             if number not in leave_out:
@@ -54,6 +60,27 @@ def drive(
                 where = Odometry(Header(Time.from_nanoseconds(at), "odom"), "base_link")
                 where.pose.pose.position.x = number / 100
                 recording.write(odometry, cdr.encoder(Odometry)(where), at + 2 * MS, at, number // 10 + 1, "base")
+
+
+def of_ros(
+    path: Path, topic: bag.TopicInFile, said: Iterable[tuple[int, int, int, bytes]], publishers: int = 1
+) -> None:
+    """A recording of one topic with several publishers, as ROS writes it.
+
+    Args:
+        path: of it.
+        topic: what it is.
+        said: sequence number, arrival and publishing after the beginning, ns, and data of each message.
+        publishers: how many were announced.
+    """
+    with path.open("wb") as file:
+        writer = FileWriter(file)
+        writer.add_schema(mcap.Schema(1, topic.schema, "ros2msg", topic.text.encode()))
+        words = {offered.OFFERED: "\n".join([offered.words_of(topic.qos)[offered.OFFERED]] * publishers)}
+        writer.add_channel(mcap.Channel(1, 1, f"/{topic.name}", "cdr", words))
+        for sequence, arrived, published, data in said:
+            writer.add_message(1, sequence, START + arrived, START + published, data)
+        writer.finish()
 
 
 def records_of(data: bytes) -> Iterator[tuple[int, int, int]]:

@@ -12,9 +12,11 @@ WORD: Final = "robo.qos"
 """The word that has robo's own, exact."""
 
 _MOST = 100_000
+_KEEPS_ALL = {"keep_all", "2"}
 _FOR_EVER = "{sec: 9223372036, nsec: 854775807}"
 _DURABILITY = re.compile(r"\bdurability: *(transient_local|1)\b")
 _DEPTH = re.compile(r"\bdepth: *(\d{1,9})\b")
+_HISTORY = re.compile(r"\bhistory: *(\w+)\b")
 
 
 def words_of(qos: QoS) -> dict[str, str]:
@@ -28,12 +30,20 @@ def qos_of(words: Mapping[str, str]) -> QoS:
     if own is not None:
         return own
     text = words.get(OFFERED, "")[:_MOST]
-    depth = _DEPTH.search(text)
+    depths = [int(depth) for depth in _DEPTH.findall(text)]
     latched = _DURABILITY.search(text) is not None
-    if depth is None:
+    if not depths:
         return QoS.LATCHED if latched else QoS.DEFAULT
-    number = int(depth[1])
-    return QoS(depth=max(number, 1) if latched else number, latched=latched)
+    if not latched:
+        return QoS(depth=depths[0])
+    if not _KEEPS_ALL.isdisjoint(_HISTORY.findall(text)):
+        return QoS(depth=KEEP_ALL, latched=True)
+    return QoS(depth=max(*depths, 1), latched=True)  # 0 where ROS was not told of it
+
+
+def publishers_of(words: Mapping[str, str]) -> int:
+    """How many publishers of a channel were announced, at least 1."""
+    return max(len(_HISTORY.findall(words.get(OFFERED, "")[:_MOST])), 1)
 
 
 def _ros_text(qos: QoS) -> str:

@@ -43,6 +43,11 @@ def nothing(_: str) -> Known | None:
     return None
 
 
+def transforms(name: str) -> Known | None:
+    """What names its publishers by what it says, and nothing else: enough to know what is latched."""
+    return of_robo(name) if name == "tf2_msgs/msg/TFMessage" else None
+
+
 def of_robo(name: str) -> Known | None:
     """A type that ships or that a user's package has, by its name in ROS."""
     here = (one for one in robo_messages.type_names() if full_name(one) == name)

@@ -14,7 +14,7 @@ from robo.bag.mcap import format as mcap
 from robo.bag.mcap import packing
 from robo.bag.mcap.compression import MOST, CannotRestore, compressor, restored
 from robo.bag.mcap.format import PREFIX, Malformed, rows
-from robo.bag.offered import OFFERED, qos_of, words_of
+from robo.bag.offered import OFFERED, publishers_of, qos_of, words_of
 from robo.wire.qos import KEEP_ALL, QoS
 from tests import bags
 
@@ -165,6 +165,12 @@ def test_what_publishers_of_older_recordings_offer_is_understood() -> None:
     humble = "- history: 1\n  depth: 3\n  reliability: 1\n  durability: 1\n"
     assert qos_of({OFFERED: humble}) == QoS(depth=3, latched=True)
     assert qos_of({OFFERED: humble.replace("durability: 1", "durability: 2")}) == QoS(depth=3)
+    assert qos_of({OFFERED: humble.replace("history: 1", "history: 2")}) == QoS(depth=KEEP_ALL, latched=True)
+    assert qos_of({OFFERED: humble.replace("history: 1", "history: 3").replace("3\n  r", "0\n  r")}) == QoS(
+        depth=1, latched=True
+    )
+    assert publishers_of({OFFERED: humble * 3}) == 3
+    assert publishers_of({}) == publishers_of({OFFERED: ""}) == 1
     assert qos_of({OFFERED: ""}) == QoS.DEFAULT
     assert qos_of({}) == QoS.DEFAULT
 

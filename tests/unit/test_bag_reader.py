@@ -12,8 +12,8 @@ from robo import bag
 from robo.bag.read.order import MOST_KEPT
 from robo.bag.types import nothing, topic_of
 from robo.errors import BagError, DamagedBag
-from robo.wire.qos import QoS
-from robo_messages import Odometry, String, Twist
+from robo.wire.qos import KEEP_ALL, QoS
+from robo_messages import Odometry, String, TFMessage, Twist
 from tests import bags
 from tests.bags import MS, START
 
@@ -197,6 +197,53 @@ def test_what_is_latched_at_a_time_is_what_each_publisher_said_last(tmp_path: Pa
         assert latched(START) == []
         assert latched(START + 2) == [0, 1]  # two publishers that begin: both have number 1
         assert latched(START + 7) == [0, 1, 2, 5, 6]
+
+
+LATCHED = QoS(depth=1, latched=True)
+
+
+@pytest.mark.parametrize("numbers", [(0, 0, 0, 0), (1, 2, 1, 2)])
+def test_static_transforms_stay_of_all_who_said_some(numbers: tuple[int, ...], tmp_path: Path) -> None:
+    frames = ["base", "laser", "imu", "laser"]
+    said = [
+        (number, at, at, bags.transform(frame)) for at, (number, frame) in enumerate(zip(numbers, frames, strict=True))
+    ]
+    path = tmp_path / "ros.mcap"
+    bags.of_ros(path, topic_of("tf_static", TFMessage, LATCHED), [*said, (9, 9, 9, bags.transform("late"))])
+    with bag.open(path) as opened:
+        assert [message.arrived - START for message in opened.latched(START + 5)] == [0, 2, 3]
+    assert bag.cut(path, tmp_path / "part.mcap", START + 5, compression="none").latched == 3
+
+
+@pytest.mark.parametrize(
+    ("numbers", "publishers", "depth", "left"),
+    [
+        ((0, 0, 0, 0), 3, 1, [1, 2, 3]),
+        ((0, 0, 0, 0), 1, 2, [2, 3]),
+        ((0, 0, 0, 0), 1, KEEP_ALL, [0, 1, 2, 3]),
+        ((1, 2, 1), 1, 1, [0, 1, 2]),  # of three, said before the recording began
+        ((1, 2, 1, 2, 3), 1, 1, [0, 1, 2, 3, 4]),  # those that come later may be of either
+    ],
+)
+def test_what_is_latched_stays_of_each_publisher(
+    numbers: tuple[int, ...], publishers: int, depth: int, left: list[int], tmp_path: Path
+) -> None:
+    path = tmp_path / "ros.mcap"
+    said = [(number, place, -1_000 if place < 3 else place, bags.twist(place)) for place, number in enumerate(numbers)]
+    topic = topic_of("map", Twist, QoS(depth=depth, latched=True))
+    bags.of_ros(path, topic, [*said, (9, 99, 99, bags.twist(9))], publishers)
+    with bag.open(path) as opened:
+        assert [message.arrived - START for message in opened.latched(START + 50)] == left
+    assert bag.cut(path, tmp_path / "part.mcap", START + 50, compression="none").latched == len(left)
+
+
+def test_what_is_latched_takes_no_more_memory_than_it_may(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robo.bag.read.latched._MOST", 120)
+    path = tmp_path / "ros.mcap"
+    said = [(0, at, at, bags.twist(at)) for at in range(20)]
+    bags.of_ros(path, topic_of("map", Twist, QoS(depth=KEEP_ALL, latched=True)), said)
+    with bag.open(path) as opened:
+        assert [message.arrived - START for message in opened.latched(START + 50)] == [18, 19]
 
 
 def test_files_are_as_one_in_the_order_of_their_numbers(tmp_path: Path) -> None:

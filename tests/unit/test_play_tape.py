@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import robo_messages
 from robo import bag
 from robo.bag.of_robot import robot_of
+from robo.bag.read.reader import Order
 from robo.bag.read.topics import BagMessage
 from robo.bag.types import topic_of
 from robo.cli.views.bag_edit import cut
@@ -48,6 +49,16 @@ def test_from_anywhere_with_what_was_said_before(start: float, count: int, tmp_p
         whole = [message.value for message in recording.messages(begin=START + round(start * 1e9))]
         played = [item.what.payload for item in items if not item.before]
         assert played == [robo_messages.encode(value) for value in whole if not isinstance(value, bytes)]
+
+
+@pytest.mark.parametrize("order", ["arrived", "published"])
+def test_static_transforms_of_ros_are_those_of_all_nodes(order: Order, tmp_path: Path) -> None:
+    said = [(0, at, at, bags.transform(frame)) for at, frame in enumerate(("base", "laser", "imu", "laser"))]
+    bags.of_ros(tmp_path / "ros.mcap", topic_of("tf_static", TFMessage, QoS.LATCHED), said, publishers=3)
+    with bag.open(tmp_path / "ros.mcap") as recording:
+        tape = BagTape(recording, select(recording.topics, Choice(), recording.path).played, order)
+        before = [item.what for item in tape.run(START + 50) if item.before]
+        assert len(before) == len({one.part for one in before}) == 3
 
 
 @pytest.mark.parametrize(

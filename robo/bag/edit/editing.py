@@ -18,7 +18,7 @@ from robo.bag.progress import Tell, counted, silent
 from robo.bag.read.files import Files, files_of
 from robo.bag.read.reader import Bag
 from robo.bag.read.topics import Topic
-from robo.bag.types import nothing
+from robo.bag.types import transforms
 from robo.errors import BagError, DamagedBag
 
 
@@ -106,7 +106,7 @@ def _edit(
     tell: Tell,
 ) -> Edited:
     files = Files(*(files_of(path) for path in paths))
-    with Bag(" ".join(map(str, paths)), files, nothing) as bag:
+    with Bag(" ".join(map(str, paths)), files, transforms) as bag:
         for fault in bag.faults:
             text = f"{fault.reason}; `robo bag recover` makes a whole file of what can be read"
             raise DamagedBag(text, fault.path, fault.offset)

@@ -10,7 +10,7 @@ from robo.bag.mcap.file_writer import FileWriter
 from robo.bag.read.files import Files
 from robo.bag.read.reader import Bag
 from robo.bag.read.topics import BagMessage
-from robo.bag.types import nothing
+from robo.bag.types import transforms
 from robo.errors import BagError
 
 
@@ -57,7 +57,7 @@ def _say_damage(writer: FileWriter, error: BagError) -> None:
 
 
 def _copy(files: Files, output: Path, begin: int, end: int, writer: FileWriter, later: int) -> Edited:
-    with Bag(str(output), files, nothing) as bag:
+    with Bag(str(output), files, transforms) as bag:
         topics = list(bag.topics.values())
         numbers = say_topics(files, topics, writer)
         latched: list[BagMessage] = []

@@ -8,8 +8,9 @@ from robo.bag.mcap.format import ATTACHMENT, Attachment, Malformed, Metadata, Ro
 from robo.bag.mcap.index import COUNTS, REPEATED
 from robo.bag.mcap.source import Source
 from robo.bag.read.files import Files
+from robo.bag.read.latched import last_said
 from robo.bag.read.order import Data, Span, in_order
-from robo.bag.read.topics import BagMessage, ChannelOf, Topic, last_of_each, topics_of
+from robo.bag.read.topics import BagMessage, ChannelOf, Topic, topics_of
 from robo.bag.types import Find
 from robo.errors import BagError, DamagedBag
 from robo.text.suggestions import suggest
@@ -134,12 +135,8 @@ class Bag:
         Args:
             at: arrivals before it count, ns since the epoch.
         """
-        found: list[BagMessage] = []
-        for topic in self.topics.values():
-            if topic.qos.latched:
-                said = self._messages(set(topic.channels), None, at, "arrived")
-                found += last_of_each(said, max(topic.qos.depth, 1))
-        return sorted(found, key=lambda message: message.arrived)
+        wanted = {channel for topic in self.topics.values() if topic.qos.latched for channel in topic.channels}
+        return last_said(self._messages(wanted, None, at, "arrived"), self.begin) if wanted else []
 
     def column(self, topic: str, field: str, order: Order = "arrived") -> Any:
         """One field of all messages of a topic: an array where numpy is installed, else a list.

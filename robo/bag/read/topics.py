@@ -1,6 +1,6 @@
 """Topics of a recording and their messages, as values."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
@@ -39,6 +39,8 @@ class Topic(msgspec.Struct, frozen=True, eq=False):
     """Of its messages."""
     qos: QoS
     """What its publishers offer, as far as the file says."""
+    publishers: int
+    """How many of them were announced, at least 1."""
     unknown: str
     """Why its messages stay bytes; empty where they are robo's."""
     channels: frozenset[ChannelOf]
@@ -100,6 +102,7 @@ def topics_of(indexes: Sequence[Index], counts: Sequence[Mapping[int, int]], fin
                 encoding,
                 sum(count for _, count, _ in channels),
                 offered.qos_of(channel.metadata),
+                _publishers(channels),
                 unknown,
                 frozenset(where for where, _, _ in channels),
                 known,
@@ -107,6 +110,14 @@ def topics_of(indexes: Sequence[Index], counts: Sequence[Mapping[int, int]], fin
         )
         names.add(name)
     return topics
+
+
+def _publishers(channels: Sequence[tuple[ChannelOf, int, mcap.Channel]]) -> int:
+    """Of a topic, at most in one file: each file of a recording says the same ones again."""
+    found: dict[int, int] = {}
+    for (file, _), _, channel in channels:
+        found[file] = found.get(file, 0) + offered.publishers_of(channel.metadata)
+    return max(found.values())
 
 
 def _type(name: str, kind: str, text: str, encoding: str, find: Find) -> tuple[Known | None, str]:
@@ -125,25 +136,3 @@ def _type(name: str, kind: str, text: str, encoding: str, find: Find) -> tuple[K
     if text and (difference := definitions.differs(name, text, known.text)):
         return None, f"its definition is another one: {brief(difference, 300)}"
     return known, ""
-
-
-def last_of_each(messages: Iterable[BagMessage], depth: int) -> list[BagMessage]:
-    """The last `depth` messages of each publisher of a latched topic, as far as sequence numbers tell publishers apart.
-
-    Where they do not, there is one more rather than one less: what is latched and missing is missed.
-    """
-    series: list[list[BagMessage]] = []
-    for message in messages:
-        before = (message.sequence - 1) % 2**32 if message.sequence else 0
-        fitting = [one for one in series if one[-1].sequence == before]
-        if len(fitting) == 1:
-            fitting[0].append(message)
-            del fitting[0][:-depth]
-        else:
-            series.append([message])
-            del series[:-_MOST_PUBLISHERS]
-    return sorted((message for one in series for message in one), key=lambda message: message.arrived)
-
-
-_MOST_PUBLISHERS = 256
-"""Of a latched topic that are told apart."""

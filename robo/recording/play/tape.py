@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import robo_messages
 from robo.bag.moments import moment
+from robo.bag.read.latched import last_said
 from robo.bag.read.reader import Bag, Order
-from robo.bag.read.topics import BagMessage, last_of_each
+from robo.bag.read.topics import BagMessage
 from robo.errors import BagError, UsageError
 from robo.recording.play.ahead import Wanted
 from robo.recording.play.playback import Item
@@ -160,11 +161,11 @@ class BagTape:
     def _said_before(self, at: int, wanted: Wanted) -> list[BagMessage]:
         if at <= self.first and self._order == "arrived":
             return []
-        said: list[BagMessage] = []
-        for topic in self._latched:
-            messages = _as_long_as(wanted, self._bag.messages(topic.name, None, at, self._order))
-            said += last_of_each(messages, max(topic.qos.depth, 1))
-        return sorted(said, key=lambda message: message.arrived)
+        latched = [topic.name for topic in self._latched]
+        if not latched:
+            return []
+        messages = _as_long_as(wanted, self._bag.messages(latched, None, at, self._order))
+        return last_said(messages, self._bag.begin)
 
     def _span(self) -> tuple[int, int]:
         """The first and the last time that counts.
