@@ -99,6 +99,22 @@ def without_summary(data: bytes) -> bytes:
     return data[:end] + packing.data_end() + packing.summary([], 0) + mcap.MAGIC
 
 
+def summary_without_checksum(data: bytes) -> bytes:
+    """A whole file whose summary may say what it likes."""
+    return data[: -len(mcap.MAGIC) - 4] + bytes(4) + mcap.MAGIC
+
+
+def with_summary_changed(data: bytes, change: Callable[[int, bytes], bytes]) -> bytes:
+    """A whole file with another summary, and its checksum: `change` takes what a record is and its content."""
+    begin = next(end for kind, _, end in records_of(data) if kind == mcap.DATA_END)
+    parts = []
+    for kind, at, end in records_of(data):
+        if at >= begin and kind not in (mcap.FOOTER, mcap.SUMMARY_OFFSET):
+            content = change(kind, data[at + PREFIX.size : end])
+            parts.append((kind, PREFIX.pack(kind, len(content)) + content))
+    return data[:begin] + packing.summary(parts, begin) + mcap.MAGIC
+
+
 def without_chunks(data: bytes) -> bytes:
     """A whole file whose messages stand outside of chunks, without a summary."""
     parts = [mcap.MAGIC]

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from robo import bag
 from robo.bag.mcap import format as mcap
+from robo.bag.mcap import packing
 from robo.bag.mcap.format import PREFIX
 from robo.errors import BagError, DamagedBag
 from tests import bags
@@ -139,3 +140,63 @@ def test_nothing_is_overwritten_and_nothing_half_made_stays(whole: bytes, tmp_pa
     assert path.read_bytes() == whole
     with pytest.raises(BagError, match="cannot be written: No such file"):
         bag.recover(path, tmp_path / "nowhere" / "b.mcap")
+
+
+def flipped(data: bytes, at: int, bits: int) -> bytes:
+    return data[:at] + bytes([data[at] ^ bits]) + data[at + 1 :]
+
+
+@pytest.mark.parametrize("summary", [True, False])
+@pytest.mark.parametrize("bit", range(8))
+@pytest.mark.parametrize(
+    "kind", [mcap.HEADER, mcap.CHUNK, mcap.MESSAGE_INDEX, mcap.METADATA, mcap.ATTACHMENT, mcap.DATA_END]
+)
+def test_a_record_that_claims_to_be_another_one_is_lost_alone_and_told(
+    kind: int, bit: int, summary: bool, whole: bytes, tmp_path: Path
+) -> None:
+    if kind == mcap.MESSAGE_INDEX and (bit == 7 if summary else bit == 1):
+        pytest.skip("a record that others may use as they like; or one that looks like a message indeed")
+    path = tmp_path / "a.mcap"
+    data = whole if summary else bags.without_summary(whole)
+    places = [(at, after) for one, at, after in bags.records_of(data) if one == kind]
+    at, after = places[len(places) // 2]
+    path.write_bytes(flipped(data, at, 1 << bit))
+    recovered = bag.recover(path, tmp_path / "b.mcap")
+    assert recovered.faults
+    lost = messages_before(whole, after) - messages_before(whole, at) if kind == mcap.CHUNK else 0
+    assert recovered.messages == 122 - lost
+    assert bag.check(tmp_path / "b.mcap").whole
+    assert not bag.check(path).whole
+    assert bag.info(path).faults or (summary and kind != mcap.CHUNK), "who believes the summary needs nothing else"
+
+
+def test_a_summary_that_is_damaged_costs_no_chunk(whole: bytes, tmp_path: Path) -> None:
+    begin = next(after for kind, _, after in bags.records_of(whole) if kind == mcap.DATA_END)
+    path = tmp_path / "a.mcap"
+    for checked in (True, False):
+        data = whole if checked else bags.summary_without_checksum(whole)
+        for at in range(begin, len(data) - 8 - 29, 97):
+            path.write_bytes(flipped(data, at, 4))
+            assert bag.recover(path, tmp_path / "b.mcap", force=True).messages == 122
+
+
+def test_the_end_of_the_data_is_where_the_summary_begins(whole: bytes, tmp_path: Path) -> None:
+    data = bags.without_summary(whole)
+    chunks = [at for kind, at, _ in bags.records_of(data) if kind == mcap.CHUNK]
+    path = tmp_path / "a.mcap"
+    path.write_bytes(data[: chunks[5]] + packing.data_end() + data[chunks[5] :])
+    recovered = bag.recover(path, tmp_path / "b.mcap")
+    (fault,) = recovered.faults
+    assert fault.reason == "the data end here, and something else than the summary follows"
+
+
+def test_more_definitions_than_a_file_has_are_refused(tmp_path: Path) -> None:
+    parts = [packing.schema(mcap.Schema(number, "a/msg/B", "ros2msg", bytes(3_000_000))) for number in range(1, 30)]
+    big = packing.schema(mcap.Schema(99, "a/msg/B", "ros2msg", bytes(5_000_000)))
+    for number, records in enumerate((b"".join(parts), big)):
+        path = tmp_path / f"{number}.mcap"
+        chunk = packing.chunk(0, 0, len(records), 0, "", records)
+        head = mcap.MAGIC + packing.header(mcap.Header("ros2", "test"))
+        path.write_bytes(head + chunk + packing.data_end() + packing.summary([], 0) + mcap.MAGIC)
+        with bag.open(path) as opened:
+            assert "bytes" in opened.faults[0].reason

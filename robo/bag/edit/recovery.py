@@ -9,7 +9,8 @@ from robo.bag.edit.output import new_file
 from robo.bag.mcap import format as mcap
 from robo.bag.mcap.file_writer import FileWriter
 from robo.bag.mcap.format import Malformed, rows
-from robo.bag.mcap.index import Index, scanned
+from robo.bag.mcap.index import Index
+from robo.bag.mcap.scan import scanned
 from robo.bag.mcap.source import Place, Source
 from robo.bag.progress import Tell, silent
 from robo.errors import DamagedBag

@@ -9,7 +9,8 @@ from pathlib import Path
 import msgspec
 
 from robo.bag.look.losses import Losses
-from robo.bag.mcap.index import Index, index_of
+from robo.bag.mcap.index import Index
+from robo.bag.mcap.scan import index_of
 from robo.bag.mcap.source import Place, Source
 from robo.bag.progress import Tell, counted, silent
 from robo.bag.read.files import Files, files_of

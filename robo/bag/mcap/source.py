@@ -11,8 +11,6 @@ from typing import Final, NamedTuple
 from robo.bag.mcap import compression
 from robo.bag.mcap.format import (
     CHUNK,
-    DATA_END,
-    FOOTER,
     MAGIC,
     PREFIX,
     Chunk,
@@ -24,6 +22,9 @@ from robo.text.files import open_regular
 
 MOST_RECORD: Final = compression.MOST + 2**16
 """The content of a record, bytes; an attachment may be larger."""
+
+_AT_ONCE = 2**20
+"""Of what is only looked at, bytes."""
 
 _OTHERS = {
     b"SQLite f": "a database of SQLite; `ros2 bag convert` makes MCAP of a recording of ROS 2",
@@ -145,19 +146,29 @@ class Source:
             raise self.damaged(place.offset, "a chunk has another checksum than it says")
         return data
 
-    def places(self, begin: int = len(MAGIC)) -> Iterator[Place]:
-        """All records from a place on, up to the end of the data or the footer.
+    def places(self, begin: int, end: int) -> Iterator[Place]:
+        """The records from a place up to another one.
 
         Raises:
-            DamagedBag: the file ends before.
+            DamagedBag: one goes beyond it.
         """
-        offset = begin
-        while True:
-            found = self.place(offset)
+        while begin < end:
+            found = self.place(begin)
+            if found.end > end:
+                raise self.damaged(begin, f"a record claims {found.length:,} bytes, which is too much here")
             yield found
-            if found.kind in (DATA_END, FOOTER):
-                return
-            offset = found.end
+            begin = found.end
+
+    def checksum(self, begin: int, end: int) -> int:
+        """The CRC32 of some of its bytes.
+
+        Raises:
+            DamagedBag: the file has not so many.
+        """
+        found = 0
+        for at in range(begin, end, _AT_ONCE):
+            found = zlib.crc32(self.read(at, min(_AT_ONCE, end - at)), found)
+        return found
 
     def damaged(self, offset: int, reason: str) -> DamagedBag:
         """An error of this file."""

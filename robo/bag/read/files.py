@@ -7,7 +7,8 @@ from functools import partial
 from pathlib import Path
 
 from robo.bag.mcap.format import METADATA, Malformed, Metadata, MetadataIndex, metadata
-from robo.bag.mcap.index import Block, Index, index_of, scanned
+from robo.bag.mcap.index import Block, Index
+from robo.bag.mcap.scan import index_of, scanned
 from robo.bag.mcap.source import Source
 from robo.bag.progress import Tell, silent
 from robo.bag.read.order import Cache, Data, Span

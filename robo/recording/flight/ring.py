@@ -19,7 +19,7 @@ import msgspec
 
 from robo.bag.edit.recovery import recover
 from robo.bag.mcap.compression import Compression
-from robo.bag.mcap.index import index_of
+from robo.bag.mcap.scan import index_of
 from robo.bag.mcap.source import Source
 from robo.bag.options import Options
 from robo.bag.read.files import files_of
