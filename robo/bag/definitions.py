@@ -30,6 +30,19 @@ def differs(name: str, theirs: str, ours: str) -> str:
     return _differs(root, _types(root, theirs), _types(root, ours))
 
 
+def fields_of(name: str, text: str) -> frozenset[tuple[str, Fields]]:
+    """What a definition says of the bytes: the fields of a type and of all its parts, by their short names."""
+    every = _types(_short(name), text)
+    found: dict[str, Fields] = {}
+    to_do = [_short(name)]
+    while to_do:
+        one = to_do.pop()
+        if one in every and one not in found:
+            found[one] = every[one]
+            to_do += [_base(type_) for type_, _ in every[one]]
+    return frozenset(found.items())
+
+
 def _differs(name: str, theirs: dict[str, Fields], ours: dict[str, Fields]) -> str:
     seen: set[str] = set()
     to_do = [name]
@@ -55,7 +68,7 @@ def _differs(name: str, theirs: dict[str, Fields], ours: dict[str, Fields]) -> s
     return ""
 
 
-@functools.lru_cache(256)
+@functools.lru_cache(32)
 def _types(root: str, text: str) -> dict[str, Fields]:
     """The fields of each type in a text, by short name: `geometry_msgs/Twist`."""
     found: dict[str, Fields] = {}

@@ -82,3 +82,11 @@ def test_a_block_that_makes_no_sense_is_told() -> None:
 
     with pytest.raises(ValueError, match="block 1: three is too many"):
         list(in_order(Given([[0, 1], [2, 3]], 100), wanted, arrived))
+
+
+def test_more_at_one_time_than_memory_has_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robo.bag.read.order.MOST_OPEN", 200)
+    apart = [list(range(number * 10, number * 10 + 3)) for number in range(9)]
+    assert sum(1 for _ in in_order(Given(apart, 100), everything, arrived)) == 27
+    with pytest.raises(ValueError, match="chunks of more than 200 bytes are of the same time"):
+        list(in_order(Given([[0, 5, 9], [1, 8], [2, 7]], 100), everything, arrived))

@@ -274,8 +274,9 @@ def test_many_files_are_not_all_open(tmp_path: Path) -> None:
     [
         (b"", "it is empty"),
         (b"\x89MCAP0", "it is no MCAP file"),
-        (b"SQLite format 3\0", "a database of SQLite; `ros2 bag convert` makes MCAP"),
-        (b"#ROSBAG V2.0\n", "a recording of ROS 1; `rosbags-convert`"),
+        (b"SQLite format 3\0", "a database of SQLite, .*: `rosbags-convert` or `ros2 bag convert` makes MCAP"),
+        (b"\x28\xb5\x2f\xfd and more", "compressed as a whole: `unzstd` makes MCAP"),
+        (b"#ROSBAG V2.0\n", "a recording of ROS 1: `rosbags-convert`"),
         (b"a text", "it is no MCAP file"),
     ],
 )

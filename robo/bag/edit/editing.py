@@ -3,6 +3,7 @@
 What latched topics had said before a part begins stands at its beginning. Attachments and metadata are kept.
 """
 
+import hashlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -10,7 +11,6 @@ from typing import NamedTuple
 import msgspec
 
 from robo.bag.edit.output import new_file
-from robo.bag.mcap import format as mcap
 from robo.bag.mcap.compression import Compression
 from robo.bag.mcap.file_writer import FileWriter
 from robo.bag.mcap.index import COUNTS, REPEATED
@@ -107,15 +107,15 @@ def _edit(
 ) -> Edited:
     files = Files(*(files_of(path) for path in paths))
     with Bag(" ".join(map(str, paths)), files, transforms) as bag:
-        for fault in bag.faults:
-            text = f"{fault.reason}; `robo bag recover` makes a whole file of what can be read"
-            raise DamagedBag(text, fault.path, fault.offset)
+        _refuse_damaged(bag)
         topics = [topic for topic in bag.topics.values() if wanted(topic.name)]
-        if not topics:
+        if not topics and (bag.topics or begin is not None or end is not None):
             raise BagError("it has none of these topics", bag.path)
         names = [topic.name for topic in topics]
         total = sum(topic.count for topic in topics) if begin is None and end is None else 0
-        with new_file(new.path, new.compression, force=new.force) as writer:
+        profiles = {index.header.profile for index in files.indexes}
+        profile = profiles.pop() if len(profiles) == 1 else ""
+        with new_file(new.path, new.compression, force=new.force, profile=profile) as writer:
             numbers = say_topics(files, topics, writer)
             latched = 0
             if begin is not None:
@@ -129,10 +129,22 @@ def _edit(
                 number = numbers[message.topic]
                 writer.add_message(number, message.sequence, message.arrived, message.published, message.data)
                 count += 1
-            _copy_what_is_beside(bag, writer)
-            if not count:
+            if not count and (begin is not None or end is not None):
                 raise BagError(f"no message came in that time; they came from {bag.begin} to {bag.end} ns", bag.path)
+            _copy_what_is_beside(bag, writer)
         return Edited(str(new.path), len(topics), count + latched, latched)
+
+
+def _refuse_damaged(bag: Bag) -> None:
+    """A file that a power cut has left without a beginning is no loss; all else that is wrong has to be mended first.
+
+    Raises:
+        DamagedBag: something is wrong.
+    """
+    for fault in bag.faults:
+        if not (fault.cut and fault in bag.files.faults):
+            text = f"{fault.reason}; `robo bag recover` makes a whole file of what can be read"
+            raise DamagedBag(text, fault.path, fault.offset)
 
 
 def say_topics(files: Files, topics: Sequence[Topic], writer: FileWriter) -> dict[Topic, int]:
@@ -155,18 +167,24 @@ def say_topics(files: Files, topics: Sequence[Topic], writer: FileWriter) -> dic
 
 
 def _copy_what_is_beside(bag: Bag, writer: FileWriter) -> None:
-    """Attachments and metadata, each once; counts do not hold any more."""
-    seen_words: list[mcap.Metadata] = []
+    """Attachments and metadata, each once, of attachments one at a time in memory; counts do not hold any more."""
+    seen_words: set[tuple[str, tuple[tuple[str, str], ...]]] = set()
     for words in bag.all_metadata():
-        if words.name not in (COUNTS, REPEATED) and words not in seen_words:
-            seen_words.append(words)
+        said = words.name, tuple(words.words.items())
+        if words.name not in (COUNTS, REPEATED) and said not in seen_words:
+            seen_words.add(said)
             writer.add_metadata(words.name, words.words)
-    seen: set[tuple[str, int, int]] = set()
-    attachments = []
-    for one in bag.all_attachments():
-        what = one.name, one.crc, len(one.data)
+    seen: set[tuple[str, bytes]] = set()
+    last = []
+    for number, one in enumerate(bag.all_attachments()):
+        what = one.name, hashlib.sha256(one.data).digest()
         if what not in seen:
             seen.add(what)
-            attachments.append(one)
-    for one in reversed(attachments):
-        writer.add_attachment(one.arrived, one.created, one.name, one.media_type, one.data)
+            last.append(number)
+    if not last:
+        return
+    count = sum(len(index.attachments) for index in bag.files.indexes)
+    wanted = {count - 1 - number for number in last}
+    for number, one in enumerate(bag.all_attachments(newest_first=False)):
+        if number in wanted:
+            writer.add_attachment(one.arrived, one.created, one.name, one.media_type, one.data)

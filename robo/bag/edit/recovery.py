@@ -9,14 +9,11 @@ from robo.bag.edit.output import new_file
 from robo.bag.mcap import format as mcap
 from robo.bag.mcap.file_writer import FileWriter
 from robo.bag.mcap.format import Malformed, rows
-from robo.bag.mcap.index import Index
+from robo.bag.mcap.index import Index, from_summary
 from robo.bag.mcap.scan import scanned
 from robo.bag.mcap.source import Place, Source
 from robo.bag.progress import Tell, silent
 from robo.errors import DamagedBag
-
-_MOST_ATTACHMENT = 2**30
-"""That is copied, bytes: 1 GB."""
 
 
 class Recovered(msgspec.Struct, frozen=True):
@@ -53,7 +50,12 @@ def recover(path: str | Path, output: str | Path, *, force: bool = False, tell: 
     """
     with Source(path) as source:
         found = scanned(source, lambda done, _: tell(done, 2 * source.size))
-        with new_file(output, "none", force=force) as writer:
+        if not found.faults:
+            try:
+                from_summary(source)
+            except DamagedBag as fault:
+                found.add_fault(fault)
+        with new_file(output, "none", force=force, profile=found.header.profile) as writer:
             _copy(source, found, writer, lambda done, _: tell(source.size + done, 2 * source.size))
         messages = sum(found.counts.values())
         return Recovered(
@@ -79,8 +81,10 @@ def _copy(source: Source, found: Index, writer: FileWriter, tell: Tell) -> None:
         tell(offset, source.size)
         try:
             step()
-        except Malformed as error:  # a checksum that nobody has looked at before
-            found.add_fault(DamagedBag(str(error), source.path))
+        except DamagedBag as fault:  # a checksum that nobody has looked at before
+            found.add_fault(fault)
+        except Malformed as error:
+            found.add_fault(source.damaged(offset, str(error)))
 
 
 def _step(
@@ -101,9 +105,7 @@ def _copy_run(source: Source, place: Place, writer: FileWriter) -> None:
 
 
 def _copy_attachment(source: Source, place: Place, writer: FileWriter) -> None:
-    if place.length > _MOST_ATTACHMENT:
-        raise Malformed(f"an attachment has {place.length:,} bytes, and at most {_MOST_ATTACHMENT:,} are copied")
-    one = mcap.attachment(source.read(place.content, place.length))
+    one = source.attachment(place.offset)
     writer.add_attachment(one.arrived, one.created, one.name, one.media_type, one.data)
 
 

@@ -4,6 +4,8 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from robo.bag.forms.lines import STANDARD
+from robo.bag.mcap.format import MAGIC
+from robo.bag.mcap.source import other_form
 from robo.errors import BagError, UnreadableFile
 from robo.text.files import open_regular
 
@@ -16,7 +18,6 @@ _ENDINGS: dict[str, Form] = {
     ".mcap": "mcap", ".csv": "csv", ".jsonl": "jsonl", ".ndjson": "jsonl", ".log": "carmen", ".clf": "carmen",
     ".carmen": "carmen",
 }  # fmt: skip
-_MAGIC = b"\x89MCAP0\r\n"
 
 
 def form_of_input(path: str, said: str | None = None) -> Form:
@@ -35,8 +36,11 @@ def form_of_input(path: str, said: str | None = None) -> Form:
             has_csv = any(one.suffix.lower() == ".csv" for one in where.iterdir())
             return "csv" if has_csv and not any(one.suffix == ".mcap" for one in where.iterdir()) else "mcap"
         with open_regular(path) as file:
-            if file.read(len(_MAGIC)) == _MAGIC:
-                return "mcap"
+            begin = file.read(len(MAGIC))
+        if begin == MAGIC:
+            return "mcap"
+        if (other := other_form(begin)) is not None:
+            raise BagError(f"it is {other}", path)
     except UnreadableFile as error:
         raise BagError(str(error), path) from None
     except (OSError, ValueError) as error:

@@ -30,7 +30,12 @@ class FileWriter:
     """Writes an MCAP file. Whoever closes the output does so after `finish`."""
 
     def __init__(
-        self, output: Output, compression: str = "", compress: Compress | None = None, chunk_size: int = CHUNK_SIZE
+        self,
+        output: Output,
+        compression: str = "",
+        compress: Compress | None = None,
+        chunk_size: int = CHUNK_SIZE,
+        profile: str = PROFILE,
     ) -> None:
         """
         Args:
@@ -38,6 +43,7 @@ class FileWriter:
             compression: what MCAP calls it; empty for none.
             compress: does it.
             chunk_size: of a chunk before it is compressed, bytes.
+            profile: what topics and messages are like.
         """
         self._output = output
         self._compression = compression
@@ -54,7 +60,7 @@ class FileWriter:
         self._attachments: list[mcap.AttachmentIndex] = []
         self._metadata: list[mcap.MetadataIndex] = []
         self._start_chunk()
-        self._write(mcap.MAGIC + packing.header(mcap.Header(PROFILE, LIBRARY)))
+        self._write(mcap.MAGIC + packing.header(mcap.Header(profile, LIBRARY)))
 
     def _start_chunk(self) -> None:
         self._parts: list[bytes | memoryview] = []

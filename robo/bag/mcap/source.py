@@ -10,26 +10,39 @@ from typing import Final, NamedTuple
 
 from robo.bag.mcap import compression
 from robo.bag.mcap.format import (
+    ATTACHMENT,
     CHUNK,
     MAGIC,
     PREFIX,
+    Attachment,
     Chunk,
     Malformed,
+    attachment,
     chunk,
 )
 from robo.errors import BagError, DamagedBag, UnreadableFile
 from robo.text.files import open_regular
 
 MOST_RECORD: Final = compression.MOST + 2**16
-"""The content of a record, bytes; an attachment may be larger."""
+"""The content of a record but an attachment, bytes."""
+MOST_ATTACHMENT: Final = 2**28
+"""The content of an attachment, bytes: 268 MB."""
 
 _AT_ONCE = 2**20
 """Of what is only looked at, bytes."""
 
-_OTHERS = {
-    b"SQLite f": "a database of SQLite; `ros2 bag convert` makes MCAP of a recording of ROS 2",
-    b"#ROSBAG ": "a recording of ROS 1; `rosbags-convert` makes MCAP of it",
+UNZSTD: Final = "`unzstd` makes MCAP of it"
+OTHERS: Final = {
+    b"SQLite f": "a database of SQLite, as ROS 2 wrote them: `rosbags-convert` or `ros2 bag convert` makes MCAP of it",
+    b"#ROSBAG ": "a recording of ROS 1: `rosbags-convert` makes MCAP of it",
 }
+"""What else recordings are, by their first bytes."""
+_ZSTD = b"\x28\xb5\x2f\xfd"
+
+
+def other_form(begin: bytes) -> str | None:
+    """What else than MCAP a file is, by its first eight bytes, and what to do; None where that is not known."""
+    return f"compressed as a whole: {UNZSTD}" if begin.startswith(_ZSTD) else OTHERS.get(begin)
 
 
 class Place(NamedTuple):
@@ -72,10 +85,11 @@ class Source:
             self.size = os.fstat(self._file.fileno()).st_size
             begin = self._read(0, min(self.size, len(MAGIC)))
             if begin != MAGIC:
-                other = _OTHERS.get(begin)
+                other = other_form(begin)
                 if other is not None:
                     raise BagError(f"it is {other}", self.path)
-                raise DamagedBag("it is empty" if not begin else "it is no MCAP file", self.path, 0)
+                begun = MAGIC.startswith(begin)
+                raise DamagedBag("it is no MCAP file" if begin else "it is empty", self.path, 0, cut=begun)
             self.ends = self._read(max(self.size - len(MAGIC), 0), min(self.size, len(MAGIC))) == MAGIC
         except BagError:
             self.close()
@@ -115,6 +129,22 @@ class Source:
             reason = f"a record has {place.length:,} bytes, and at most {MOST_RECORD:,} are read"
             raise self.damaged(place.offset, reason)
         return self.read(place.content, place.length)
+
+    def attachment(self, offset: int) -> Attachment:
+        """A file within the file.
+
+        Raises:
+            DamagedBag: there is none, or it is too large to be held in memory.
+        """
+        place = self.place(offset)
+        try:
+            if place.kind != ATTACHMENT:
+                raise Malformed("there is no attachment, and the index says one is")
+            if place.length > MOST_ATTACHMENT:
+                raise Malformed(f"an attachment has {place.length:,} bytes, and at most {MOST_ATTACHMENT:,} are read")
+            return attachment(self.read(place.content, place.length))
+        except Malformed as error:
+            raise self.damaged(offset, str(error)) from None
 
     def chunk(self, place: Place) -> Chunk:
         """A chunk, as it is.

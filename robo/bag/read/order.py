@@ -18,6 +18,9 @@ Data = bytes | memoryview
 MOST_KEPT: Final = 2**26
 """Of blocks that are kept after they were last looked at, bytes: 67 MB."""
 
+MOST_OPEN: Final = 2**29
+"""Of blocks whose messages come at one time, bytes: 537 MB. They would be loaded again for each message."""
+
 _FOR_EVER = 2**64
 
 
@@ -82,17 +85,24 @@ def in_order(blocks: Blocks, wanted: Callable[[int, Row], bool], time_of: Callab
         blocks: where they stand.
         wanted: whether a message of a block is to be there; raises `Malformed` where it makes no sense.
         time_of: what time counts.
+
+    Raises:
+        Exception: what `blocks.damaged` makes: a block makes no sense, or too much is of one time.
     """
     spans = blocks.spans
     waiting = sorted(range(len(spans)), key=lambda number: (spans[number].begin, number), reverse=True)
     heap: list[tuple[int, int, int, Iterator[tuple[int, int]]]] = []
+    sizes: dict[int, int] = {}
     while waiting or heap:
         while waiting and (not heap or spans[waiting[-1]].begin <= heap[0][0]):
             number = waiting.pop()
             due = _rows_of(blocks, number, wanted, time_of)
             for time, place in due:
                 heapq.heappush(heap, (time, number, place, due))
+                sizes[number] = len(blocks.data(number))
                 break
+            if len(sizes) > 1 and sum(sizes.values()) > MOST_OPEN:
+                raise blocks.damaged(number, f"chunks of more than {MOST_OPEN:,} bytes are of the same time")
         if not heap:
             continue
         _, number, place, due = heap[0]
@@ -104,6 +114,7 @@ def in_order(blocks: Blocks, wanted: Callable[[int, Row], bool], time_of: Callab
                 break
             else:
                 heapq.heappop(heap)
+                del sizes[number]
             continue
         # No other block has a say, until the next one opens.
         next_opens = spans[waiting[-1]].begin if waiting else _FOR_EVER
@@ -114,6 +125,7 @@ def in_order(blocks: Blocks, wanted: Callable[[int, Row], bool], time_of: Callab
             yield Found(number, _row_at(data, place), data)
         else:
             heap.clear()
+            sizes.clear()
 
 
 def _rows_of(

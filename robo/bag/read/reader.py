@@ -1,16 +1,15 @@
 """Reading recordings: their topics, and their messages, lazily, in the order of their times."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Literal
 
-from robo.bag.mcap.format import ATTACHMENT, Attachment, Malformed, Metadata, Row, attachment, rows
+from robo.bag.mcap.format import Attachment, Malformed, Metadata, Row, rows
 from robo.bag.mcap.index import COUNTS, REPEATED
-from robo.bag.mcap.source import Source
 from robo.bag.read.files import Files
 from robo.bag.read.latched import last_said
 from robo.bag.read.order import Data, Span, in_order
-from robo.bag.read.topics import BagMessage, ChannelOf, Topic, topics_of
+from robo.bag.read.topics import BagMessage, ChannelOf, Topic, own_name, topics_of
 from robo.bag.types import Find
 from robo.errors import BagError, DamagedBag
 from robo.text.suggestions import suggest
@@ -66,7 +65,7 @@ class Bag:
         Raises:
             BagError: there is none; names what comes close.
         """
-        found = self.topics.get(name.removeprefix("/"))
+        found = self.topics.get(name) or self.topics.get(own_name(name))
         if found is None:
             raise BagError(f"it has no topic {name}; {suggest(name, self.topics, 'it has')}", self.path)
         return found
@@ -100,18 +99,36 @@ class Bag:
     ) -> Iterator[BagMessage]:
         time_of = _TIMES[order]
         least, most = begin if begin is not None else 0, end if end is not None else 2**64
-        blocks = _Selection(self.files, self._spans(order), wanted, least, most)
-        channels = self._by_channel
+        blocks = _Selection(self.files, self._spans(order), (self._by_channel, wanted), least, most)
+        is_bounded = begin is not None or end is not None
 
         def is_wanted(number: int, row: Row) -> bool:
-            channel = (blocks.file(number), row.channel)
-            if channel not in channels:
-                raise Malformed(f"a message is of channel {row.channel}, which the file does not know")
-            return (wanted is None or channel in wanted) and least <= time_of(row) < most
+            yes = blocks.channels[number].get(row.channel)
+            if yes is None:
+                raise Malformed(f"a message is of channel {row.channel}, which the file does not know, or not here")
+            arrived = blocks.arrived[number]
+            if not arrived.begin <= row.arrived <= arrived.end:
+                raise Malformed(f"a message came at {row.arrived} ns, and its chunk says that none did then")
+            return yes and (not is_bounded or least <= time_of(row) < most)
 
+        count = 0
         for number, row, data in in_order(blocks, is_wanted, time_of):
-            topic = channels[blocks.file(number), row.channel]
+            topic = self._by_channel[blocks.file(number), row.channel]
+            count += 1
             yield BagMessage(topic, row.arrived, row.published, row.sequence, bytes(data[row.begin : row.end]))
+        if not is_bounded and count < (said := self._said(wanted)):
+            raise DamagedBag(
+                f"its index leaves out {said - count:,} messages; `robo bag recover` makes a whole file of what can be "
+                "read", self.path)  # fmt: skip
+
+    def _said(self, wanted: set[ChannelOf] | None) -> int:
+        """How many messages of channels there are, as its files say."""
+        return sum(
+            count
+            for file, counts in enumerate(self.files.counts)
+            for channel, count in counts.items()
+            if wanted is None or (file, channel) in wanted
+        )
 
     def in_file_order(self) -> Iterator[BagMessage]:
         """All messages as they stand in the files, whatever their times.
@@ -194,17 +211,16 @@ class Bag:
             return found.data
         raise BagError(f"it has no attachment {name}; {suggest(name, self.attachments, 'it has')}", self.path)
 
-    def all_attachments(self, name: str | None = None) -> Iterator[Attachment]:
-        """All files within the recording, the last first; or those of a name.
+    def all_attachments(self, name: str | None = None, *, newest_first: bool = True) -> Iterator[Attachment]:
+        """All files within the recording, one at a time, the last first; or those of a name.
 
         Raises:
-            DamagedBag: one cannot be read.
+            DamagedBag: one cannot be read, or is too large for that.
         """
-        for number, index in reversed(list(enumerate(self.files.indexes))):
-            source = self.files.source(number)
-            for where in reversed(index.attachments):
-                if name is None or where.name == name:
-                    yield _attachment(source, where.offset)
+        every = [(number, where) for number, index in enumerate(self.files.indexes) for where in index.attachments]
+        for number, where in reversed(every) if newest_first else every:
+            if name is None or where.name == name:
+                yield self.files.source(number).attachment(where.offset)
 
     def close(self) -> None:
         """Close its files."""
@@ -246,15 +262,37 @@ class _Selection:
     """The blocks of files in which messages may be that somebody wants."""
 
     def __init__(
-        self, files: Files, spans: Sequence[Span], wanted: set[ChannelOf] | None, least: int, most: int
+        self,
+        files: Files,
+        spans: Sequence[Span],
+        channels: tuple[Mapping[ChannelOf, Topic], set[ChannelOf] | None],
+        least: int,
+        most: int,
     ) -> None:
+        known, wanted = channels
         self._files = files
         self._numbers = [
             number for number, span in enumerate(spans)
             if span.end >= least and span.begin < most and (wanted is None or _may_have(files, number, wanted))
         ]  # fmt: skip
         self.spans = [spans[number] for number in self._numbers]
+        self.arrived = [files.spans[number] for number in self._numbers]
+        """From when to when the messages of each came."""
         self._file = [files.block(number)[0] for number in self._numbers]
+        of_files: dict[int, dict[int, bool]] = {}
+        for file, channel in known:
+            of_files.setdefault(file, {})[channel] = wanted is None or (file, channel) in wanted
+        same: dict[tuple[int, frozenset[int] | None], dict[int, bool]] = {}
+        self.channels: list[dict[int, bool]] = []
+        """Those that each may have, and whether they are wanted."""
+        for number in self._numbers:
+            file, block = files.block(number)
+            of_file = of_files.get(file, {})
+            here = same.get((file, block.channels))
+            if here is None:
+                here = of_file if block.channels is None else {c: of_file[c] for c in block.channels if c in of_file}
+                same[file, block.channels] = here
+            self.channels.append(here)
 
     def file(self, number: int) -> int:
         """The file of a block."""
@@ -272,16 +310,6 @@ class _Selection:
 def _may_have(files: Files, number: int, wanted: set[ChannelOf]) -> bool:
     file, block = files.block(number)
     return block.channels is None or any((file, channel) in wanted for channel in block.channels)
-
-
-def _attachment(source: Source, offset: int) -> Attachment:
-    place = source.place(offset)
-    try:
-        if place.kind != ATTACHMENT:
-            raise Malformed("there is no attachment, and the index says one is")
-        return attachment(source.read(place.content, place.length))
-    except Malformed as error:
-        raise source.damaged(offset, str(error)) from None
 
 
 def _walk(value: Any, steps: Sequence[str], topic: Topic) -> Any:

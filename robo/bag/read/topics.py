@@ -1,6 +1,8 @@
 """Topics of a recording and their messages, as values."""
 
+import hashlib
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import msgspec
 
@@ -26,7 +28,7 @@ class Topic(msgspec.Struct, frozen=True, eq=False):
     """A topic of a recording."""
 
     name: str
-    """As robo has it, without a leading slash."""
+    """As robo has it, without a leading slash; of several of one name with what tells them apart behind it."""
     type: str
     """Robo's name, `geometry/Twist`; of a type that is not known, what the file calls it."""
     schema: str
@@ -39,12 +41,19 @@ class Topic(msgspec.Struct, frozen=True, eq=False):
     """Of its messages."""
     qos: QoS
     """What its publishers offer, as far as the file says."""
-    publishers: int
-    """How many of them were announced, at least 1."""
     unknown: str
     """Why its messages stay bytes; empty where they are robo's."""
     channels: frozenset[ChannelOf]
     known: Known | None
+    publishers: int = 1
+    """How many of them were announced, at least 1."""
+    beside: str = ""
+    """What its name has behind that of the file, where several are of one name."""
+
+    @property
+    def own_name(self) -> str:
+        """Its name without what tells it from others of that name."""
+        return self.name.removesuffix(self.beside)
 
 
 class BagMessage(msgspec.Struct, frozen=True, gc=False):
@@ -76,47 +85,76 @@ class BagMessage(msgspec.Struct, frozen=True, gc=False):
             raise BagError(f"{where}: no {self.topic.type}: {brief(str(error), 200)}") from None
 
 
+def own_name(name: str) -> str:
+    """A topic's name as robo has it, of one that a file or somebody says."""
+    return name.lstrip("/")
+
+
+class _Said(NamedTuple):
+    """A channel of a file."""
+
+    where: ChannelOf
+    channel: mcap.Channel
+    text: str
+    """The definition of its type."""
+    messages: int
+
+
 def topics_of(indexes: Sequence[Index], counts: Sequence[Mapping[int, int]], find: Find) -> list[Topic]:
     """The topics of files that are one recording, by name; one whose type changes is one for each of its types."""
-    found: dict[tuple[str, str, str, str], list[tuple[ChannelOf, int, mcap.Channel]]] = {}
-    texts: dict[ChannelOf, str] = {}
+    found: dict[tuple[str, str, str, str, str], list[_Said]] = {}
     for number, index in enumerate(indexes):
         for channel in index.channels.values():
             schema = index.schemas.get(channel.schema_id)
-            name, kind = (schema.name, schema.encoding) if schema is not None else ("", "")
-            where = number, channel.id
-            texts[where] = schema.data.decode("utf-8", "replace") if schema is not None else ""
-            key = channel.topic.removeprefix("/"), name, kind, channel.encoding
-            found.setdefault(key, []).append((where, counts[number].get(channel.id, 0), channel))
-    topics = []
-    names: set[str] = set()
-    for (name, schema_name, kind, encoding), channels in sorted(found.items()):
-        where, _, channel = channels[0]
-        known, unknown = _type(schema_name, kind, texts[where], encoding, find)
-        topics.append(
-            Topic(
-                name if name not in names else f"{name} ({schema_name})",
-                known.name if known is not None else schema_name,
-                schema_name,
-                texts[where],
-                encoding,
-                sum(count for _, count, _ in channels),
-                offered.qos_of(channel.metadata),
-                _publishers(channels),
-                unknown,
-                frozenset(where for where, _, _ in channels),
-                known,
+            name, kind, data = (schema.name, schema.encoding, schema.data) if schema is not None else ("", "", b"")
+            said = _Said(
+                (number, channel.id), channel, data.decode("utf-8", "replace"), counts[number].get(channel.id, 0)
             )
-        )
-        names.add(name)
-    return topics
+            key = own_name(channel.topic), name, kind, channel.encoding, _meaning(name, kind, data)
+            found.setdefault(key, []).append(said)
+    names: set[str] = set()
+    return [_topic(key, found[key], names, find) for key in sorted(found)]
 
 
-def _publishers(channels: Sequence[tuple[ChannelOf, int, mcap.Channel]]) -> int:
+def _meaning(name: str, kind: str, data: bytes) -> str:
+    """What tells a definition from another one of the same name: not comments, so that versions of ROS go together."""
+    if kind != ROS_TEXT or not data or len(data) > _MOST_TEXT:
+        return hashlib.sha256(data).hexdigest()
+    return repr(sorted(definitions.fields_of(name, data.decode("utf-8", "replace"))))
+
+
+def _topic(key: tuple[str, str, str, str, str], said: Sequence[_Said], names: set[str], find: Find) -> Topic:
+    """A topic of its channels; its name becomes one of `names`."""
+    own, schema, kind, encoding, _ = key
+    name, number = own, 1
+    while name in names:
+        name = f"{own} ({schema})" if number == 1 else f"{own} ({schema}) {number}"
+        number += 1
+    names.add(name)
+    text = said[0].text
+    known, unknown = _type(schema, kind, text, encoding, find)
+    return Topic(
+        name,
+        known.name if known is not None else schema,
+        schema,
+        text,
+        encoding,
+        sum(one.messages for one in said),
+        offered.qos_of(said[0].channel.metadata),
+        unknown,
+        frozenset(one.where for one in said),
+        known,
+        _publishers(said),
+        name.removeprefix(own),
+    )
+
+
+def _publishers(said: Sequence[_Said]) -> int:
     """Of a topic, at most in one file: each file of a recording says the same ones again."""
     found: dict[int, int] = {}
-    for (file, _), _, channel in channels:
-        found[file] = found.get(file, 0) + offered.publishers_of(channel.metadata)
+    for one in said:
+        file, _ = one.where
+        found[file] = found.get(file, 0) + offered.publishers_of(one.channel.metadata)
     return max(found.values())
 
 

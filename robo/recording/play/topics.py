@@ -105,7 +105,7 @@ def select(topics: Mapping[str, Topic], choice: Choice, path: str, robots: Seque
 
 def own_name(topic: Topic) -> str:
     """A topic's name without its type, which stands beside it where there are several of one name."""
-    return topic.name.removesuffix(f" ({topic.schema})")
+    return topic.own_name
 
 
 def _has_messages(topic: Topic) -> bool:
