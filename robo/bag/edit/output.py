@@ -4,6 +4,7 @@ import contextlib
 import io
 import os
 import secrets
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -42,7 +43,7 @@ def new_output(path: str | Path, *, force: bool = False) -> Iterator[io.FileIO]:
         BagError: there is something of this name already, or it cannot be written.
     """
     target = Path(path)
-    draft = target.with_name(f".{target.name[:50]}.{secrets.token_hex(4)}.part") if target.name else target
+    draft = _draft(target)
     try:
         if not force and os.path.lexists(target):
             raise _taken(path)
@@ -64,6 +65,36 @@ def new_output(path: str | Path, *, force: bool = False) -> Iterator[io.FileIO]:
         if isinstance(error, OSError) and not isinstance(error, BagError):
             raise _error(error, path) from None
         raise
+
+
+@contextlib.contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """A new folder under another name, that gets its own once the end is reached.
+
+    Raises:
+        BagError: there is something of this name already, or it cannot be made or written.
+    """
+    draft = _draft(path)
+    try:
+        if os.path.lexists(path):
+            raise BagError("it is there already; name a folder that is not", str(path))
+        draft.mkdir()
+    except (OSError, ValueError) as error:
+        raise _error(error, path) from None
+    try:
+        yield draft
+        draft.rename(path)
+        _sync_folder(path.parent)
+    except BaseException as error:
+        shutil.rmtree(draft, ignore_errors=True)
+        if isinstance(error, OSError) and not isinstance(error, BagError):
+            raise _error(error, path) from None
+        raise
+
+
+def _draft(target: Path) -> Path:
+    """What stands for a file until it is whole; nobody takes it for a recording."""
+    return target.with_name(f".{target.name[:50]}.{secrets.token_hex(4)}.part") if target.name else target
 
 
 def _give_name(draft: Path, target: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import msgspec
 
-from robo.bag.edit.output import new_file
+from robo.bag.edit.output import new_file, new_folder
 from robo.bag.mcap import format as mcap
 from robo.bag.mcap.file_writer import FileWriter
 from robo.bag.mcap.format import Malformed, rows
@@ -13,7 +13,8 @@ from robo.bag.mcap.index import Index, from_summary
 from robo.bag.mcap.scan import scanned
 from robo.bag.mcap.source import Place, Source
 from robo.bag.progress import Tell, silent
-from robo.errors import DamagedBag
+from robo.bag.read.files import files_of
+from robo.errors import BagError, DamagedBag
 
 
 class Recovered(msgspec.Struct, frozen=True):
@@ -34,20 +35,26 @@ class Recovered(msgspec.Struct, frozen=True):
 
 
 def recover(path: str | Path, output: str | Path, *, force: bool = False, tell: Tell = silent) -> Recovered:
-    """Make a whole file of what can be read of another one, which stays as it is.
+    """Make a whole file of what can be read of another one, which stays as it is; of a folder, part by part, a folder.
 
     Chunks are copied as they are; those that are damaged are left out. Where the file is cut, its tail is.
 
     Args:
-        path: of the file.
+        path: of the file or folder.
         output: of the new one.
-        force: take the place of a file of this name.
+        force: take the place of a file of this name; never of a folder.
         tell: is told how far it is, in bytes of twice the file: it is looked at, then copied.
 
     Raises:
         DamagedBag: it has not even a header.
         BagError: it cannot be read, or `output` is there already or cannot be written.
     """
+    if Path(path).is_dir():
+        return _recover_parts(Path(path), Path(output))
+    return _recover_file(path, output, force, tell)
+
+
+def _recover_file(path: str | Path, output: str | Path, force: bool, tell: Tell) -> Recovered:
     with Source(path) as source:
         found = scanned(source, lambda done, _: tell(done, 2 * source.size))
         if not found.faults:
@@ -61,6 +68,33 @@ def recover(path: str | Path, output: str | Path, *, force: bool = False, tell: 
         return Recovered(
             str(path), str(output), messages, found.begin, found.end, found.faults, source.size, found.data_end
         )
+
+
+def _recover_parts(path: Path, output: Path) -> Recovered:
+    """Each file of a folder; one that has not even a beginning is left out."""
+    parts: list[Recovered] = []
+    faults: list[DamagedBag] = []
+    with new_folder(output) as draft:
+        for file in files_of(path):
+            try:
+                parts.append(_recover_file(file, draft / file.name, force=False, tell=silent))
+            except BagError as error:
+                if error.path != str(file):
+                    raise  # it cannot be written
+                faults.append(error if isinstance(error, DamagedBag) else DamagedBag(error.reason, error.path))
+        if not parts:
+            raise faults[0]
+    full = [part for part in parts if part.messages]
+    return Recovered(
+        str(path),
+        str(output),
+        sum(part.messages for part in parts),
+        min((part.begin for part in full), default=0),
+        max((part.end for part in full), default=0),
+        faults + [fault for part in parts for fault in part.faults],
+        sum(part.size for part in parts),
+        sum(part.read if any(fault.cut for fault in part.faults) else part.size for part in parts),
+    )
 
 
 def _copy(source: Source, found: Index, writer: FileWriter, tell: Tell) -> None:

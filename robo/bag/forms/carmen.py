@@ -220,7 +220,7 @@ def _odom(line: int, fields: list[bytes]) -> Motion:
 
 def _flaser(line: int, fields: list[bytes]) -> Scan:
     count_text = fields[1] if len(fields) > 1 else b""
-    if not count_text.isdigit() or int(count_text) < 1:
+    if not (count_text.isdigit() and len(count_text) < 10 and int(count_text) > 0):
         raise _Bad(f"FLASER begins with its number of ranges, not {_text(count_text)}")
     count = int(count_text)
     if len(fields) != count + 11:

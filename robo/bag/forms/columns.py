@@ -137,6 +137,8 @@ def _value(cell: str, kind: Kind) -> Any:
             return cell
         case "truth":
             return _TRUTH[cell.lower()]
+        case "whole" | "number" if "_" in cell or not cell.isascii():
+            raise ValueError("Python would read it")
         case "whole":
             return int(cell)
         case "number":

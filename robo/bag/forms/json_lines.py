@@ -18,7 +18,7 @@ from robo.bag.mcap.compression import Compression
 from robo.bag.options import CDR, ROS_TEXT, TopicInFile
 from robo.bag.progress import Tell, counted, silent
 from robo.bag.read.reader import Bag
-from robo.bag.read.topics import BagMessage, Topic
+from robo.bag.read.topics import BagMessage, Topic, own_name
 from robo.bag.types import topic_of
 from robo.errors import BagError, ContractError, MessageError, RoboError
 from robo.interfaces import catalogue, cdr
@@ -44,6 +44,8 @@ class TopicWords(msgspec.Struct, frozen=True, omit_defaults=True):
     """What the recording calls its type, where robo does not know that."""
     definition: str = ""
     """Of that type."""
+    binary: str = ""
+    """The definition in base64, where it is no text."""
     schema_encoding: str = ROS_TEXT
     encoding: str = CDR
 
@@ -55,6 +57,8 @@ class Line(Record, frozen=True, omit_defaults=True):
     """ns since the epoch; None where only `time` is known."""
     topic: TopicWords | None = None
     """In the first line of each topic."""
+    beside: str = ""
+    """What tells the topic from others of its name and another type."""
     cdr: str = ""
     """The bytes, base64, where the message does not tell them all. They count as long as nobody has changed it."""
 
@@ -110,7 +114,7 @@ def line_of(message: BagMessage, words: TopicWords | None) -> Line:
         if not _tells(type_, message.value, value, message.data):
             exact = base64.b64encode(message.data).decode("ascii")
     return Line(
-        topic.name,
+        topic.own_name,
         topic.type,
         message.published,
         message.sequence or None,
@@ -120,6 +124,7 @@ def line_of(message: BagMessage, words: TopicWords | None) -> Line:
         payload,
         arrived=message.arrived,
         topic=words,
+        beside=topic.beside,
         cdr=exact,
     )
 
@@ -142,11 +147,11 @@ def _words(bag: Bag, topic: Topic) -> TopicWords:
     schema = schema_of(bag, topic)
     if schema is None:
         return msgspec.structs.replace(words, schema="", encoding=topic.encoding)
+    said = TopicWords(words.qos, schema.name, "", "", schema.encoding, topic.encoding)
     try:
-        text = schema.data.decode("utf-8")
+        return msgspec.structs.replace(said, definition=schema.data.decode("utf-8"))
     except UnicodeDecodeError:
-        return words  # a definition that is no text has no place in a line, and there is no way back
-    return TopicWords(words.qos, schema.name, text, schema.encoding, topic.encoding)
+        return msgspec.structs.replace(said, binary=base64.b64encode(schema.data).decode("ascii"))
 
 
 def from_json_lines(
@@ -174,7 +179,7 @@ def from_json_lines(
     with new_file(output, compression, force=force) as writer:
         reading = _Reading(Added(writer, str(path)))
         for number, line in _records(path, tell):
-            if wanted is None or wanted(line.key.removeprefix("/")):
+            if wanted is None or wanted(own_name(line.key)):
                 try:
                     reading.take(line)
                 except RoboError as error:
@@ -195,15 +200,19 @@ def _records(path: str | Path, tell: Tell) -> Iterator[tuple[int, Line]]:
             ) from None
 
 
+_Which = tuple[str, str, str]
+"""A topic: its name, its type, and what tells it from others of both."""
+
+
 class _Reading:
     """Takes lines, one after another."""
 
     def __init__(self, added: Added) -> None:
         self.added = added
-        self._words: dict[tuple[str, str], TopicWords] = {}
+        self._words: dict[_Which, TopicWords] = {}
         self._types: dict[str, type[Message] | None] = {}
         self._decoders: dict[type[Message], Decoder[Message]] = {}
-        self._numbers: dict[tuple[str, str, bool], int] = {}
+        self._numbers: dict[_Which, int] = {}
 
     def take(self, line: Line) -> None:
         """Add its message.
@@ -211,21 +220,24 @@ class _Reading:
         Raises:
             RoboError: it cannot be added; says why.
         """
-        key = line.key.removeprefix("/")
+        key = own_name(line.key)
         if line.topic is not None:
-            self._words[key, line.type] = line.topic
+            self._words[key, line.type, line.beside] = line.topic
         type_ = self._type(line.type)
         data = self._data(line, type_)
         arrived = line.arrived if line.arrived is not None else line.time
-        self.added.add(self._number(key, line, type_), data, arrived, line.time, line.sequence_number or 0)
+        number = line.sequence_number or 0
+        if number < 0:
+            raise MessageError(f"{shown(line.key)}: there is no sequence number {number}")
+        self.added.add(self._number(key, line, type_), data, arrived, line.time, number)
 
     def _number(self, key: str, line: Line, type_: type[Message] | None) -> int:
-        known = key, line.type, line.topic is None
-        number = self._numbers.get(known)
+        which = key, line.type, line.beside
+        number = self._numbers.get(which) if line.topic is None else None
         if number is None:
-            words = self._words.get((key, line.type), TopicWords())
+            words = self._words.get(which, TopicWords())
             qos = from_word(words.qos) or QoS.DEFAULT
-            number = self._numbers[key, line.type, True] = self.added.topic(_topic(key, words, type_, line, qos))
+            number = self._numbers[which] = self.added.topic(_topic(key, words, type_, line, qos))
         return number
 
     def _type(self, name: str) -> type[Message] | None:
@@ -260,7 +272,8 @@ class _Reading:
 
 def _topic(key: str, words: TopicWords, type_: type[Message] | None, line: Line, qos: QoS) -> TopicInFile:
     if words.schema is not None:
-        return TopicInFile(key, words.schema, words.definition, "", qos, words.encoding, words.schema_encoding)
+        text = _bytes(words.binary).decode("utf-8", "surrogateescape") if words.binary else words.definition
+        return TopicInFile(key, words.schema, text, "", qos, words.encoding, words.schema_encoding)
     if type_ is None:
         raise MessageError(f"{shown(key)}: nothing says what a {shown(line.type)} is, and a recording needs to know it")
     try:

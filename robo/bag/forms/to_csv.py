@@ -4,14 +4,13 @@ A row is a message: its times, topic, type and sequence number, then its fields 
 """
 
 import base64
-import contextlib
 import csv
 import io
 import re
-import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
+from robo.bag.edit.output import new_folder
 from robo.bag.forms.columns import HEAD, Column, cells_of, columns_of
 from robo.bag.forms.converted import Converted, Wanted, left_behind
 from robo.bag.forms.lines import STANDARD, new_text
@@ -66,7 +65,7 @@ def to_csv(
             for message in messages:
                 file.write(rows.row(message).encode())
     else:
-        with _new_folder(Path(output)) as folder:
+        with new_folder(Path(output)) as folder:
             files = _Files(folder, topics, rows)
             for message in messages:
                 files.add(message.topic, rows.row(message))
@@ -133,24 +132,6 @@ def _text(row: Sequence[str]) -> str:
     return f"{text.getvalue()[:-2]}\n"
 
 
-@contextlib.contextmanager
-def _new_folder(path: Path) -> Iterator[Path]:
-    """A new folder, that is deleted where its end is not reached."""
-    try:
-        path.mkdir()
-    except FileExistsError:
-        raise BagError("it is there already; name a folder that is not", str(path)) from None
-    except (OSError, ValueError) as error:
-        raise BagError(f"it cannot be made: {getattr(error, 'strerror', None) or error}", str(path)) from None
-    try:
-        yield path
-    except BaseException as error:
-        shutil.rmtree(path, ignore_errors=True)
-        if isinstance(error, OSError) and not isinstance(error, BagError):
-            raise BagError(f"it cannot be written: {error.strerror}", str(path)) from None
-        raise
-
-
 class _Files:
     """The files of a folder, one for each topic; few are open at a time."""
 
@@ -158,12 +139,14 @@ class _Files:
         self._paths: dict[Topic, Path] = {}
         self._waiting: dict[Topic, list[str]] = {}
         self._size = 0
+        taken: set[str] = set()
         for topic in topics:
             stem = _NAME.sub("_", topic.name.replace("/", "."))[:100].strip(".") or "topic"
             path, number = folder / f"{stem}.csv", 1
-            while path in self._paths.values():
+            while path.name.casefold() in taken:  # some disks take a and A for the same
                 number += 1
                 path = folder / f"{stem}_{number}.csv"
+            taken.add(path.name.casefold())
             self._paths[topic] = path
             self._waiting[topic] = [rows.head(topic)]
 

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import msgspec
 
-from robo.bag.look.losses import Losses
+from robo.bag.look.losses import Losses, recorder_counts
+from robo.bag.look.ordering import Ordering
 from robo.bag.mcap.index import Index
 from robo.bag.mcap.scan import index_of
-from robo.bag.mcap.source import Place, Source
+from robo.bag.mcap.source import Source
 from robo.bag.progress import Tell, counted, silent
-from robo.bag.read.files import Files, files_of
+from robo.bag.read.files import Files, files_of, missing_parts
 from robo.bag.read.reader import Bag
 from robo.bag.read.topics import BagMessage, Topic
 from robo.bag.types import Find
@@ -28,6 +29,8 @@ _LEAST_COUNT = 20
 """Of messages that tell how often a topic comes."""
 _JUMP = _NS
 """Of a clock that is set back, ns."""
+_PAUSE = 60 * _NS
+"""In which nothing comes at all, ns: a clock that is set forward looks like this."""
 _FIRST_YEAR = 946_684_800 * _NS
 """2000: no recording is older, but many clocks begin in 1970."""
 _MOST_DAMAGED = 1_000
@@ -42,23 +45,27 @@ class Kind(StrEnum):
     """Bytes make no sense."""
     INDEX = "index"
     """A summary says something else than the file."""
+    MISSING = "missing"
+    """A file of several is not there."""
     HOLE = "hole"
     """A topic is silent for long."""
     JUMP = "time jump"
-    """The recorder's clock was set back."""
+    """The recorder's clock was set."""
     EPOCH = "epoch"
     """Times begin in 1970: the clock was not set yet."""
     DISORDER = "out of order"
-    """Messages of a topic come after some that were published later."""
+    """Messages of a publisher come after some that it published later."""
     LOST = "lost"
     """Messages did not come."""
+    MALFORMED = "malformed"
+    """Messages came that the recorder could not write down."""
     UNDECODABLE = "undecodable"
     """Messages are none of their type."""
     UNKNOWN = "unknown type"
     """Messages stay bytes."""
 
 
-FATAL = (Kind.CUT, Kind.DAMAGED, Kind.INDEX, Kind.UNDECODABLE)
+FATAL = (Kind.CUT, Kind.DAMAGED, Kind.INDEX, Kind.MISSING, Kind.UNDECODABLE)
 """What is wrong with the recording; all else may be so in what it tells of."""
 
 
@@ -97,9 +104,12 @@ def check(path: str | Path, find: Find, tell: Tell = silent) -> Report:
         BagError: it cannot be read.
         DamagedBag: it is no recording at all.
     """
-    files = Files(files_of(path), scan=True, tell=tell)
+    paths = files_of(path)
+    files = Files(paths, scan=True, tell=tell)
     with Bag(str(path), files, find) as bag:
         look = _Look(bag)
+        for name in missing_parts(paths) if Path(path).is_dir() else ():
+            look.found(Kind.MISSING, "", None, f"{name} is missing")
         for fault in bag.faults:
             look.fault(fault)
         for number, index in enumerate(files.indexes):
@@ -109,6 +119,7 @@ def check(path: str | Path, find: Find, tell: Tell = silent) -> Report:
                 look.found(Kind.UNKNOWN, topic.name, None, topic.unknown, topic.count)
         for message in counted(bag.in_file_order(), bag.count, tell):
             look.message(message)
+        look.end(bag)
         return Report(str(path), look.messages, look.findings)
 
 
@@ -116,10 +127,10 @@ class _Seen(msgspec.Struct):
     """The messages of one topic so far."""
 
     losses: Losses
+    order: Ordering
     longest: float
     """From here on a silence is a hole, s; 0 for never."""
     arrived: int = 0
-    published: int = 0
 
 
 class _Look:
@@ -132,10 +143,13 @@ class _Look:
         self._damaged = 0
         self._latest = 0
         self._seen: dict[Topic, _Seen] = {}
+        self._begin = bag.begin
         span = bag.duration
         for topic in bag.topics.values():
             often = topic.count >= _LEAST_COUNT and not topic.qos.latched
-            self._seen[topic] = _Seen(Losses(), max(_LEAST_HOLE, _HOLE * span / topic.count) if often else 0.0)
+            self._seen[topic] = _Seen(
+                Losses(), Ordering(topic.publishers), max(_LEAST_HOLE, _HOLE * span / topic.count) if often else 0.0
+            )
 
     @property
     def findings(self) -> list[Finding]:
@@ -175,8 +189,8 @@ class _Look:
             if counted != {channel: count for channel, count in seen.counts.items() if count}:
                 text = f"{path}: its summary counts {sum(counted.values()):,} messages, and it has "
                 self.found(Kind.INDEX, "", None, f"{text}{sum(seen.counts.values()):,}")
-            elif _spans(said) != _spans(seen):
-                self.found(Kind.INDEX, "", None, f"{path}: its summary has other chunks or times than the file")
+            elif not _same_blocks(said, seen):
+                self.found(Kind.INDEX, "", None, f"{path}: its summary has other chunks, times or topics than the file")
 
     def message(self, message: BagMessage) -> None:
         """One more message."""
@@ -184,21 +198,13 @@ class _Look:
         seen = self._seen[topic]
         arrived, published = message.arrived, message.published
         self.messages += 1
-        back = self._latest - arrived
-        if back > _JUMP:
-            self.found(Kind.JUMP, "", arrived, f"the clock went back by {back / _NS:.1f} s", size=back)
-            self._latest = arrived
-        self._latest = max(self._latest, arrived)
+        self._clock(arrived)
         if arrived < _FIRST_YEAR:
             self.found(Kind.EPOCH, topic.name, arrived, "times are before the year 2000: was the clock set?")
-        if seen.arrived:
-            silence = (arrived - seen.arrived) / _NS
-            if seen.longest and silence > seen.longest:
-                self.found(Kind.HOLE, topic.name, seen.arrived, f"{silence:.1f} s without a message", size=silence)
-            late = (seen.published - published) / _NS
-            if late > 0:
-                self.found(Kind.DISORDER, topic.name, arrived, f"up to {late:.3g} s late", size=late)
-        seen.arrived, seen.published = arrived, max(published, seen.published)
+        self._silence(topic, seen, arrived, "without a message" if seen.arrived else "until the first message")
+        if late := seen.order.late(message.sequence, published):
+            self.found(Kind.DISORDER, topic.name, arrived, f"up to {late / _NS:.3g} s late", size=late)
+        seen.arrived = arrived
         before = seen.losses.lost
         seen.losses.add(message.sequence, published)
         if (lost := seen.losses.lost - before) > 0:
@@ -208,7 +214,51 @@ class _Look:
         except BagError as error:
             self.found(Kind.UNDECODABLE, topic.name, arrived, str(error))
 
+    def end(self, bag: Bag) -> None:
+        """All messages were looked at.
 
-def _spans(index: Index) -> list[tuple[Place, int, int]]:
-    """Where blocks are, and from when to when; those that have no messages say 0, and a scan leaves them out."""
-    return [(block.place, block.begin, block.end) for block in index.blocks if block.begin or block.end]
+        Raises:
+            DamagedBag: metadata cannot be read.
+        """
+        for topic, seen in self._seen.items():
+            if seen.arrived:
+                self._silence(topic, seen, bag.end, "without a message, up to the end")
+        for name, counts in recorder_counts(bag).items():
+            known = self._found.get((Kind.LOST, name))
+            if known is not None:
+                known.count = max(counts.lost, known.count)
+            elif counts.lost:
+                self.found(Kind.LOST, name, None, "as the recorder counted", counts.lost)
+            if counts.malformed:
+                text = "they came, and could not be written down"
+                self.found(Kind.MALFORMED, name, None, text, counts.malformed)
+
+    def _clock(self, arrived: int) -> None:
+        """Whether the recorder's clock goes on as it should."""
+        back = self._latest - arrived
+        if back > _JUMP:
+            self.found(Kind.JUMP, "", arrived, f"the clock went back by {back / _NS:.1f} s", size=back)
+            self._latest = arrived
+        elif self._latest and -back > _PAUSE:
+            text = f"nothing came for {-back / _NS:.1f} s: all was silent, or the clock was set forward"
+            self.found(Kind.JUMP, "", self._latest, text, size=-back)
+        self._latest = max(self._latest, arrived)
+
+    def _silence(self, topic: Topic, seen: _Seen, now: int, which: str) -> None:
+        """Whether a topic was silent for long up to a time."""
+        since = seen.arrived or self._begin
+        silence = (now - since) / _NS
+        if seen.longest and silence > seen.longest:
+            self.found(Kind.HOLE, topic.name, since, f"{silence:.1f} s {which}", size=silence)
+
+
+def _same_blocks(said: Index, seen: Index) -> bool:
+    """Whether blocks are where a summary says, of those times and topics.
+
+    Those that have no messages say 0, and a scan leaves them out; what a summary says nothing of is not compared.
+    """
+    one, other = ([block for block in index.blocks if block.begin or block.end] for index in (said, seen))
+    return len(one) == len(other) and all(
+        mine[:3] == theirs[:3] and mine.channels in (None, theirs.channels)
+        for mine, theirs in zip(one, other, strict=True)
+    )

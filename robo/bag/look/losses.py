@@ -1,9 +1,12 @@
-"""Messages that did not come, by the sequence numbers that a file holds. Pure.
+"""Messages that did not come: as the recorder counted them, or by the sequence numbers that a file holds.
 
 A file has the last 32 bits of a number. They are continued to whole ones, so that a publisher that has sent more than
 four billion messages loses none by that.
 """
 
+from robo.bag.mcap.index import COUNTS
+from robo.bag.read.reader import Bag
+from robo.bag.write.counts import Counts, counts_of
 from robo.samples.meters import Sequences
 
 _TURN = 2**32
@@ -30,3 +33,22 @@ class Losses:
         self._last = number
         self.counted += 1
         self.lost += self._series.gap(number, published)
+
+
+def recorder_counts(bag: Bag) -> dict[str, Counts]:
+    """What the recorder counted, by topic; nothing where a file does not say so.
+
+    Raises:
+        DamagedBag: metadata cannot be read.
+    """
+    found: dict[str, Counts] = {}
+    files = 0
+    for words in bag.all_metadata():
+        if words.name == COUNTS:
+            files += 1
+            for topic, counts in counts_of(words.words).items():
+                so_far = found.setdefault(topic, Counts())
+                so_far.received += counts.received
+                so_far.lost += counts.lost
+                so_far.malformed += counts.malformed
+    return found if files == len(bag.files.indexes) else {}

@@ -2,12 +2,11 @@
 
 import msgspec
 
-from robo.bag.look.losses import Losses
-from robo.bag.mcap.index import COUNTS
+from robo.bag.look.losses import Losses, recorder_counts
 from robo.bag.progress import Tell, counted, silent
 from robo.bag.read.reader import Bag
 from robo.bag.read.topics import Topic
-from robo.bag.write.counts import counts_of
+from robo.bag.write.counts import Counts
 
 
 class TopicInfo(msgspec.Struct, kw_only=True):
@@ -23,6 +22,8 @@ class TopicInfo(msgspec.Struct, kw_only=True):
     lost: int | None = None
     """Messages that did not come, as the recorder counted or by the gaps in the sequence numbers; None where there are
     none."""
+    malformed: int | None = None
+    """Messages that came and could not be written down, as the recorder counted; None where it did not."""
     rate: float | None = None
     """Hz, by publish times; what is lost counts. None for less than two messages."""
     gap: float | None = None
@@ -121,10 +122,11 @@ class _Tally:
         self.delay += arrived - published
         self.losses.add(sequence, published)
 
-    def told(self, topic: Topic, counted: int | None) -> TopicInfo:
-        """As figures; `counted` is what the recorder says is lost."""
-        lost = counted if counted is not None else self.losses.lost if self.losses.counted else None
+    def told(self, topic: Topic, counts: Counts | None) -> TopicInfo:
+        """As figures; `counts` are the recorder's."""
+        lost = counts.lost if counts is not None else self.losses.lost if self.losses.counted else None
         found = _plain(topic)
+        found.malformed = counts.malformed if counts is not None else None
         found.count, found.lost, found.size = self.count, lost, self.size
         if self.count:
             found.begin, found.end, found.delay = self.begin, self.end, self.delay * 1e-9 / self.count
@@ -141,17 +143,5 @@ def _whole(bag: Bag, tell: Tell) -> list[TopicInfo]:
     by_topic = {topic: tallies[name] for name, topic in bag.topics.items()}
     for message in counted(bag.messages(), bag.count, tell):
         by_topic[message.topic].add(message.arrived, message.published, message.sequence, len(message.data))
-    lost = _lost(bag)
-    return [tallies[name].told(topic, lost.get(name)) for name, topic in bag.topics.items()]
-
-
-def _lost(bag: Bag) -> dict[str, int]:
-    """What the recorder says is lost, by topic; nothing where a file does not say so."""
-    found: dict[str, int] = {}
-    files = 0
-    for words in bag.all_metadata():
-        if words.name == COUNTS:
-            files += 1
-            for topic, of_topic in counts_of(words.words).items():
-                found[topic] = found.get(topic, 0) + of_topic.lost
-    return found if files == len(bag.files.indexes) else {}
+    counts = recorder_counts(bag)
+    return [tallies[name].told(topic, counts.get(name)) for name, topic in bag.topics.items()]

@@ -141,9 +141,11 @@ class Bag:
             data = self.files.data(number)
             try:
                 for row in rows(data):
-                    topic = self._by_channel[file, row.channel]
+                    topic = self._by_channel.get((file, row.channel))
+                    if topic is None:
+                        raise Malformed(f"a message is of channel {row.channel}, which the file does not know")
                     yield BagMessage(topic, row.arrived, row.published, row.sequence, bytes(data[row.begin : row.end]))
-            except (Malformed, KeyError) as error:
+            except Malformed as error:
                 raise self.files.damaged(number, str(error)) from None
 
     def latched(self, at: int) -> list[BagMessage]:

@@ -133,7 +133,15 @@ class Contents:
         said = topic.schema, topic.schema_encoding, topic.text
         schema = self._schemas.get(said)
         if schema is None:
-            data = topic.text.encode("utf-8", "replace")
+            data = _definition(topic.text)
             schema = mcap.Schema(len(self._schemas) + 1, topic.schema, topic.schema_encoding, data)
             self._schemas[said] = schema
         return schema
+
+
+def _definition(text: str) -> bytes:
+    """Bytes that are no text stand in one as Python escapes them."""
+    try:
+        return text.encode("utf-8", "surrogateescape")
+    except UnicodeEncodeError:
+        return text.encode("utf-8", "replace")

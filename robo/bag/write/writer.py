@@ -19,8 +19,8 @@ from robo.errors import BagError, DiskFull
 
 MOST_MESSAGE = MOST - 2**26
 """Of a message, bytes: with a chunk before it, it is no more than what is read again."""
-MOST_ATTACHMENT = 2**30
-"""Bytes."""
+MOST_ATTACHMENT = 2**28
+"""Bytes: as much as is read again."""
 
 
 class Recording:

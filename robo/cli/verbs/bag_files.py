@@ -51,7 +51,7 @@ def bag_info(
     ],
     quick: Annotated[bool, typer.Option("--quick", help="Look at no message: counts and times of the whole.")] = False,
     json: JsonLines = False,
-) -> None:
+) -> int:
     """Print what is in recordings: times, topics, rates, gaps, losses, sizes.
 
     RATE is that of publishing, with what was lost; GAP the longest time between two arrivals, and AT when it began,
@@ -60,7 +60,7 @@ def bag_info(
     """
     from robo.cli.views.bag_info import print_info
 
-    print_info(bags, quick=quick, json=json)
+    return print_info(bags, quick=quick, json=json)
 
 
 @verb(
@@ -182,12 +182,17 @@ def bag_diff(
 @verb(verbs, "recover", "robo bag recover cut.mcap -o whole.mcap")
 def bag_recover(
     bag: Annotated[
-        str, typer.Argument(metavar="CUT", help="The file, which stays.", autocompletion=completion.recordings)
+        str,
+        typer.Argument(
+            metavar="CUT",
+            help="The file, or the folder of one in parts, which stays.",
+            autocompletion=completion.recordings,
+        ),
     ],
     output: NewFile,
     force: Force = False,
 ) -> None:
-    """Make a whole file of one that is cut or damaged.
+    """Make a whole file of one that is cut or damaged, or a whole folder of one in parts.
 
     After a power cut, or where a disk has failed: what can be read is copied as it is, index and summary are made
     anew, and what is left out is told.

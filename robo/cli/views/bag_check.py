@@ -3,7 +3,7 @@
 import msgspec
 
 from robo import bag
-from robo.bag.look.inspection import FATAL, Report
+from robo.bag.look.inspection import Kind, Report
 from robo.cli.printing import amount, hint, paint, print_json, print_line, print_table
 from robo.cli.views.bag_progress import progress
 from robo.text import colours
@@ -42,7 +42,7 @@ def _print(report: Report) -> None:
         kind = found.kind.value
         rows.append((kind, found.topic or "-", f"{found.count:,}", _when(found.time), brief(found.text, 500)))
     print_table(rows)
-    if any(found.kind in FATAL[:3] for found in report.findings):
+    if any(found.kind in (Kind.CUT, Kind.DAMAGED, Kind.INDEX) for found in report.findings):
         hint(f"`robo bag recover {report.path} -o WHOLE` makes a whole file of what can be read")
 
 

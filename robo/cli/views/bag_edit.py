@@ -1,7 +1,6 @@
 """`robo bag cut`, `filter`, `merge` and `recover`: new recordings made of others."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from robo import bag
 from robo.bag.edit.editing import Edited
@@ -76,18 +75,14 @@ def recover(path: str, output: str, *, force: bool) -> None:
     Raises:
         BagError: it is no recording, or a file cannot be read or written.
     """
-    if Path(path).is_dir():
-        raise UsageError(
-            f"{path} is a folder; name the file in it that is cut: `robo bag check {path}` says which it is"
-        )
     with progress(f"recovering {path}") as tell:
         found = bag.recover(path, output, force=force, tell=tell)
     for fault in found.faults[:20]:
         note(visible(str(fault)))
     if len(found.faults) > 20:
         note(f"… and {len(found.faults) - 20:,} faults more")
-    left = found.size - found.read
-    lost = f", {data_size(left)} at its end left out" if found.faults and left > 0 else ""
+    left = found.size - found.read if any(fault.cut for fault in found.faults) else 0
+    lost = f", {data_size(left)} at its end left out" if left > 0 else ""
     print_line(f"{found.output}: {amount(found.messages, 'message')}{lost}")
     if not found.faults:
         note(f"nothing was wrong with {path}")

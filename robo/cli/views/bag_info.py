@@ -6,7 +6,8 @@ from robo import bag
 from robo.bag.look.summary import Info, TopicInfo
 from robo.cli.printing import amount, data_size, note, paint, print_json, print_line, print_table
 from robo.cli.views.bag_progress import progress
-from robo.cli.views.bag_times import duration
+from robo.cli.views.bag_times import date, duration
+from robo.errors import BagError
 from robo.text import colours
 from robo.text.brief import brief
 from robo.text.dates import date
@@ -16,21 +17,33 @@ _MOST_LISTED = 50
 """Attachments, words and faults of a recording that are printed; --json has all."""
 
 
-def print_info(paths: Sequence[str], *, quick: bool, json: bool) -> None:
+def print_info(paths: Sequence[str], *, quick: bool, json: bool) -> int:
     """Print what is in recordings, one after another.
 
+    Returns:
+        1 where one of several cannot be read; the others are told of all the same.
+
     Raises:
-        BagError: one cannot be read, or is no recording.
+        BagError: the only one cannot be read, or is no recording.
     """
+    failed = 0
     for number, path in enumerate(paths):
-        with progress(f"reading {path}") as tell:
-            info = bag.info(path, quick=quick, tell=tell)
+        try:
+            with progress(f"reading {path}") as tell:
+                info = bag.info(path, quick=quick, tell=tell)
+        except BagError as error:
+            if len(paths) == 1:
+                raise
+            note(visible(f"error: {error}"))
+            failed = 1
+            continue
         if json:
             print_json(info)
             continue
         if number:
             print_line("")
         _print(info, quick=quick)
+    return failed
 
 
 def _print(info: Info, *, quick: bool) -> None:
@@ -49,6 +62,8 @@ def _print(info: Info, *, quick: bool) -> None:
     for topic in info.topics:
         if topic.unknown:
             note(visible(f"{topic.name} stays bytes: {topic.unknown}"))
+        if topic.malformed:
+            note(visible(f"{topic.name}: {amount(topic.malformed, 'message')} came and could not be written down"))
     for fault in info.faults[:_MOST_LISTED]:
         note(visible(fault))
     if info.faults:
