@@ -7,6 +7,7 @@ import pytest
 
 from robo import bag
 from robo.bag.mcap import format as mcap
+from robo.bag.mcap.file_writer import FileWriter
 from robo.bag.types import topic_of
 from robo.errors import BagError, DamagedBag
 from robo.wire.qos import QoS
@@ -101,6 +102,116 @@ def test_check_finds_clocks_that_jump_and_those_that_were_not_set(tmp_path: Path
     found = kinds(path)
     assert found["time jump", ""] == 2, "forward by years, and back"
     assert found["epoch", "r1/cmd_vel"] == 2
+
+
+def two_publishers(path: Path, *, numbers: bool, behind: int = 3) -> None:
+    """Two sound publishers of a topic, of which one takes longer, ms."""
+    rows = sorted(
+        (step * 10 + who * behind, step * 10 + 5 * who - 5, step + 1, who) for who in range(2) for step in range(100)
+    )
+    of_ros = [
+        (number if numbers else 0, arrived * MS, (published - who * 5) * MS, bags.twist(who))
+        for arrived, published, number, who in rows
+    ]
+    bags.of_ros(path, TWIST, of_ros, publishers=2)
+
+
+@pytest.mark.parametrize("numbers", [True, False])
+@pytest.mark.parametrize("behind", [3, 25])
+def test_a_publisher_that_is_slower_than_another_one_is_no_disorder(numbers: bool, behind: int, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    two_publishers(path, numbers=numbers, behind=behind)
+    assert bag.check(path).findings == []
+
+
+def test_without_numbers_what_is_late_is_so_of_a_topic_with_one_publisher(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    said = [(0, at * MS, (at - 5 * (at == 7)) * MS, bags.twist(at)) for at in range(10)]
+    bags.of_ros(path, TWIST, said)
+    assert kinds(path) == {("out of order", "r1/cmd_vel"): 1}
+    bags.of_ros(path, TWIST, said, publishers=2)
+    assert kinds(path) == {}
+
+
+def test_check_sees_a_topic_that_dies_or_comes_late(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with bag.Recording(path, PLAIN) as recording:
+        dies, late, lives = (recording.topic(topic_of(name, Twist)) for name in ("dies", "late", "lives"))
+        for step in range(1_000):
+            at = START + step * 100 * MS
+            if step < 100:
+                recording.write(dies, bags.twist(0), at, at, step + 1, "a")
+            if step > 900:
+                recording.write(late, bags.twist(0), at, at, step, "b")
+            recording.write(lives, bags.twist(0), at, at, step + 1, "c")
+    assert [(found.topic, found.text, found.time) for found in bag.check(path).findings] == [
+        ("dies", "90.0 s without a message, up to the end", START + 9_900 * MS),
+        ("late", "90.1 s until the first message", START),
+    ]
+
+
+def test_check_sees_a_clock_that_is_set_forward(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    record(path, *((step * 10 + 3_600_000 * (step > 5), step * 10, step + 1) for step in range(10)))
+    (found,) = bag.check(path).findings
+    assert (found.kind, found.time) == (bag.Kind.JUMP, START + 50 * MS)
+    assert found.text == "nothing came for 3600.0 s: all was silent, or the clock was set forward"
+
+
+def test_info_and_check_say_what_the_recorder_counted(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with bag.Recording(path, PLAIN) as recording:
+        number = recording.topic(TWIST)
+        for step in range(10):
+            recording.write(number, bags.twist(0), START + step * MS, START, 1 + step * 500, f"publisher {step % 2}")
+        recording.malformed("r1/cmd_vel")
+    (topic,) = bag.info(path).topics
+    assert topic.lost == 8 * 999
+    assert topic.malformed == 1
+    assert kinds(path) == {("lost", "r1/cmd_vel"): 8 * 999, ("malformed", "r1/cmd_vel"): 1}
+
+
+def test_what_is_made_of_a_recording_is_of_its_profile(tmp_path: Path) -> None:
+    path = tmp_path / "ros1.mcap"
+    with path.open("wb") as file:
+        writer = FileWriter(file, profile="ros1")
+        writer.add_channel(mcap.Channel(1, 0, "t", "ros1", {}))
+        writer.add_message(1, 0, START, START, b"x")
+        writer.finish()
+    bags.drive(tmp_path / "drive.mcap")
+    bag.recover(path, tmp_path / "a.mcap")
+    bag.keep(path, tmp_path / "b.mcap", lambda _: True, "none")
+    bag.merge([path, path], tmp_path / "c.mcap", "none")
+    bag.merge([path, tmp_path / "drive.mcap"], tmp_path / "d.mcap", "none")
+    assert [bag.info(tmp_path / f"{name}.mcap").profile for name in "abcd"] == ["ros1", "ros1", "ros1", ""]
+
+
+def test_recordings_without_messages_become_one_without(tmp_path: Path) -> None:
+    with bag.Recording(tmp_path / "a.mcap", PLAIN) as recording:
+        recording.topic(TWIST)
+    with bag.Recording(tmp_path / "b.mcap", PLAIN):
+        pass
+    for source in ("a", "b"):
+        path = tmp_path / f"{source}.mcap"
+        assert bag.merge([path, path], tmp_path / f"{source}2.mcap", "none").messages == 0
+        assert bag.keep(path, tmp_path / f"{source}3.mcap", lambda _: True, "none").messages == 0
+        assert bag.check(tmp_path / f"{source}2.mcap").findings == []
+
+
+def test_attachments_of_one_name_and_no_checksum_are_all_kept(tmp_path: Path) -> None:
+    path, part = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    with bag.Recording(path, PLAIN) as recording:
+        recording.write(recording.topic(TWIST), bags.twist(0), START, START)
+        for data in (b"one", b"two", b"one"):
+            recording.attach("file", data, "text/plain", START)
+    data = bytearray(path.read_bytes())
+    for kind, _, end in bags.records_of(bytes(data)):
+        if kind == mcap.ATTACHMENT:
+            data[end - 4 : end] = bytes(4)
+    path.write_bytes(data)
+    bag.keep(path, part, lambda _: True, "none")
+    with bag.open(part) as opened:
+        assert [one.data for one in opened.all_attachments()] == [b"one", b"two"]
 
 
 def test_check_finds_messages_that_are_none_and_types_that_are_not_known(tmp_path: Path) -> None:
