@@ -5,6 +5,8 @@ import struct
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
+import msgspec
+
 from robo import bag
 from robo.bag import offered
 from robo.bag.mcap import format as mcap
@@ -236,9 +238,40 @@ def _without_checksum(data: bytes, chance: random.Random) -> bytes:
     return bytes(changed)
 
 
+def _change_index(data: bytes, chance: random.Random) -> bytes:
+    """A summary with a checksum that leaves a channel out of a chunk, or has other times."""
+    if not any(kind == mcap.CHUNK_INDEX for kind, _, end in records_of(data) if end <= len(data)):
+        return _flip(data, chance)
+
+    def change(kind: int, content: bytes) -> bytes:
+        if kind != mcap.CHUNK_INDEX or chance.random() < 0.5:
+            return content
+        index = mcap.chunk_index(content)
+        channels = {one: at for one, at in index.channels.items() if chance.random() < 0.7}
+        end = index.begin if chance.random() < 0.3 else index.end
+        return packing.chunk_index(msgspec.structs.replace(index, channels=channels, end=end))[PREFIX.size :]
+
+    try:
+        return with_summary_changed(data, change)
+    except (mcap.Malformed, StopIteration, struct.error):
+        return _flip(data, chance)
+
+
+def _loose_message(data: bytes, chance: random.Random) -> bytes:
+    """A message between records, in a chunk or not."""
+    at, _ = _any_record(data, chance)
+    return data[:at] + message(chance.randrange(1, 6), 1, START, START, twist(1)) + data[at:]
+
+
+def _same_name(data: bytes, chance: random.Random) -> bytes:
+    """Topics with the same name, or one that differs in slashes."""
+    names = (b"/r1/odom", b"/r1/scan", b"//r1/odm", b"/r1/scan")
+    return data.replace(chance.choice(names[:2]), chance.choice(names))
+
+
 _DAMAGES = (
     _cut, _flip, _lie, _lie, _lie_within, _lie_within, _other_kind, _without_record, _record_twice, _insert,
-    _without_checksum, _without_checksum,
+    _without_checksum, _without_checksum, _change_index, _loose_message, _same_name,
 )  # fmt: skip
 
 

@@ -25,8 +25,14 @@ from robo.bag.forms.from_carmen import from_carmen
 from robo.bag.forms.from_csv import from_csv
 from robo.bag.forms.json_lines import from_json_lines, to_json_lines
 from robo.bag.forms.to_csv import to_csv
+from robo.bag.mcap import format as mcap
+from robo.bag.mcap.compression import restored
+from robo.bag.of_robot import robots_of
 from robo.bag.patterns import chosen
-from robo.errors import BagError, UsageError
+from robo.bag.read.reader import Order
+from robo.errors import BagError, DamagedBag, UsageError
+from robo.recording.play.tape import BagTape, Ready
+from robo.recording.play.topics import Choice, select
 from tests import bags
 
 MEMORY = 2**30
@@ -117,6 +123,9 @@ def _torture(path: Path, data: bytes, uses: dict[str, Callable[[Path, Path], Non
         whole.unlink(missing_ok=True)
         try:
             use(path, whole)
+        except UsageError:
+            outcomes[f"{name}: UsageError"] += 1
+            continue
         except BagError as error:
             refused = error
         else:
@@ -183,6 +192,25 @@ def _diff(path: Path, _: Path) -> None:
     assert bag.diff(path, path).same
 
 
+def _play(path: Path, _: Path) -> None:
+    order: Order = "published" if path.stat().st_size % 2 else "arrived"
+    with bag.open(path) as opened:
+        chosen = select(opened.topics, Choice(robot="r2"), str(path), robots_of(opened))
+        tape = BagTape(opened, chosen.played, order)
+        for at in (tape.begin, (tape.begin + tape.end) // 2):
+            for item in tape.run(at):
+                assert isinstance(item.what, Ready)
+
+
+def _each_topic(path: Path, _: Path) -> None:
+    """What is read of one topic is what all of them say of it."""
+    with bag.open(path) as opened:
+        counts = Counter(message.topic.name for message in opened.messages())
+        assert opened.count == sum(counts.values()), "a file counts what it has not"
+        for name in opened.topics:
+            assert sum(1 for _ in opened.messages(name)) == counts[name], name
+
+
 def _is_whole(path: Path) -> None:
     with bag.open(path) as opened:
         assert not opened.faults, opened.faults
@@ -194,7 +222,7 @@ Said = list[tuple[str, int, int, int, bytes]]
 
 def _said(path: Path) -> Said:
     with bag.open(path) as opened:
-        return sorted((one.topic.name.strip("/"), one.arrived, one.published, one.sequence, one.data)
+        return sorted((one.topic.name, one.arrived, one.published, one.sequence, one.data)
                       for one in opened.messages())  # fmt: skip
 
 
@@ -231,6 +259,7 @@ def _recover(path: Path, whole: Path) -> None:
 _USES: dict[str, Callable[[Path, Path], None]] = {
     "read": _read, "beside": _beside, "column": _column, "info": _info, "check": _check, "cut": _cut,
     "filter": _filter, "merge": _merge, "diff": _diff, "lines": _lines, "table": _table, "recover": _recover,
+    "play": _play, "each topic": _each_topic,
 }  # fmt: skip
 
 
@@ -280,6 +309,55 @@ _HOSTILE = (
 )  # fmt: skip
 
 
+def flip_one(path: Path, data: bytes, chance: random.Random) -> None:
+    """One bit of a file is another one: at most its own chunk is lost, and never in silence.
+
+    Raises:
+        AssertionError: more is lost, or nobody says so.
+    """
+    at, bit = chance.randrange(8, len(data) - 8), chance.randrange(8)
+    if chance.random() < 0.5:  # what a record is, and how long, are few bytes of all
+        _, begin, _ = chance.choice(list(bags.records_of(data)))
+        at = begin + chance.randrange(9)
+    path.write_bytes(data)
+    before = Counter(_said(path))
+    checked = not _is_unchecked(data)
+    path.write_bytes(data[:at] + bytes([data[at] ^ 1 << bit]) + data[at + 1 :])
+    whole = path.with_name("whole.mcap")
+    whole.unlink(missing_ok=True)
+    try:
+        recovered = bag.recover(path, whole)
+    except DamagedBag:
+        return  # it says so, and makes nothing
+    after = Counter(_said(whole))
+    lost = before - after
+    if not recovered.faults:
+        silent = lost.total() if checked else before.total() - after.total()  # else what is changed cannot be seen
+        assert silent <= 0, f"byte {at}, bit {bit}: {silent} messages are lost in silence"
+    elif (most := _most_within(data, at)) is not None:
+        assert lost.total() <= most, f"byte {at}, bit {bit}: {lost.total()} messages are lost, not {most}"
+
+
+def _is_unchecked(data: bytes) -> bool:
+    """Whether messages stand where they have no checksum."""
+    for kind, begin, end in bags.records_of(data):
+        if kind == mcap.MESSAGE or (kind == mcap.CHUNK and not mcap.chunk(data[begin + 9 : end]).crc):
+            return True
+    return False
+
+
+def _most_within(data: bytes, at: int) -> int | None:
+    """How many messages the chunk around a byte has; None where the file does not say where the others are."""
+    kinds = {kind for kind, _, _ in bags.records_of(data)}
+    if mcap.CHUNK_INDEX not in kinds:
+        return None
+    for kind, begin, end in bags.records_of(data):
+        if begin <= at < end and kind == mcap.CHUNK:
+            chunk = mcap.chunk(data[begin + 9 : end])
+            return sum(1 for _ in mcap.rows(restored(chunk.compression, chunk.data, chunk.size)))
+    return 0
+
+
 def _memory() -> int:
     """Of this process, as it is, bytes."""
     with open("/proc/self/statm") as file:
@@ -313,6 +391,8 @@ def main() -> None:
             try:
                 form = chance.choice(list(whole))
                 outcomes += torture(folder / "damaged.mcap", bags.damaged(whole[form], chance))
+                form = chance.choice(list(whole))
+                flip_one(folder / "flipped.mcap", whole[form], chance)
                 form = chance.choice(list(other))
                 outcomes += torture_text(folder / "damaged", damaged_text(other[form], chance), form)
             except BaseException:

@@ -1,6 +1,7 @@
 """`robo bag` on files: each verb as it is typed, what it prints, how it ends, and what it leaves."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -71,6 +72,19 @@ def test_info_tells_of_a_file_that_is_cut_and_of_types_that_are_not_known(folder
     assert (code, said) == (1, "error: nothing.mcap: No such file or directory\n")
     (folder / "text.mcap").write_text("a text that is no recording")
     assert run(folder, "info", "text.mcap")[2] == "error: text.mcap, byte 0: it is no MCAP file\n"
+
+
+def test_info_of_several_goes_on_where_one_cannot_be_read(folder: Path) -> None:
+    code, out, said = run(folder, "info", "nothing.mcap", "drive.mcap", "--json")
+    assert (code, said) == (1, "error: nothing.mcap: No such file or directory\n")
+    assert json.loads(out)["count"] == 122
+
+
+def test_a_name_that_is_no_text_is_shown(folder: Path) -> None:
+    name = os.fsdecode(b"dr\xffve.mcap")
+    (folder / "drive.mcap").rename(folder / name)
+    assert json.loads(made(folder, "info", name, "--json"))["path"] == "dr\\udcffve.mcap"
+    assert json.loads(made(folder, "check", name, "--json"))["path"] == "dr\\udcffve.mcap"
 
 
 def test_check(folder: Path) -> None:
@@ -170,7 +184,11 @@ def test_recover(folder: Path) -> None:
     assert said.startswith("cut.mcap, byte 11,591: the file is cut: ")
     assert made(folder, "check", "whole.mcap") == "whole.mcap: 15 messages, nothing is wrong\n"
     assert run(folder, "recover", "drive.mcap", "-o", "again.mcap")[2] == "nothing was wrong with drive.mcap\n"
-    assert "parts is a folder; name the file in it that is cut" in run(folder, "recover", "parts", "-o", "x.mcap")[2]
+    (folder / "parts" / "parts_2.mcap").write_bytes(b"")
+    code, out, said = run(folder, "recover", "parts", "-o", "mended")
+    assert (code, said) == (0, "parts/parts_2.mcap, byte 0: it is empty\n")
+    assert out.startswith("mended: ")
+    assert made(folder, "check", "mended").endswith("nothing is wrong\n")
     data = bytearray((folder / "drive.mcap").read_bytes())
     data[10_000] ^= 1
     (folder / "bad.mcap").write_bytes(data)

@@ -188,6 +188,7 @@ GOOD: dict[str, Any] = {
         (json.dumps(GOOD | {"type": "arm/Joints"}), "'r1/cmd_vel': robo has no type 'arm/Joints'"),
         (json.dumps(GOOD | {"type": ""}), "'r1/cmd_vel': it does not say its type"),
         (json.dumps(GOOD | {"time": -1}), "no recording can hold the time -1 ns"),
+        (json.dumps(GOOD | {"sequence_number": -1}), "'r1/cmd_vel': there is no sequence number -1"),
         (json.dumps(GOOD | {"message": None, "error": "bad", "payload": "ä"}), "no base64"),
         (json.dumps(GOOD | {"message": None, "error": "bad", "payload": "AAAA"}), "its payload cannot be read"),
         (
@@ -252,6 +253,14 @@ def test_what_csv_cannot_hold_is_told(tmp_path: Path) -> None:
         from_csv(table / "arm.csv", tmp_path / "b.mcap", "none")
 
 
+def test_names_that_some_disks_take_for_one_are_two_files(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    written(path, [(topic_of(name, Twist), [(bags.twist(1.0), START, START, 1)]) for name in ("A", "a")])
+    with bag.open(path) as opened:
+        to_csv(opened, tmp_path / "csv")
+    assert len({file.name.casefold() for file in (tmp_path / "csv").iterdir()}) == 2
+
+
 def changed(change: Callable[[list[list[str]]], None], folder: Path) -> Path:
     """The CSV of a command, with something changed."""
     path, table = folder / "a.mcap", folder / "a.csv"
@@ -292,6 +301,7 @@ def drop(cells: list[list[str]]) -> None:
         ),
         (lambda cells: [row.append("more") for row in cells], "line 2: a geometry/Twist has no field 'more'"),
         (lambda cells: cells[1].__setitem__(5, "fast"), "line 2: linear.x: 'fast' is no number"),
+        (lambda cells: cells[1].__setitem__(5, "1_0"), "line 2: linear.x: '1_0' is no number"),
         (lambda cells: cells[1].__setitem__(0, "1.5"), "line 2: time: '1.5' is no whole number"),
         (lambda cells: cells[1].__setitem__(3, "geometry/Twitch"), "line 2: robo has no type 'geometry/Twitch'"),
         (lambda cells: cells[1].pop(), "line 2: the row has 10 cells, and the file 11 columns"),

@@ -74,9 +74,8 @@ def test_topics_of_one_name_have_names_of_their_own_whatever_is_done_with_them(t
 def test_json_lines_keep_the_name_of_a_topic_with_two_types(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with bag.Recording(path, PLAIN) as recording:
-        for number, type_ in enumerate((Twist, String)):
-            data = bags.twist(1) if type_ is Twist else b"\0\1\0\0\1\0\0\0\0"
-            recording.write(recording.topic(topic_of("t", type_)), data, START + number, START, 1)
+        recording.write(recording.topic(topic_of("t", Twist)), bags.twist(1), START, START, 1)
+        recording.write(recording.topic(topic_of("t", String)), b"\0\1\0\0\1\0\0\0\0", START + 1, START, 1)
     with bag.open(path) as opened:
         to_json_lines(opened, tmp_path / "a.jsonl")
     from_json_lines(tmp_path / "a.jsonl", tmp_path / "b.mcap", "none")

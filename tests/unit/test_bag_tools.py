@@ -204,11 +204,11 @@ def test_attachments_of_one_name_and_no_checksum_are_all_kept(tmp_path: Path) ->
         recording.write(recording.topic(TWIST), bags.twist(0), START, START)
         for data in (b"one", b"two", b"one"):
             recording.attach("file", data, "text/plain", START)
-    data = bytearray(path.read_bytes())
-    for kind, _, end in bags.records_of(bytes(data)):
+    unchecked = bytearray(path.read_bytes())
+    for kind, _, end in bags.records_of(bytes(unchecked)):
         if kind == mcap.ATTACHMENT:
-            data[end - 4 : end] = bytes(4)
-    path.write_bytes(data)
+            unchecked[end - 4 : end] = bytes(4)
+    path.write_bytes(unchecked)
     bag.keep(path, part, lambda _: True, "none")
     with bag.open(part) as opened:
         assert [one.data for one in opened.all_attachments()] == [b"one", b"two"]

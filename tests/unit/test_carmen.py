@@ -69,6 +69,7 @@ def test_time_zero_is_kept_at_the_start_only() -> None:
         (FLASER[:20], "FLASER of 3 ranges takes 13 values"),
         ("FLASER", "begins with its number of ranges"),
         ("FLASER -1 2", "begins with its number of ranges"),
+        (f"FLASER {'9' * 5_000} 1", "begins with its number of ranges"),
         ("FLASER 0 1 2 3 4 5 6 7 h 8", "begins with its number of ranges"),
         (FLASER.replace("2.5", "inf"), "'inf' is no finite number"),
     ],

@@ -99,6 +99,8 @@ class Index(msgspec.Struct):
             if channel.schema_id and channel.schema_id not in self.schemas and not self.summarized:
                 raise Malformed(f"channel {channel.id} has no schema")
             self._know(self.channels, channel.id, channel, (kind, len(content) + _WORD * len(channel.metadata)))
+        else:
+            raise Malformed(f"a record of kind {kind:#04x} is among messages, where none can be")
 
     def _know(self, known: dict[int, T], number: int, new: T, what: tuple[int, int]) -> None:
         kind, size = what

@@ -6,7 +6,7 @@ from robo import bag
 from robo.bag.look.summary import Info, TopicInfo
 from robo.cli.printing import amount, data_size, note, paint, print_json, print_line, print_table
 from robo.cli.views.bag_progress import progress
-from robo.cli.views.bag_times import date, duration
+from robo.cli.views.bag_times import duration
 from robo.errors import BagError
 from robo.text import colours
 from robo.text.brief import brief
