@@ -145,8 +145,22 @@ def footer_at(source: Source) -> int:
     return source.size - len(mcap.MAGIC) - mcap.FOOTER_SIZE
 
 
+Taken = list[tuple[int, int]]
+"""Where what a summary tells of begins and ends, bytes, in their order."""
+
+
 def from_summary(source: Source) -> Index | None:
     """What is in a file but its header; None where a whole file has no summary, or that does not tell all messages.
+
+    Raises:
+        DamagedBag: the file is cut, or its summary makes no sense, or what is beside of what it tells.
+    """
+    found, taken = summary_of(source)
+    return None if found is None or leaves_out(source, found, taken) else found
+
+
+def summary_of(source: Source) -> tuple[Index | None, Taken]:
+    """What the summary says, whether that is all or not; None where a whole file has none, or none of its messages.
 
     Raises:
         DamagedBag: the file is cut, or its summary makes no sense.
@@ -164,25 +178,24 @@ def from_summary(source: Source) -> Index | None:
     if footer.crc and source.checksum(start or tail, source.size - len(mcap.MAGIC) - 4) != footer.crc:
         raise source.damaged(start or tail, "the summary has another checksum than it says")
     if not start:
-        return None
+        return None, []
     found = Index(summarized=True, data_end=start)
     statistics, taken = _read_summary(source, start, found)
     if statistics is None or (statistics.messages and not (found.blocks and statistics.counts)):
-        return None
+        return None, []
     counted = sum(statistics.counts.values())
     if counted != statistics.messages:
         text = f"the summary counts {statistics.messages:,} messages, and by their topics {counted:,}"
         raise source.damaged(start, text)
     found.counts = statistics.counts
     found.begin, found.end = (statistics.begin, statistics.end) if statistics.messages else (0, 0)
-    _check(source, found)
-    return None if _leaves_out(source, found, taken) else found
+    _check(source, found, taken)
+    return found, taken
 
 
-def _read_summary(source: Source, start: int, found: Index) -> tuple[mcap.Statistics | None, list[tuple[int, int]]]:
-    """Its statistics, and where what it tells of begins and ends."""
+def _read_summary(source: Source, start: int, found: Index) -> tuple[mcap.Statistics | None, Taken]:
     statistics = None
-    taken: list[tuple[int, int]] = []
+    taken: Taken = []
     sets: dict[frozenset[int], frozenset[int]] = {}
     for place in source.places(start, footer_at(source)):
         match place.kind:
@@ -212,12 +225,17 @@ def _read_summary(source: Source, start: int, found: Index) -> tuple[mcap.Statis
     return statistics, sorted(taken)
 
 
-def _check(source: Source, found: Index) -> None:
-    """That what it says goes together.
+def _check(source: Source, found: Index, taken: Taken) -> None:
+    """That what it says goes together, and is apart and within the data: else a small file could be read without end.
 
     Raises:
-        DamagedBag: it does not.
+        DamagedBag: it does not, or is not.
     """
+    at = len(mcap.MAGIC)
+    for begin, end in taken:
+        if begin < at or not begin <= end <= found.data_end:
+            raise source.damaged(begin, "the index says that something is here, where it cannot be")
+        at = end
     found.blocks.sort(key=lambda block: block.place.offset)
     for block in found.blocks:
         if block.begin > block.end:
@@ -228,16 +246,14 @@ def _check(source: Source, found: Index) -> None:
         raise source.damaged(found.data_end, "the summary counts messages of a channel that it does not know")
 
 
-def _leaves_out(source: Source, found: Index, taken: list[tuple[int, int]]) -> bool:
+def leaves_out(source: Source, found: Index, taken: Taken) -> bool:
     """Whether messages stand where the summary tells of nothing: outside of chunks, or in one that it leaves out.
 
     Raises:
-        DamagedBag: what it tells of is not apart, or not within the data: a small file could be read without end.
+        DamagedBag: what stands there makes no sense.
     """
     at = len(mcap.MAGIC)
     for begin, end in [*taken, (found.data_end, found.data_end)]:
-        if begin < at or not begin <= end <= found.data_end:
-            raise source.damaged(begin, "the index says that something is here, where it cannot be")
         if any(place.kind in (mcap.CHUNK, mcap.MESSAGE) for place in source.places(at, begin)):
             return True
         at = end

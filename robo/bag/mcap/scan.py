@@ -1,11 +1,22 @@
 """What is in a file, by looking at all of it: where it has no summary, is cut or damaged, or is to be checked."""
 
+from bisect import bisect_right
 from collections.abc import Iterator
 from typing import Final
 
 from robo.bag.mcap import format as mcap
 from robo.bag.mcap.format import Malformed
-from robo.bag.mcap.index import MOST_NAMED, Block, Index, footer_at, from_summary, header_of, parsed
+from robo.bag.mcap.index import (
+    MOST_NAMED,
+    Block,
+    Index,
+    footer_at,
+    from_summary,
+    header_of,
+    leaves_out,
+    parsed,
+    summary_of,
+)
 from robo.bag.mcap.source import Place, Source
 from robo.bag.progress import Tell, silent
 from robo.errors import BagError, DamagedBag
@@ -64,6 +75,8 @@ def scanned(source: Source, tell: Tell = silent) -> Index:
         scan.take(place)
         tell(place.end, source.size)
     scan.end_run()
+    if scan.unreadable is not None and not found.blocks:
+        raise scan.unreadable
     for offset in _offsets(said):
         if offset not in scan.seen:
             scan.fault(source.damaged(offset, "the summary says that something is here, and there is nothing of it"))
@@ -76,11 +89,15 @@ def scanned(source: Source, tell: Tell = silent) -> Index:
 
 
 def _said_by_summary(source: Source) -> Index:
-    """What the summary says; nothing where that cannot be read."""
+    """What the summary says; nothing where that cannot be read, or does not tell all messages."""
     try:
-        return from_summary(source) or Index()
+        found, taken = summary_of(source)
     except BagError:
         return Index()
+    try:
+        return Index() if found is None or leaves_out(source, found, taken) else found
+    except DamagedBag:
+        return found if found is not None else Index()  # the fault is that of the data beside
 
 
 def _offsets(said: Index) -> list[int]:
@@ -111,9 +128,12 @@ def _places(source: Source, said: Index, scan: "_Scan") -> Iterator[Place]:
     there = _offsets(said)
     offset = len(mcap.MAGIC)
     while not said.data_end or offset < said.data_end:
+        known = bisect_right(there, offset)
         behind = 0
         try:
             place = source.place(offset)
+            if known < len(there) and place.end > there[known]:
+                raise source.damaged(offset, f"a record claims {place.length:,} bytes, and another one begins before")
             if _is_end(source, place, scan):
                 return
             behind = place.end
@@ -121,16 +141,14 @@ def _places(source: Source, said: Index, scan: "_Scan") -> Iterator[Place]:
                 _check(source, place, said)
         except DamagedBag as fault:
             scan.fault(fault)
-            known = next((one for one in there if one > offset), 0)
-            if behind and (not known or behind <= known) and _is_record(source, behind):
-                known = behind
-            if not known:
-                return
-            offset = known
-            continue
-        if offset > len(mcap.MAGIC):
-            yield place
-        offset = place.end
+            if not behind or not _is_record(source, behind):
+                if known == len(there):
+                    return
+                behind = there[known]
+        else:
+            if offset > len(mcap.MAGIC):
+                yield place
+        offset = behind
     scan.fault(source.damaged(said.data_end, "the summary begins here, and the data have not ended"))
 
 
@@ -208,6 +226,8 @@ class _Scan:
         self._faulty: set[int] = set()
         self.seen: set[int] = set()
         """Where chunks, attachments and metadata stand."""
+        self.unreadable: BagError | None = None
+        """Why chunks cannot be restored here, whole as they may be."""
 
     def take(self, place: Place) -> None:
         """One more record; what is wrong within it is a fault of the index."""
@@ -217,7 +237,7 @@ class _Scan:
                 case mcap.CHUNK:
                     self.seen.add(place.offset)
                     self.end_run()
-                    self._add(place, source.restored(place, source.chunk(place)))
+                    self._add(place, self._restored(place))
                 case mcap.MESSAGE | mcap.SCHEMA | mcap.CHANNEL:
                     self._extend_run(place)
                 case mcap.ATTACHMENT:
@@ -250,6 +270,16 @@ class _Scan:
                 self._add(run, self._source.content(run))
             except DamagedBag as fault:
                 self.fault(fault)
+
+    def _restored(self, place: Place) -> bytes | memoryview:
+        chunk = self._source.chunk(place)
+        try:
+            return self._source.restored(place, chunk)
+        except DamagedBag:
+            raise
+        except BagError as error:
+            self.unreadable = error  # of all chunks, or has one only another name for its compression?
+            raise self._source.damaged(place.offset, error.reason) from None
 
     def _extend_run(self, place: Place) -> None:
         run = self._run
