@@ -3,7 +3,6 @@
 What latched topics had said before a part begins stands at its beginning. Attachments and metadata are kept.
 """
 
-import hashlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -168,6 +167,8 @@ def say_topics(files: Files, topics: Sequence[Topic], writer: FileWriter) -> dic
 
 def _copy_what_is_beside(bag: Bag, writer: FileWriter) -> None:
     """Attachments and metadata, each once, of attachments one at a time in memory; counts do not hold any more."""
+    import hashlib  # 4 MB, which a recorder does without
+
     seen_words: set[tuple[str, tuple[tuple[str, str], ...]]] = set()
     for words in bag.all_metadata():
         said = words.name, tuple(words.words.items())

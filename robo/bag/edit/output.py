@@ -3,7 +3,6 @@
 import contextlib
 import io
 import os
-import secrets
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -94,7 +93,7 @@ def new_folder(path: Path) -> Iterator[Path]:
 
 def _draft(target: Path) -> Path:
     """What stands for a file until it is whole; nobody takes it for a recording."""
-    return target.with_name(f".{target.name[:50]}.{secrets.token_hex(4)}.part") if target.name else target
+    return target.with_name(f".{target.name[:50]}.{os.urandom(4).hex()}.part") if target.name else target
 
 
 def _give_name(draft: Path, target: Path) -> None:

@@ -1,6 +1,5 @@
 """Topics of a recording and their messages, as values."""
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -119,7 +118,7 @@ def topics_of(indexes: Sequence[Index], counts: Sequence[Mapping[int, int]], fin
 def _meaning(name: str, kind: str, data: bytes) -> str:
     """What tells a definition from another one of the same name: not comments, so that versions of ROS go together."""
     if kind != ROS_TEXT or not data or len(data) > _MOST_TEXT:
-        return hashlib.sha256(data).hexdigest()
+        return data.decode("latin-1")
     return repr(sorted(definitions.fields_of(name, data.decode("utf-8", "replace"))))
 
 
