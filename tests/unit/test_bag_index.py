@@ -1,7 +1,9 @@
 """Indexes that are not what the file is: nothing is left out in silence."""
 
 import struct
+import zlib
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec
@@ -132,3 +134,36 @@ def test_an_attachment_that_no_memory_holds_is_told(tmp_path: Path, monkeypatch:
         with pytest.raises(DamagedBag, match=r"an attachment has .* bytes, and at most 60 are read"):
             opened.attachment("large")
     assert len(bag.recover(path, tmp_path / "b.mcap").faults) == 1
+
+
+def test_an_index_of_messages_that_lies_is_told_and_mended(whole: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    indexes = [(at, end) for kind, at, end in bags.records_of(whole) if kind == mcap.MESSAGE_INDEX]
+    begin, end = next((at, end) for at, end in indexes if end - at > 9 + 6 + 16)
+    time, channel = begin + 9 + 6, begin + 9
+    for at in (time, channel):
+        changed = bytearray(whole)
+        changed[at] ^= 1
+        path.write_bytes(changed)
+        (found,) = bag.check(path).findings
+        assert found.kind == bag.Kind.INDEX
+        assert "an index " in found.text
+        bag.recover(path, tmp_path / "b.mcap", force=True)
+        assert bag.check(tmp_path / "b.mcap").findings == []
+    last, after = next(second for first, second in pairwise(indexes) if first[1] == second[0])
+    path.write_bytes(whole[:last] + packing._record(0x90, bytes(after - last - 9)) + whole[after:])
+    (found,) = bag.check(path).findings
+    assert "an index leaves out a topic of the chunk" in found.text
+    entries = [whole[at : at + 16] for at in range(time, end, 16)]
+    path.write_bytes(whole[:time] + b"".join(reversed(entries)) + whole[end:])
+    assert bag.check(path).findings == [], "in another order it says the same"
+
+
+@pytest.mark.parametrize(("bits", "wrong"), [(0, False), (4, True)])
+def test_a_checksum_of_the_data_is_looked_at(bits: int, wrong: bool, whole: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    at = next(at for kind, at, _ in bags.records_of(whole) if kind == mcap.DATA_END)
+    path.write_bytes(whole[: at + 9] + struct.pack("<I", zlib.crc32(whole[:at]) ^ bits) + whole[at + 13 :])
+    assert [found.text for found in bag.check(path).findings] == [
+        f"{path}: the data have another checksum than the file says"
+    ] * wrong

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import msgspec
 
+from robo.bag.look import indexes
 from robo.bag.look.losses import Losses, recorder_counts
 from robo.bag.look.ordering import Ordering
 from robo.bag.mcap.index import Index
@@ -44,7 +45,7 @@ class Kind(StrEnum):
     DAMAGED = "damaged"
     """Bytes make no sense."""
     INDEX = "index"
-    """A summary says something else than the file."""
+    """A summary or an index says something else than the file."""
     MISSING = "missing"
     """A file of several is not there."""
     HOLE = "hole"
@@ -182,6 +183,9 @@ class _Look:
             return  # more is wrong than that
         with Source(path) as source:
             said = index_of(source)
+            beside = indexes.untrue(source, seen)
+        if beside:
+            self.found(Kind.INDEX, "", None, f"{path}: {beside}")
         if said.faults:
             self.found(Kind.INDEX, "", None, str(said.faults[0]))
         elif said.summarized:

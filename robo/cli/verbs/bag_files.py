@@ -56,7 +56,8 @@ def bag_info(
 
     RATE is that of publishing, with what was lost; GAP the longest time between two arrivals, and AT when it began,
     from the beginning; LOST what did not come, by the recorder's count or the sequence numbers; DELAY the mean time
-    from publishing to arrival, where clocks agree. A file that is cut is told as far as it can be read.
+    from publishing to arrival, where clocks agree. A file that is cut is told as far as it can be read. Of several the
+    others are told where one cannot be read; it ends with 1 then.
     """
     from robo.cli.views.bag_info import print_info
 
@@ -77,10 +78,10 @@ def bag_check(
 ) -> int:
     """Print what is wrong with a recording.
 
-    Every byte is looked at: whether the file is cut or damaged, its summary true, each message one of its type; whether
-    topics were silent for long, messages lost or out of order, clocks set back or never set. Ends with 1 where the
-    file itself is damaged: cut, bytes or messages that make no sense, a summary that is not true. What it tells of a
-    robot that lost messages is no such thing; --strict ends with 1 for that too.
+    Every byte is looked at: whether the file is cut or damaged, a part missing, its summary true, each message one of
+    its type; whether topics were silent for long, messages lost or out of order, clocks set or never set. Ends with 1
+    where the file itself is damaged: cut, a part missing, bytes or messages that make no sense, a summary that is not
+    true. What it tells of a robot that lost messages is no such thing; --strict ends with 1 for that too.
     """
     from robo.cli.views.bag_check import print_check
 
