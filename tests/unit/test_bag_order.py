@@ -85,8 +85,16 @@ def test_a_block_that_makes_no_sense_is_told() -> None:
 
 
 def test_more_at_one_time_than_memory_has_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robo.bag.read.order.LARGE", 50)
     monkeypatch.setattr("robo.bag.read.order.MOST_OPEN", 200)
     apart = [list(range(number * 10, number * 10 + 3)) for number in range(9)]
     assert sum(1 for _ in in_order(Given(apart, 100), everything, arrived)) == 27
-    with pytest.raises(ValueError, match="chunks of more than 200 bytes are of the same time"):
+    with pytest.raises(ValueError, match="large chunks of more than 200 bytes are of the same time"):
         list(in_order(Given([[0, 5, 9], [1, 8], [2, 7]], 100), everything, arrived))
+
+
+def test_large_blocks_that_are_open_are_not_loaded_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robo.bag.read.order.LARGE", 50)
+    given_ = Given([list(range(0, 100, 2)), list(range(1, 100, 2))], most=0)
+    assert sum(1 for _ in in_order(given_, everything, arrived)) == 100
+    assert given_.loads <= 4

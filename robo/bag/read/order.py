@@ -18,8 +18,10 @@ Data = bytes | memoryview
 MOST_KEPT: Final = 2**26
 """Of blocks that are kept after they were last looked at, bytes: 67 MB."""
 
-MOST_OPEN: Final = 2**29
-"""Of blocks whose messages come at one time, bytes: 537 MB. They would be loaded again for each message."""
+LARGE: Final = 2**24
+"""The data of a larger block stay as long as it is open, bytes: 17 MB. To load them for each message takes long."""
+MOST_OPEN: Final = 2**28
+"""Of such blocks whose messages come at one time, bytes: 268 MB."""
 
 _FOR_EVER = 2**64
 
@@ -92,21 +94,22 @@ def in_order(blocks: Blocks, wanted: Callable[[int, Row], bool], time_of: Callab
     spans = blocks.spans
     waiting = sorted(range(len(spans)), key=lambda number: (spans[number].begin, number), reverse=True)
     heap: list[tuple[int, int, int, Iterator[tuple[int, int]]]] = []
-    sizes: dict[int, int] = {}
+    large: dict[int, Data] = {}
     while waiting or heap:
         while waiting and (not heap or spans[waiting[-1]].begin <= heap[0][0]):
             number = waiting.pop()
             due = _rows_of(blocks, number, wanted, time_of)
             for time, place in due:
                 heapq.heappush(heap, (time, number, place, due))
-                sizes[number] = len(blocks.data(number))
+                if len(data := blocks.data(number)) > LARGE:
+                    large[number] = data
                 break
-            if len(sizes) > 1 and sum(sizes.values()) > MOST_OPEN:
-                raise blocks.damaged(number, f"chunks of more than {MOST_OPEN:,} bytes are of the same time")
+            if len(large) > 1 and sum(map(len, large.values())) > MOST_OPEN:
+                raise blocks.damaged(number, f"large chunks of more than {MOST_OPEN:,} bytes are of the same time")
         if not heap:
             continue
         _, number, place, due = heap[0]
-        data = blocks.data(number)
+        data = large.get(number) or blocks.data(number)
         yield Found(number, _row_at(data, place), data)
         if len(heap) > 1:
             for time, place in due:
@@ -114,7 +117,7 @@ def in_order(blocks: Blocks, wanted: Callable[[int, Row], bool], time_of: Callab
                 break
             else:
                 heapq.heappop(heap)
-                del sizes[number]
+                large.pop(number, None)
             continue
         # No other block has a say, until the next one opens.
         next_opens = spans[waiting[-1]].begin if waiting else _FOR_EVER
@@ -125,7 +128,7 @@ def in_order(blocks: Blocks, wanted: Callable[[int, Row], bool], time_of: Callab
             yield Found(number, _row_at(data, place), data)
         else:
             heap.clear()
-            sizes.clear()
+            large.clear()
 
 
 def _rows_of(
