@@ -24,6 +24,7 @@ verbs = group()
     "robo bag record 'r*/odom' r1/scan --duration 3 --json | jq '.topics[] | {topic, received, lost}'",
     "robo bag record --all --exclude '**/image' --split-size 500MB --keep 10 --duration 3 -o patrol",
     "robo bag record --all --split-duration 1 --when-full drop_oldest --least-free 1GB --duration 3 -o night",
+    short_help="Record topics into a file that ROS 2's tools open.",
 )
 def bag_record(
     reach: Reach,
