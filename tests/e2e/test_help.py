@@ -174,7 +174,10 @@ class Lab:
             self._name_a_run(match[1])
         if "< log.jsonl" in line:  # which another example writes
             (self._desk.folder / "log.jsonl").write_text(RECORD)
-        beside = self._desk.start("robo topic echo r1/chatter") if "--wait-for-subscriber" in line else None
+        beside = None
+        if "--wait-for-subscriber" in line:  # there may be others: a flight recorder hears all
+            beside = self._desk.start("robo topic echo r1/chatter")
+            beside.wait_for("waiting for r1/chatter", 60)
         # What goes on for long is left earlier.
         endless = is_endless(line) or re.search(r"--duration \d\d", line) is not None
         terminal = self._desk.start(f'PATH="$PWD/bin:$PATH"; {line}')

@@ -428,6 +428,12 @@ def test_what_was_asked_for_and_never_came_is_told(
     assert recorder.stop().missing == ["r1/scan", "r2/**"]
 
 
+def nodes_in(path: Path) -> str:
+    """Of which nodes a recording says that they were there, as far as it has come."""
+    with bag.open(path) as opened:
+        return opened.metadata.get(ABOUT, {}).get("nodes", "")
+
+
 def test_parameters_graph_and_versions_are_in_the_file(
     session: zenoh.Session, other: zenoh.Session, told: Told, tmp_path: Path
 ) -> None:
@@ -439,6 +445,7 @@ def test_parameters_graph_and_versions_are_in_the_file(
         eventually(heard(node), "the recorder listens")
         node.command.publish(Twist())
         eventually(lambda: received(recorder, "r1/cmd_vel") == 1, "it came")
+        eventually(lambda: nodes_in(tmp_path / "a.mcap") == "/r1/driver", "the node is in the file")
         recorder.stop()
     with bag.open(tmp_path / "a.mcap") as opened:
         attachments = {name: opened.attachment(name) for name in opened.attachments}
