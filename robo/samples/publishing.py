@@ -93,11 +93,13 @@ class Sender:
         """Whether a message, by publish time and sequence number, is one of its own that has come back."""
         return origin in self._sent
 
-    def wait_for_subscriber(self) -> None:
-        """Wait until somebody subscribes."""
+    def wait_for_subscriber(self, timeout: float | None = None) -> bool:
+        """Wait until somebody subscribes, for at most so long, s. Returns whether somebody does."""
         audience = Audience(self._session, [self._key])
-        audience.wait()
-        audience.close()
+        try:
+            return audience.wait(timeout)
+        finally:
+            audience.close()
 
     def close(self) -> None:
         """Withdraw the announcement and stop publishing."""

@@ -1,5 +1,6 @@
 """The running system and the machine it runs on: groups of verbs, and `robo top`, `graph`, `net` and `doctor`."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -46,6 +47,41 @@ def top(
     from robo.cli.views.top import watch
 
     watch(reach, once=once, json=json, interval=interval)
+
+
+@verb(
+    verbs,
+    "dashboard",
+    "robo dashboard",
+    "robo dashboard --listen 127.0.0.1:0 --json",
+    "robo dashboard --listen 0.0.0.0:8080 --name r1.local",
+    short_help="Show and drive robots by a page in the browser.",
+)
+def dashboard(
+    reach: Reach,
+    listen: Annotated[
+        str, typer.Option("--listen", metavar="HOST:PORT", help="Where the page is; port 0 is any free one.")
+    ] = "127.0.0.1:8080",
+    token_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--token-file", metavar="FILE", help="A line with the token to drive, and one to look; else they are made up."
+        ),
+    ] = None,
+    names: Annotated[
+        list[str] | None, typer.Option("--name", metavar="HOST", help="A name by which the page may be called.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Show and drive robots by a page in the browser, until Ctrl-C.
+
+    The page has everything with it and asks no other host for anything. By default it is for this machine alone; at
+    another address who opens it needs a token, which is printed with the address. It drives by `cmd_vel_dashboard`, an
+    input of the robot's mux: what the robot itself forbids stays forbidden.
+    """
+    from robo.cli.views.dashboard import serve
+
+    serve(reach, listen=listen, token_file=token_file, names=names or [], json=json)
 
 
 @verb(

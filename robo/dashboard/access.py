@@ -1,0 +1,128 @@
+"""Who may look and who may drive: tokens, addresses of the page, guesses that take longer and longer. Pure."""
+
+import enum
+import hmac
+import secrets
+from urllib.parse import urlsplit
+
+import msgspec
+
+_GUESSES = 5
+"""Wrong tokens of one address that cost nothing: somebody mistypes."""
+_WAIT = 1.0
+"""After the next one, s; twice as long after each further one."""
+_LONGEST_WAIT = 60.0
+_MOST_ADDRESSES = 1_000
+"""That are remembered; beyond them all strangers wait together."""
+_FORGOTTEN = 600.0
+"""An address that has been quiet for so long begins anew, s."""
+_LOOPBACK = ("localhost", "127.0.0.1", "::1")
+
+
+class Right(enum.IntEnum):
+    """What somebody may do; who may drive may look as well."""
+
+    NONE = 0
+    VIEW = 1
+    DRIVE = 2
+
+
+class Tokens(msgspec.Struct, frozen=True):
+    """The words by which rights are shown. Empty where none is asked for: on this machine alone."""
+
+    view: str = ""
+    drive: str = ""
+
+    @classmethod
+    def new(cls) -> "Tokens":
+        """Two that nobody can guess."""
+        return cls(secrets.token_urlsafe(18), secrets.token_urlsafe(18))
+
+    def right(self, token: str) -> Right:
+        """What a token allows."""
+        if not self.drive:
+            return Right.DRIVE
+        # Both are compared, each in a time that says nothing of how much of it was right.
+        given = token.encode()
+        drives = hmac.compare_digest(given, self.drive.encode())
+        views = bool(self.view) and hmac.compare_digest(given, self.view.encode())
+        return Right.DRIVE if drives else Right.VIEW if views else Right.NONE
+
+
+class _Guesses(msgspec.Struct):
+    wrong: int
+    until: float
+    last: float
+
+
+class Doorkeeper:
+    """Lets in who has a token, and makes those wait who guess."""
+
+    def __init__(self, tokens: Tokens) -> None:
+        self._tokens = tokens
+        self._of: dict[str, _Guesses] = {}
+
+    def right(self, token: str, address: str, now: float) -> Right:
+        """What somebody may do.
+
+        Args:
+            token: what was shown; empty where nothing was.
+            address: of who shows it.
+            now: s, by a clock that never goes back.
+        """
+        if self.wait(address, now) > 0:
+            return Right.NONE  # even if it is right: else a guess could be tried meanwhile
+        right = self._tokens.right(token)
+        if right is not Right.NONE:
+            self._of.pop(self._name(address), None)
+        elif token:
+            self._count(address, now)
+        return right
+
+    def wait(self, address: str, now: float) -> float:
+        """How long nothing that this address shows counts, s; 0 where it does."""
+        found = self._of.get(self._name(address))
+        return max(0.0, found.until - now) if found is not None else 0.0
+
+    def _count(self, address: str, now: float) -> None:
+        self._forget(now)
+        found = self._of.setdefault(self._name(address), _Guesses(0, 0.0, now))
+        found.wrong += 1
+        found.last = now
+        if (beyond := found.wrong - _GUESSES) > 0:
+            found.until = now + min(_WAIT * 2.0 ** min(beyond - 1, 10), _LONGEST_WAIT)
+
+    def _forget(self, now: float) -> None:
+        for name in [name for name, one in self._of.items() if now - one.last > _FORGOTTEN and one.until <= now]:
+            del self._of[name]
+
+    def _name(self, address: str) -> str:
+        return address if address in self._of or len(self._of) < _MOST_ADDRESSES else ""
+
+
+def is_own_host(host: str, names: tuple[str, ...] = ()) -> bool:
+    """Whether a request is for this page by a name that it has: another one may lead here by a foreign name server.
+
+    Args:
+        host: the header `Host`.
+        names: by which it may be called beside those of this machine alone; `*` for any.
+    """
+    try:
+        name = urlsplit(f"//{host}").hostname
+    except ValueError:
+        return False
+    return name is not None and (name in _LOOPBACK or name in names or "*" in names)
+
+
+def is_own_origin(origin: str | None, host: str) -> bool:
+    """Whether a socket is opened by this page: a browser says which page it is, and lets no page say another one.
+
+    A client that is no browser says none, and has nobody's cookies.
+    """
+    if origin is None:
+        return True
+    try:
+        said = urlsplit(origin)
+    except ValueError:
+        return False
+    return said.scheme in ("http", "https") and said.netloc.lower() == host.lower()

@@ -1,0 +1,285 @@
+"""All pages that are open: what each is told, and what each asks for. Used by one thread, that of the event loop."""
+
+import asyncio
+import itertools
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor
+from functools import partial
+
+import msgspec
+import zenoh
+
+from robo.dashboard import protocol, requests
+from robo.dashboard.access import Right
+from robo.dashboard.driver import Driver
+from robo.dashboard.frames import Frames
+from robo.dashboard.lease import MOST_AGE, Beats
+from robo.dashboard.mailbox import Mailbox
+from robo.dashboard.protocol import (
+    Call,
+    Command,
+    Drive,
+    Parameters,
+    Publish,
+    Read,
+    Release,
+    Request,
+    Set,
+    Take,
+    Watch,
+)
+from robo.dashboard.state import Line, Picture
+from robo.dashboard.topics import Message, Topics
+from robo.errors import RoboError
+from robo.wire import names
+from robo.wire.reports import Event
+
+BEAT = 0.1
+"""How often a page hears that the server lives, s."""
+MOST_KEYS = 100
+"""That one page may watch."""
+_MOST_CHANNELS = 60_000
+_PAST = 500
+"""Lines and events for a page that is opened."""
+_MOST_LINEAR, _MOST_ANGULAR = 10.0, 20.0
+"""What a page may ask for, m/s and rad/s: the robot's own limits are tighter."""
+
+
+class Page:
+    """One that is open."""
+
+    def __init__(self, number: int, right: Right) -> None:
+        self.name = f"browser {number}"
+        """By which others know who drives."""
+        self.right = right
+        self.mailbox = Mailbox()
+        self.wake = asyncio.Event()
+        self.beats = Beats()
+        self.watched: set[str] = set()
+        self.channels: set[int] = set()
+        """Of which it has been told what they are."""
+
+    def tell(self, kind: str, *, newest: str = "", urgent: bool = False, **what: object) -> None:
+        """Tell it something; where it is the newest of something, in the place of what waits."""
+        data = protocol.news(kind, **what)
+        if newest:
+            self.mailbox.put(newest, data, urgent=urgent)
+        else:
+            self.mailbox.add(data)
+        self.wake.set()
+
+
+class Hub:
+    """Knows all pages."""
+
+    def __init__(self, session: zenoh.Session, topics: Topics, driver: Driver, calls: Executor, stops: Executor) -> None:
+        """
+        Args:
+            session: the network.
+            topics: what pages watch.
+            driver: by which they drive.
+            calls: does what blocks.
+            stops: does what waits for nothing else: emergency stops.
+        """
+        self._session, self._topics, self._driver = session, topics, driver
+        self._calls, self._stops = calls, stops
+        self._pages: set[Page] = set()
+        self._numbers = itertools.count(1)
+        self._channels: dict[tuple[str, str], int] = {}
+        self._frames = Frames()
+        self._picture: Picture | None = None
+        self._lines: list[Line] = []
+        self._events: list[Event] = []
+        self._drivers: dict[str, str] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def join(self, right: Right) -> Page:
+        """A page has been opened."""
+        page = Page(next(self._numbers), right)
+        page.tell("welcome", name=page.name, drives=right is Right.DRIVE)
+        if self._picture is not None:
+            page.tell("picture", newest="picture", picture=self._picture)
+        page.tell("lines", lines=self._lines)
+        page.tell("events", events=self._events)
+        page.tell("drivers", newest="drivers", drivers=self._drivers)
+        self._pages.add(page)
+        return page
+
+    def leave(self, page: Page) -> None:
+        """A page is gone, or cannot be heard any more."""
+        self._pages.discard(page)
+        self._driver.leave(page.name)
+        self._watch()
+
+    def looked(self, picture: Picture) -> None:
+        """What runs."""
+        self._picture = picture
+        self._tell_all("picture", newest="picture", picture=picture)
+
+    def lines(self, lines: list[Line]) -> None:
+        """New lines of logs."""
+        self._lines = [*self._lines, *lines][-_PAST:]
+        self._tell_all("lines", lines=lines)
+
+    def events(self, events: list[Event]) -> None:
+        """New events."""
+        self._events = [*self._events, *events][-_PAST:]
+        self._tell_all("events", events=events)
+
+    def messages(self, messages: list[Message]) -> None:
+        """What has come on topics that pages watch."""
+        moved: set[str] = set()
+        for message in messages:
+            if message.is_of_parts:
+                robot = message.key.rpartition("/")[0]
+                if self._frames.take(robot, message.payload):
+                    moved.add(robot)
+            else:
+                self._deliver(message)
+        for robot in moved:
+            for page in self._pages:
+                if names.join(robot, "tf") in page.watched:
+                    self._tell_frames(page, robot)
+
+    def beat(self) -> None:
+        """Tell every page that the server lives, and who drives."""
+        now = time.monotonic()
+        drivers = self._driver.drivers()
+        if drivers != self._drivers:
+            self._drivers = drivers
+            self._tell_all("drivers", newest="drivers", urgent=True, drivers=drivers)
+        for page in self._pages:
+            left = {"left_out": page.mailbox.left_out} if page.mailbox.left_out else {}
+            page.tell("beat", newest="beat", urgent=True, number=page.beats.next(now), time=time.time() * 1e3, **left)
+
+    def ask(self, page: Page, asked: Request) -> None:
+        """What a page asks for."""
+        if protocol.needs_driver(asked) and page.right is not Right.DRIVE:
+            page.tell("refused", id=getattr(asked, "id", None), reason="this page may look and not drive")
+            return
+        match asked:
+            case Read():
+                page.mailbox.has_read(asked.count)
+                page.wake.set()
+            case Watch():
+                self._set_watched(page, asked.keys)
+            case Take():
+                if not self._driver.take(asked.robot, page.name):
+                    self._tell_taken(page, asked.robot)
+            case Drive():
+                self._drive(page, asked)
+            case Release():
+                self._driver.leave(page.name)
+            case Call():
+                stops = asked.service.rpartition("/")[2] == "emergency_stop"
+                work = partial(requests.call, self._session, asked.service, asked.type, asked.request)
+                self._do(page, asked.id, work, self._stops if stops else self._calls)
+            case Publish():
+                work = partial(requests.publish, self._session, asked.topic, asked.type, asked.message)
+                self._do(page, asked.id, work, self._calls)
+            case Command():
+                work = partial(requests.command, self._session, asked.robot, asked.verb, asked.node)
+                self._do(page, asked.id, work, self._calls)
+            case Parameters():
+                self._do(page, asked.id, partial(requests.all_parameters, self._session, asked.node), self._calls)
+            case Set():
+                work = partial(requests.set_parameters, self._session, asked.node, asked.values)
+                self._do(page, asked.id, work, self._calls)
+
+    def _drive(self, page: Page, asked: Drive) -> None:
+        age = page.beats.age(asked.heard, asked.since, time.monotonic())
+        if age > MOST_AGE:
+            page.tell("refused", newest="refused", urgent=True, reason=f"a command is {1e3 * min(age, 99):.0f} ms old")
+            return
+        if not (abs(asked.linear) <= _MOST_LINEAR and abs(asked.angular) <= _MOST_ANGULAR):  # NaN neither
+            page.tell("refused", newest="refused", urgent=True, reason="so fast drives no robot")
+            return
+        if not self._driver.command(asked.robot, page.name, asked.linear, asked.angular):
+            self._tell_taken(page, asked.robot)
+
+    def _tell_taken(self, page: Page, robot: str) -> None:
+        who = self._driver.drivers().get(robot, "somebody else")
+        page.tell("refused", newest="refused", urgent=True, reason=f"{who} drives {robot}")
+
+    def _set_watched(self, page: Page, keys: list[str]) -> None:
+        before = page.watched
+        page.watched = {key for key in keys[:MOST_KEYS] if _is_key(key)}
+        self._watch()
+        for gone in before - page.watched:
+            page.mailbox.drop(gone)
+        new = page.watched - before
+        # Others may have looked at it before: what is latched comes once more.
+        self._topics.say_again(sorted(new))
+        for key in new:
+            if key.rpartition("/")[2] == "tf":
+                self._tell_frames(page, key.rpartition("/")[0])
+
+    def _watch(self) -> None:
+        self._topics.watch({key for page in self._pages for key in page.watched})
+
+    def _deliver(self, message: Message) -> None:
+        data: bytes | None = None
+        for page in self._pages:
+            if message.key not in page.watched:
+                continue
+            if data is None:
+                channel = self._channel(message)
+                if channel is None:
+                    return
+                data = protocol.frame(channel, message.published, message.arrived, message.payload)
+            if channel not in page.channels:
+                page.channels.add(channel)
+                page.tell(
+                    "channel",
+                    newest=f"channel {channel}",
+                    urgent=True,
+                    number=channel,
+                    key=message.key,
+                    encoding=message.encoding,
+                )
+            page.mailbox.put(message.key, data)
+            page.wake.set()
+
+    def _channel(self, message: Message) -> int | None:
+        name = (message.key, message.encoding)
+        found = self._channels.get(name)
+        if found is None:
+            if len(self._channels) >= _MOST_CHANNELS:
+                return None  # a stranger makes some up
+            found = self._channels[name] = len(self._channels)
+        return found
+
+    def _tell_frames(self, page: Page, robot: str) -> None:
+        page.tell("frames", newest=f"frames of {robot}", robot=robot, frames=self._frames.of(robot))
+
+    def _tell_all(self, kind: str, *, newest: str = "", urgent: bool = False, **what: object) -> None:
+        if not self._pages:
+            return
+        data = protocol.news(kind, **what)
+        for page in self._pages:
+            if newest:
+                page.mailbox.put(newest, data, urgent=urgent)
+            else:
+                page.mailbox.add(data)
+            page.wake.set()
+
+    def _do(self, page: Page, number: int, work: Callable[[], object], executor: Executor) -> None:
+        task = asyncio.get_running_loop().create_task(self._done(page, number, work, executor))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _done(self, page: Page, number: int, work: Callable[[], object], executor: Executor) -> None:
+        try:
+            answer = await asyncio.get_running_loop().run_in_executor(executor, work)
+        except (RoboError, zenoh.ZError, msgspec.MsgspecError) as error:
+            page.tell("refused", newest=f"answer {number}", urgent=True, id=number, reason=str(error))
+        else:
+            page.tell("answer", newest=f"answer {number}", urgent=True, id=number, answer=answer)
+
+
+def _is_key(text: str) -> bool:
+    try:
+        return "*" not in text and not text.startswith("@") and bool(zenoh.KeyExpr(text))
+    except zenoh.ZError:
+        return False

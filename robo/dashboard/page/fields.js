@@ -1,0 +1,51 @@
+// Parts of messages: which numbers there are, and their values.
+
+const MOST = 500;
+const LONGEST_LIST = 12;
+
+/** The names of all numbers of a message: `pose.pose.position.x`, `velocity[0]`. */
+export function numbers(message) {
+  const found = [];
+  collect(message, "", found);
+  return found;
+}
+
+function collect(value, name, found) {
+  if (found.length >= MOST) return;
+  if (typeof value === "number" || typeof value === "boolean") found.push(name);
+  else if (Array.isArray(value)) value.slice(0, LONGEST_LIST).forEach((item, i) => collect(item, `${name}[${i}]`, found));
+  else if (value && typeof value === "object" && !ArrayBuffer.isView(value)) {
+    for (const [key, item] of Object.entries(value)) collect(item, name ? `${name}.${key}` : key, found);
+  }
+}
+
+/** The value of a part; undefined where there is none. */
+export function part(message, name) {
+  let value = message;
+  for (const word of name.split(/[.[\]]+/).filter(Boolean)) value = value?.[word];
+  return typeof value === "boolean" ? Number(value) : value;
+}
+
+/** A message as lines of text, with long lists cut. */
+export function shown(value, indent = "") {
+  if (ArrayBuffer.isView(value)) return `${value.byteLength} bytes`;
+  if (Array.isArray(value)) {
+    if (value.every((item) => typeof item !== "object" || item === null)) {
+      const some = value.slice(0, LONGEST_LIST).map(plain).join(", ");
+      return value.length > LONGEST_LIST ? `[${some}, … ${value.length} in all]` : `[${some}]`;
+    }
+    const some = value.slice(0, LONGEST_LIST).map((item) => `\n${indent}- ${shown(item, `${indent}  `).trimStart()}`).join("");
+    return value.length > LONGEST_LIST ? `${some}\n${indent}… ${value.length} in all` : some;
+  }
+  if (value && typeof value === "object") {
+    return Object.entries(value).map(([name, item]) => {
+      const text = shown(item, `${indent}  `);
+      return `\n${indent}${name}:${text.startsWith("\n") ? "" : " "}${text}`;
+    }).join("");
+  }
+  return plain(value);
+}
+
+function plain(value) {
+  return typeof value === "number" && !Number.isInteger(value) ? String(Number(value.toPrecision(6))) : String(value);
+}

@@ -1,0 +1,90 @@
+// The bar above all: which robot, how it does, whether it is heard; and the emergency stop, always in view.
+
+import { age, el, number, say } from "../dom.js";
+import { link } from "../link.js";
+import { robot } from "../robot.js";
+
+const STALE = 1500;
+
+/** Fill the bar, and the alert below it. */
+export function bar(place, lost) {
+  const choice = el("select", { "aria-label": "Robot", onchange: () => robot.choose(choice.value) });
+  const facts = el("dl", { class: "facts" });
+  const fact = (name) => {
+    const value = el("dd", {}, "–");
+    facts.append(el("div", {}, el("dt", {}, name), value));
+    return value;
+  };
+  const speed = fact("Speed");
+  const safety = fact("Safety");
+  const driver = fact("Drives");
+  const battery = fact("Battery");
+  const nodes = fact("Nodes");
+  const told = el("p", { class: "told", role: "status" });
+  const stop = el("button", { id: "stop", type: "button", onclick: () => call("emergency_stop") }, "EMERGENCY STOP");
+  const reset = el("button", { id: "reset", type: "button", onclick: () => call("reset_emergency_stop") }, "Reset stop");
+  place.append(choice, facts, told, el("div", { class: "stops" }, stop, reset));
+
+  const seen = { odom: null, safety: null, mux: null, battery: null };
+
+  async function call(service) {
+    const begin = performance.now();
+    try {
+      const answer = await link.ask({ do: "call", service: robot.key(service), type: "std/Trigger" });
+      say(told, `${answer.message || service.replaceAll("_", " ")} (${Math.round(performance.now() - begin)} ms)`);
+    } catch (error) {
+      say(told, `${service.replaceAll("_", " ")}: ${error.message}`);
+    }
+  }
+
+  robot.onChange(() => {
+    for (const name of Object.keys(seen)) seen[name] = null;
+  });
+  robot.watch("odom", (message, { arrived }) => {
+    const { linear, angular } = message.twist.twist;
+    seen.odom = { arrived, text: `${number(linear.x)} m/s, ${number(angular.z)} rad/s` };
+  });
+  robot.watch("safety_state", (message, { arrived }) => {
+    const said = Object.fromEntries(message.values.map(({ key, value }) => [key, value]));
+    seen.safety = { arrived, level: message.level, latched: said.reason === "emergency_stop", text: message.message };
+  });
+  robot.watch("mux_state", (message, { arrived }) => {
+    const said = Object.fromEntries(message.values.map(({ key, value }) => [key, value]));
+    seen.mux = { arrived, text: said.driver || "nobody" };
+  });
+  robot.watch("battery", (message, { arrived }) => {
+    const share = Number.isFinite(message.percentage) ? ` ${Math.round(message.percentage * 100)} %` : "";
+    seen.battery = { arrived, text: `${number(message.voltage, 1)} V${share}` };
+  });
+
+  setInterval(() => {
+    if (choice.options.length !== robot.all.length || [...choice.options].some((one, i) => one.value !== robot.all[i])) {
+      choice.replaceChildren(...robot.all.map((name) => el("option", { value: name }, name || "(no name)")));
+    }
+    choice.value = robot.name ?? "";
+    show(speed, seen.odom, STALE);
+    show(safety, seen.safety, Infinity);
+    safety.dataset.level = seen.safety ? ["ok", "warn", "error", "stale"][seen.safety.level] ?? "" : "";
+    stop.classList.toggle("latched", Boolean(seen.safety?.latched));
+    reset.disabled = !link.drives || !seen.safety?.latched;
+    stop.disabled = !link.drives;
+    show(driver, seen.mux, Infinity);
+    show(battery, seen.battery, 10_000);
+    battery.parentElement.hidden = seen.battery === null;
+    const bad = robot.nodes.filter((node) => node.state !== "ready" || !["ok", null].includes(node.health));
+    say(nodes, robot.nodes.length ? (bad.length ? `${bad.length} of ${robot.nodes.length} in trouble` : `${robot.nodes.length} well`) : "none");
+    nodes.dataset.level = bad.length ? "warn" : "ok";
+    const gone = link.isAlive
+      ? robot.name !== null && robot.nodes.length === 0 ? `nothing runs of ${robot.name}` : ""
+      : `No link to the server for ${age(Math.min(link.silence, performance.now()))}: what you see is old, and nothing can be driven.`;
+    lost.hidden = !gone;
+    say(lost, gone);
+    document.body.classList.toggle("lost", !link.isAlive);
+  }, 100);
+}
+
+function show(place, fact, stale) {
+  const old = fact ? link.now - fact.arrived : Infinity;
+  place.classList.toggle("stale", old > stale);
+  say(place, fact === null ? "–" : old > stale ? `${fact.text}, ${age(old)} ago` : fact.text);
+}

@@ -1,0 +1,82 @@
+// The picture of a camera: as JPEGs or PNGs, or as plain pixels.
+
+import { el, say } from "../dom.js";
+import { link } from "../link.js";
+import { ageOf, panel } from "../panel.js";
+import { robot } from "../robot.js";
+
+const TYPES = ["sensor/CompressedImage", "sensor/Image"];
+
+/** The panel of the camera. */
+export function camera() {
+  const choice = el("select", { "aria-label": "Camera", onchange: () => choose(choice.value) });
+  const canvas = el("canvas", { role: "img", "aria-label": "Picture of the camera" });
+  const told = el("p", { class: "told" }, "no camera");
+  let at = null;
+  let end = () => {};
+  let busy = false;
+
+  function choose(key) {
+    end();
+    at = null;
+    canvas.hidden = !key;
+    say(told, key ? "" : "no camera");
+    if (!key) return;
+    end = link.watch(key, async (message, { arrived, type }) => {
+      if (busy || message === undefined) return; // the next one is newer
+      busy = true;
+      try {
+        if (type === "sensor/CompressedImage") await compressed(canvas, message);
+        else plain(canvas, message);
+        at = arrived;
+        say(told, "");
+      } catch (error) {
+        say(told, `no picture: ${error.message}`);
+      }
+      busy = false;
+    });
+  }
+
+  link.on("picture", () => {
+    const there = robot.topics.filter((one) => TYPES.includes(one.type) && one.publishers.length).map((one) => one.key);
+    there.sort((a, b) => Number(b.endsWith("compressed")) - Number(a.endsWith("compressed")));
+    if (there.join() === [...choice.options].map((one) => one.value).join()) return;
+    const before = choice.value;
+    choice.replaceChildren(...there.map((key) => el("option", { value: key }, key)));
+    choice.value = there.includes(before) ? before : there[0] ?? "";
+    choice.hidden = there.length === 0;
+    if (choice.value !== before || !there.length) choose(choice.value);
+  });
+  robot.onChange(() => {
+    choice.replaceChildren();
+    choose("");
+  });
+  return panel("camera", "Camera", [choice, ageOf(() => at)], canvas, told);
+}
+
+async function compressed(canvas, message) {
+  const picture = await createImageBitmap(new Blob([message.data]));
+  canvas.width = picture.width;
+  canvas.height = picture.height;
+  canvas.getContext("2d").drawImage(picture, 0, 0);
+  picture.close();
+}
+
+function plain(canvas, { width, height, encoding, step, data }) {
+  const channels = { rgb8: [0, 1, 2], bgr8: [2, 1, 0], rgba8: [0, 1, 2], bgra8: [2, 1, 0], mono8: [0, 0, 0] }[encoding];
+  if (!channels) throw new Error(`pixels as ${encoding} are not shown`);
+  const size = { mono8: 1, rgba8: 4, bgra8: 4 }[encoding] ?? 3;
+  if (data.length < step * height) throw new Error("it is cut");
+  const pen = Object.assign(canvas, { width, height }).getContext("2d");
+  const image = pen.createImageData(width, height);
+  const [r, g, b] = channels;
+  for (let y = 0, to = 0; y < height; y++) {
+    for (let x = 0, from = y * step; x < width; x++, from += size, to += 4) {
+      image.data[to] = data[from + r];
+      image.data[to + 1] = data[from + g];
+      image.data[to + 2] = data[from + b];
+      image.data[to + 3] = 255;
+    }
+  }
+  pen.putImageData(image, 0, 0);
+}

@@ -1,0 +1,163 @@
+// Driving: by a joystick that stands when it is let go, by keys while they are held; one driver at a time.
+
+import { el, number, say } from "../dom.js";
+import { link } from "../link.js";
+import { panel } from "../panel.js";
+import { robot } from "../robot.js";
+
+/** How often a command is said while a dead-man is held, ms. */
+const PERIOD = 50;
+/** How often it is said once more that the robot is to stand. */
+const ZEROS = 5;
+const KEYS = {
+  ArrowUp: [1, 0], w: [1, 0], ArrowDown: [-1, 0], s: [-1, 0],
+  ArrowLeft: [0, 1], a: [0, 1], ArrowRight: [0, -1], d: [0, -1],
+};
+
+/** The panel for driving. */
+export function drive() {
+  const fast = slider("fast", "Speed", "m/s", 0.05, 1.5, 0.05, 0.3);
+  const turn = slider("turn", "Turning", "rad/s", 0.1, 3.0, 0.1, 1.0);
+  const knob = el("div", { class: "knob" });
+  const pad = el(
+    "div",
+    {
+      id: "pad",
+      tabindex: 0,
+      role: "application",
+      "aria-label": "Joystick: hold and drag; or focus it and hold the arrow keys or w, a, s, d. Let go to stand.",
+    },
+    knob,
+  );
+  const told = el("p", { class: "told", role: "status" });
+  const made = panel("drive", "Drive", [], el("div", { class: "driving" }, pad, el("div", {}, fast.place, turn.place, told)));
+
+  let wanted = null; // while a dead-man is held: parts of the full speed, forwards and to the left
+  let zeros = 0;
+  const held = new Set();
+
+  function stand() {
+    if (wanted === null) return;
+    wanted = null;
+    held.clear();
+    zeros = ZEROS;
+    knob.style.transform = "";
+    pad.classList.remove("held");
+    tell();
+  }
+
+  function want(forwards, left) {
+    if (!link.drives || !link.isAlive) return;
+    wanted = [forwards, left];
+    pad.classList.add("held");
+  }
+
+  function tell() {
+    if (wanted === null && zeros === 0) return;
+    if (!link.isAlive) {
+      wanted = null;
+      zeros = 0;
+      return;
+    }
+    const [forwards, left] = wanted ?? [0, 0];
+    link.send({
+      do: "drive",
+      robot: robot.name ?? "",
+      linear: forwards * fast.value,
+      angular: left * turn.value,
+      heard: link.beat,
+      since: link.silence / 1000,
+    });
+    if (wanted !== null) return;
+    zeros -= 1;
+    if (zeros === 0) link.send({ do: "release" });
+  }
+
+  function drag(event) {
+    const box = pad.getBoundingClientRect();
+    const reach = box.width / 2;
+    let x = (event.clientX - box.left - reach) / reach;
+    let y = (event.clientY - box.top - reach) / reach;
+    const far = Math.hypot(x, y);
+    if (far > 1) [x, y] = [x / far, y / far];
+    knob.style.transform = `translate(${x * reach * 0.7}px, ${y * reach * 0.7}px)`;
+    const quiet = (part) => (Math.abs(part) < 0.1 ? 0 : part);
+    want(quiet(-y), quiet(-x));
+  }
+
+  pad.addEventListener("pointerdown", (event) => {
+    pad.setPointerCapture(event.pointerId);
+    pad.focus();
+    drag(event);
+    event.preventDefault();
+  });
+  pad.addEventListener("pointermove", (event) => {
+    if (pad.hasPointerCapture(event.pointerId)) drag(event);
+  });
+  for (const end of ["pointerup", "pointercancel", "lostpointercapture", "blur"]) pad.addEventListener(end, stand);
+  pad.addEventListener("contextmenu", (event) => event.preventDefault());
+
+  pad.addEventListener("keydown", (event) => {
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    if (!(key in KEYS) || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    held.add(key);
+    follow();
+  });
+  pad.addEventListener("keyup", (event) => {
+    held.delete(event.key.length === 1 ? event.key.toLowerCase() : event.key);
+    if (held.size) follow();
+    else stand();
+  });
+
+  function follow() {
+    const parts = [...held].map((key) => KEYS[key]);
+    const sum = (index) => Math.max(-1, Math.min(1, parts.reduce((all, part) => all + part[index], 0)));
+    want(sum(0), sum(1));
+    knob.style.transform = `translate(${-sum(1) * 40}%, ${-sum(0) * 40}%)`;
+  }
+
+  // Whatever takes the page out of sight or hand: the robot stands.
+  window.addEventListener("blur", stand);
+  window.addEventListener("pagehide", stand);
+  document.addEventListener("visibilitychange", () => document.visibilityState === "hidden" && stand());
+  robot.onChange(stand);
+  setInterval(tell, PERIOD);
+
+  let refusal = "";
+  let refusedAt = -Infinity;
+  link.on("refused", ({ reason }) => {
+    refusal = reason;
+    refusedAt = performance.now();
+  });
+  let drivers = {};
+  link.on("drivers", (news) => {
+    drivers = news.drivers;
+  });
+  setInterval(() => {
+    const who = drivers[robot.name];
+    const mine = who === link.name;
+    pad.classList.toggle("locked", !link.drives || !link.isAlive || (who !== undefined && !mine));
+    pad.setAttribute("aria-disabled", String(!link.drives || !link.isAlive));
+    if (!link.isAlive) say(told, "no link: driving is locked");
+    else if (!link.drives) say(told, "this page may look and not drive");
+    else if (performance.now() - refusedAt < 2000) say(told, `refused: ${refusal}`);
+    else if (mine) say(told, wanted ? `${number(wanted[0] * fast.value)} m/s, ${number(wanted[1] * turn.value)} rad/s` : "stands");
+    else say(told, who === undefined ? "hold the joystick, or its keys, to drive" : `${who} drives`);
+  }, 100);
+  return made;
+}
+
+function slider(id, name, unit, min, max, step, value) {
+  const shown = el("output", { for: id }, `${value} ${unit}`);
+  const input = el("input", {
+    id, type: "range", min, max, step, value,
+    oninput: () => say(shown, `${input.value} ${unit}`),
+  });
+  return {
+    place: el("label", { class: "slider" }, name, input, shown),
+    get value() {
+      return Number(input.value);
+    },
+  };
+}

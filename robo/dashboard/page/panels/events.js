@@ -1,0 +1,41 @@
+// What supervisors tell: nodes that start, fail, come back.
+
+import { clock, el } from "../dom.js";
+import { link } from "../link.js";
+import { panel } from "../panel.js";
+import { robot } from "../robot.js";
+
+const MOST = 300;
+
+/** The panel of events. */
+export function events() {
+  const list = el("ol", { class: "lines scroll", tabindex: 0, role: "log", "aria-label": "Events" });
+  let all = [];
+
+  function show() {
+    const name = (robot.name ?? "").split("/")[0];
+    list.replaceChildren(...all.filter((one) => one.robot.split("/")[0] === name).map(row));
+    list.scrollTop = list.scrollHeight;
+  }
+
+  let first = true;
+  link.on("welcome", () => { first = true; });
+  link.on("events", (news) => {
+    all = (first ? news.events : [...all, ...news.events]).slice(-MOST);
+    first = false;
+    show();
+  });
+  robot.onChange(show);
+  return panel("events", "Events", [], list);
+}
+
+function row(event) {
+  const who = event.node || event.robot;
+  return el(
+    "li",
+    { "data-level": event.alarm === "died" ? "error" : event.alarm ? "warn" : "" },
+    el("time", {}, clock(event.time / 1e6)),
+    el("b", {}, who.split("/").at(-1)),
+    el("span", {}, event.reason ? `${event.event}: ${event.reason}` : event.event),
+  );
+}

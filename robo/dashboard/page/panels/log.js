@@ -1,0 +1,62 @@
+// The log of all nodes, by level, node and words.
+
+import { clock, el } from "../dom.js";
+import { link } from "../link.js";
+import { panel } from "../panel.js";
+import { robot } from "../robot.js";
+
+const LEVELS = ["DEBUG", "INFO", "WARN", "ERROR", "FATAL"];
+const MOST = 1000;
+
+/** The panel of the log. */
+export function log() {
+  const level = el("select", { "aria-label": "Level and above", onchange: show }, ...LEVELS.map((name) => el("option", { selected: name === "INFO" }, name)));
+  const node = el("input", { type: "search", placeholder: "node", "aria-label": "Node", oninput: show });
+  const words = el("input", { type: "search", placeholder: "words", "aria-label": "Words", oninput: show });
+  const list = el("ol", { class: "lines scroll", tabindex: 0, role: "log", "aria-label": "Lines of the log" });
+  let all = [];
+
+  const isWanted = (line) =>
+    line.robot.split("/")[0] === (robot.name ?? "").split("/")[0] &&
+    (line.level === "" || LEVELS.indexOf(line.level) >= LEVELS.indexOf(level.value)) &&
+    line.node.includes(node.value) &&
+    line.message.toLowerCase().includes(words.value.toLowerCase());
+
+  function add(lines) {
+    const atEnd = list.scrollTop + list.clientHeight >= list.scrollHeight - 20;
+    list.append(...lines.filter(isWanted).map(row));
+    while (list.childElementCount > MOST) list.firstChild.remove();
+    if (atEnd) list.scrollTop = list.scrollHeight;
+  }
+
+  function show() {
+    list.replaceChildren();
+    add(all);
+  }
+
+  let first = true;
+  link.on("welcome", () => { first = true; });
+  link.on("lines", ({ lines }) => {
+    if (first) {
+      // What the server remembers: after a lost link it says it again.
+      all = lines;
+      first = false;
+      show();
+      return;
+    }
+    all = [...all, ...lines].slice(-MOST);
+    add(lines);
+  });
+  robot.onChange(show);
+  return panel("log", "Log", [level, node, words], list);
+}
+
+function row(line) {
+  return el(
+    "li",
+    { "data-level": { WARN: "warn", ERROR: "error", FATAL: "error" }[line.level] ?? "" },
+    el("time", {}, clock(line.time)),
+    el("b", {}, line.node),
+    el("span", {}, line.level ? `${line.level} ${line.message}` : line.message),
+  );
+}

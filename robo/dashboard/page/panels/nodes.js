@@ -1,0 +1,69 @@
+// The nodes: how each does, what it takes; starting, stopping, and why it is as it is.
+
+import { Rows, age, el, number, say, size } from "../dom.js";
+import { link } from "../link.js";
+import { panel } from "../panel.js";
+import { robot } from "../robot.js";
+
+/** The panel of nodes. */
+export function nodes() {
+  const body = el("tbody");
+  const told = el("pre", { class: "told", role: "status" });
+  const head = ["Node", "State", "Health", "CPU", "Memory", "Restarts", "Up", ""].map((name) => el("th", { scope: "col" }, name));
+  const made = panel("nodes", "Nodes", [], el("div", { class: "scroll", tabindex: 0 }, el("table", {}, el("thead", {}, el("tr", {}, ...head)), body)), told);
+  const rows = new Rows(body, (node) => node.node, make, fill);
+
+  function make(node) {
+    const cells = Array.from({ length: 7 }, () => el("td"));
+    const name = node.node.split("/").at(-1);
+    const act = (verb) => el("button", { type: "button", onclick: () => command(verb, row.node), "aria-label": `${verb} ${name}` }, verb);
+    const acts = Object.fromEntries(["why", "restart", "stop", "start"].map((verb) => [verb, act(verb)]));
+    const row = el("tr", {}, ...cells, el("td", { class: "acts" }, ...Object.values(acts)));
+    Object.assign(row, { cells_: cells, acts, node });
+    return row;
+  }
+
+  function fill(row, node) {
+    row.node = node;
+    const words = [
+      node.node.replace(`/${robot.name}/`, ""),
+      node.state,
+      node.health ?? "",
+      node.cpu === null ? "–" : `${number(node.cpu, 1)} %`,
+      size(node.memory),
+      node.restarts === null ? "–" : String(node.restarts),
+      node.uptime === null ? "–" : age(node.uptime * 1000),
+    ];
+    words.forEach((text, i) => say(row.cells_[i], text));
+    row.cells_[1].title = node.reason;
+    row.cells_[2].title = node.trouble;
+    row.dataset.level = node.state === "ready" || node.state === "completed" ? node.health ?? "ok" : node.state === "failed" ? "error" : "warn";
+    const runs = node.pid !== null;
+    row.acts.start.hidden = runs;
+    row.acts.stop.hidden = row.acts.restart.hidden = !runs;
+    for (const verb of ["start", "stop", "restart"]) row.acts[verb].disabled = !link.drives || node.robot === "";
+  }
+
+  async function command(verb, node) {
+    say(told, `${verb} ${node.node} …`);
+    try {
+      const answer = await link.ask({ do: "command", robot: node.robot || robot.name, verb, node: node.node });
+      say(told, verb === "why" ? answer.map(explained).join("\n") : `${verb}: ${answer.nodes.join(", ") || "nothing to do"}`);
+    } catch (error) {
+      say(told, `${verb} ${node.node}: ${error.message}`);
+    }
+  }
+
+  link.on("picture", () => rows.show(robot.nodes));
+  robot.onChange(() => rows.show(robot.nodes));
+  return made;
+}
+
+function explained(one) {
+  const lines = [`${one.node}: ${one.state}${one.reason ? `, ${one.reason}` : ""}`];
+  for (const [name, value] of Object.entries(one)) {
+    if (["node", "state", "reason"].includes(name) || value === null || value === "" || (Array.isArray(value) && !value.length)) continue;
+    lines.push(`  ${name.replaceAll("_", " ")}: ${typeof value === "object" ? JSON.stringify(value) : value}`);
+  }
+  return lines.join("\n");
+}

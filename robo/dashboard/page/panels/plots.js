@@ -1,0 +1,120 @@
+// Curves of any numbers of messages over time; several at once, with a pause.
+
+import { el, number, say } from "../dom.js";
+import { numbers, part } from "../fields.js";
+import { link } from "../link.js";
+import { panel } from "../panel.js";
+import { robot } from "../robot.js";
+
+const MOST_POINTS = 20 * 300;
+const FIRST = [["odom", "twist.twist.linear.x"], ["odom", "twist.twist.angular.z"]];
+
+/** The panel of plots. */
+export function plots() {
+  const topic = el("select", { "aria-label": "Topic", onchange: ask });
+  const field = el("select", { "aria-label": "Field" });
+  const add = el("button", { type: "button", onclick: () => draw(topic.value, field.value) }, "Add");
+  const span = el("select", { "aria-label": "Range" }, ...[10, 30, 60, 300].map((s) => el("option", { value: s, selected: s === 30 }, `${s} s`)));
+  const pause = el("button", { type: "button", "aria-pressed": "false", onclick: toggle }, "Pause");
+  const list = el("div", { class: "curves" });
+  const made = panel("plots", "Plots", [topic, field, add, span, pause], list);
+  let curves = [];
+  let paused = null;
+  let end = () => {};
+
+  function toggle() {
+    paused = paused === null ? link.now : null;
+    pause.setAttribute("aria-pressed", String(paused !== null));
+    say(pause, paused === null ? "Pause" : "Go on");
+  }
+
+  function ask() {
+    end();
+    field.replaceChildren();
+    if (!topic.value) return;
+    end = link.watch(robot.key(topic.value), (message) => {
+      if (message === undefined) return;
+      end();
+      field.replaceChildren(...numbers(message).map((name) => el("option", {}, name)));
+    });
+  }
+
+  function draw(topicName, fieldName) {
+    if (!topicName || !fieldName || curves.some((one) => one.topic === topicName && one.field === fieldName)) return;
+    const value = el("output", {}, "–");
+    const canvas = el("canvas", { role: "img", "aria-label": `Curve of ${topicName} ${fieldName}` });
+    const curve = { topic: topicName, field: fieldName, points: [], canvas, value };
+    const remove = el("button", { type: "button", "aria-label": `Remove ${topicName} ${fieldName}`, onclick: () => drop(curve) }, "×");
+    curve.place = el("figure", {}, el("figcaption", {}, `${topicName} ${fieldName} `, value, remove), canvas);
+    curve.end = link.watch(robot.key(topicName), (message, { arrived }) => {
+      const now = message === undefined ? undefined : part(message, fieldName);
+      if (typeof now !== "number") return;
+      curve.points.push([arrived, now]);
+      if (curve.points.length > MOST_POINTS) curve.points.shift();
+    });
+    curves.push(curve);
+    list.append(curve.place);
+  }
+
+  function drop(curve) {
+    curve.end();
+    curve.place.remove();
+    curves = curves.filter((one) => one !== curve);
+  }
+
+  link.on("picture", () => {
+    const there = robot.topics.filter((one) => one.publishers.length).map((one) => one.key.slice(robot.name ? robot.name.length + 1 : 0));
+    if (there.join() === [...topic.options].map((one) => one.value).join()) return;
+    const before = topic.value;
+    topic.replaceChildren(...there.map((name) => el("option", { value: name }, name)));
+    topic.value = there.includes(before) ? before : there.includes("odom") ? "odom" : there[0] ?? "";
+    if (topic.value !== before) ask();
+  });
+  robot.onChange(() => {
+    for (const curve of [...curves]) drop(curve);
+    for (const [topicName, fieldName] of FIRST) draw(topicName, fieldName);
+  });
+
+  function paintAll() {
+    for (const curve of curves) paint(curve, paused ?? link.now, Number(span.value) * 1000);
+    setTimeout(() => requestAnimationFrame(paintAll), 50);
+  }
+  requestAnimationFrame(paintAll);
+  return made;
+}
+
+function paint({ canvas, points, value }, now, span) {
+  const box = canvas.getBoundingClientRect();
+  if (!box.width) return;
+  const ratio = devicePixelRatio;
+  if (canvas.width !== Math.round(box.width * ratio) || canvas.height !== Math.round(box.height * ratio)) {
+    canvas.width = Math.round(box.width * ratio);
+    canvas.height = Math.round(box.height * ratio);
+  }
+  const shown = points.filter(([at, v]) => at >= now - span && at <= now && Number.isFinite(v));
+  const pen = canvas.getContext("2d");
+  const style = getComputedStyle(canvas);
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  pen.clearRect(0, 0, box.width, box.height);
+  say(value, shown.length ? number(shown.at(-1)[1], 3) : "nothing in this range");
+  if (!shown.length) return;
+  let low = Infinity;
+  let high = -Infinity;
+  for (const [, v] of shown) {
+    low = Math.min(low, v);
+    high = Math.max(high, v);
+  }
+  const room = Math.max((high - low) * 0.1, 1e-3);
+  [low, high] = [low - room, high + room];
+  const x = (at) => ((at - now + span) / span) * box.width;
+  const y = (v) => box.height - ((v - low) / (high - low)) * box.height;
+  pen.fillStyle = pen.strokeStyle = style.getPropertyValue("--text");
+  pen.font = "11px system-ui, sans-serif";
+  pen.fillText(number(high, 3), 4, 12);
+  pen.fillText(number(low, 3), 4, box.height - 4);
+  pen.strokeStyle = style.getPropertyValue("--trail");
+  pen.lineWidth = 1.5;
+  pen.beginPath();
+  shown.forEach(([at, v], i) => (i ? pen.lineTo(x(at), y(v)) : pen.moveTo(x(at), y(v))));
+  pen.stroke();
+}

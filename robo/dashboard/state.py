@@ -1,0 +1,217 @@
+"""What all pages are told of robots: nodes, topics, events, lines of their logs."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+
+import msgspec
+import zenoh
+
+from robo.errors import RoboError
+from robo.tools import nodes, runs, topics
+from robo.tools.replies import read
+from robo.wire.keys import event_key, log_key
+from robo.wire.reports import Event, HealthLevel, LogRecord, LogsRequest, NodeStatus, ProcessStatus, health_of
+
+PERIOD = 1.0
+"""How often supervisors are asked, s."""
+_LOOK = 0.1
+"""How often lines and events are looked for, s."""
+_TIMEOUT = 0.5
+"""How long those may take to answer that are asked, s: a robot that hangs holds up nobody's page for long."""
+_PAST = LogsRequest(lines=300)
+"""Of each robot's log, for a page that is opened."""
+_MOST_PAST = 1_000
+"""Lines that are kept for pages that are opened later."""
+_SLOTS = 5_000
+_ALL = "**"
+
+
+class Node(msgspec.Struct, frozen=True):
+    """A node or another process, as a page shows it."""
+
+    node: str
+    robot: str
+    """What its run is called; empty where no supervisor runs it."""
+    group: str
+    state: str
+    reason: str
+    pid: int | None
+    host: str
+    cpu: float | None
+    """% of a core."""
+    memory: int | None
+    """Bytes."""
+    restarts: int | None
+    uptime: float | None
+    """s."""
+    health: HealthLevel | None
+    trouble: str
+    process: str
+    """The full name of the process that it shares with others; empty where it has its own."""
+
+
+class TopicRow(msgspec.Struct, frozen=True):
+    """A topic, as a page lists it."""
+
+    key: str
+    type: str
+    publishers: list[str]
+    subscribers: list[str]
+    rate: float | None
+    """Messages a second, as publishers count them."""
+    dropped: int
+    """Messages that callbacks were too slow for, so far, of all subscribers."""
+
+
+class Line(msgspec.Struct, frozen=True):
+    """A line of a robot's log."""
+
+    robot: str
+    time: int
+    """ms since the epoch."""
+    node: str
+    level: str
+    message: str
+
+
+class Picture(msgspec.Struct, frozen=True):
+    """One look at everything that runs."""
+
+    robots: list[str]
+    nodes: list[Node]
+    topics: list[TopicRow]
+
+
+class State:
+    """Looks at what runs, and tells what is new."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        looked: Callable[[Picture], None],
+        lines: Callable[[list[Line]], None],
+        events: Callable[[list[Event]], None],
+    ) -> None:
+        """
+        Args:
+            session: the network.
+            looked: gets all that runs, once a second, by a thread.
+            lines: gets new lines of logs, by another thread, those of the past first.
+            events: gets new events, by the same.
+        """
+        self._session = session
+        self._tell_look, self._tell_lines, self._tell_events = looked, lines, events
+        self._over = threading.Event()
+        slots = zenoh.handlers.RingChannel(_SLOTS)
+        # Before the past is asked for, so that nothing falls between.
+        self._lines = session.declare_subscriber(log_key(_ALL), slots)
+        self._events = session.declare_subscriber(event_key(_ALL), zenoh.handlers.RingChannel(_SLOTS))
+        self._threads = [
+            threading.Thread(target=run, name=f"robo-dashboard-{name}", daemon=True)
+            for name, run in (("look", self._look), ("lines", self._listen))
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def close(self) -> None:
+        """Look no more."""
+        self._over.set()
+        for thread in self._threads:
+            thread.join()
+        self._lines.undeclare()
+        self._events.undeclare()
+
+    def _look(self) -> None:
+        due = time.monotonic()
+        while not self._over.wait(max(0.0, due - time.monotonic())):
+            due = max(due + PERIOD, time.monotonic())
+            try:
+                processes = runs.processes(self._session, timeout=_TIMEOUT)
+                statuses = nodes.all_status(self._session, _TIMEOUT)
+                listed = topics.list_topics(self._session, _TIMEOUT, ())
+            except zenoh.ZError:
+                continue  # the router is away; pages see how old all is
+            self._tell_look(picture(processes, statuses, listed))
+
+    def _listen(self) -> None:
+        self._tell_past()
+        while not self._over.wait(_LOOK):
+            lines: list[Line] = []
+            while (sample := self._lines.handler.try_recv()) is not None:
+                record = read(sample, LogRecord)
+                if record is not None:
+                    lines.append(line_of(_robot_of(str(sample.key_expr), log_key(_ALL)), record))
+            if lines:
+                self._tell_lines(lines)
+            events: list[Event] = []
+            while (sample := self._events.handler.try_recv()) is not None:
+                event = read(sample, Event)
+                if event is not None:
+                    events.append(event)
+            if events:
+                self._tell_events(events)
+
+    def _tell_past(self) -> None:
+        try:
+            self._tell_events(runs.EventStream(self._session).past())
+            lines: deque[Line] = deque(maxlen=_MOST_PAST)
+            for robot in sorted({token.robot for token in runs.supervisors(self._session)}):
+                try:
+                    said = runs.output(self._session, robot, _PAST)
+                except RoboError:
+                    continue  # it has just ended
+                lines += [line_of(robot, one) for one in said]
+            self._tell_lines(sorted(lines, key=lambda line: line.time))
+        except zenoh.ZError:
+            return
+
+
+def picture(
+    processes: Iterable[ProcessStatus], statuses: dict[str, NodeStatus], listed: Iterable[topics.Topic]
+) -> Picture:
+    """All that runs, of what supervisors, nodes and tokens say."""
+    processes = list(processes)
+    rows = {one.node: _supervised(one) for one in processes}
+    for name, status in statuses.items():
+        if name not in rows:
+            rows[name] = _alone(name, status)
+    rates = topics.published_rates(processes)
+    dropped: dict[str, int] = {}
+    for status in statuses.values():
+        for key, count in status.dropped.items():
+            dropped[key] = dropped.get(key, 0) + count
+    found = [
+        TopicRow(one.key, one.type, one.publishers, one.subscribers, rates.get(one.key), dropped.get(one.key, 0))
+        for one in listed
+    ]
+    robots = sorted({one.robot for one in processes} | {_namespace(name) for name in statuses} - {""})
+    return Picture(robots, [rows[name] for name in sorted(rows)], found)
+
+
+def line_of(robot: str, record: LogRecord) -> Line:
+    """A line of a log, as a page shows it."""
+    return Line(robot, record.time // 1_000_000, record.node, record.level or "", record.message)
+
+
+def _supervised(one: ProcessStatus) -> Node:
+    return Node(
+        one.node, one.robot, one.group, one.state, one.reason, one.pid, one.host, one.cpu, one.memory, one.restarts,
+        one.uptime, one.health, one.trouble, one.process,
+    )  # fmt: skip
+
+
+def _alone(name: str, status: NodeStatus) -> Node:
+    health, trouble = health_of(status.checks)
+    return Node(name, "", "", "ready", "", None, "", None, None, None, status.uptime, health, trouble, "")
+
+
+def _namespace(node: str) -> str:
+    return node.strip("/").rpartition("/")[0]
+
+
+def _robot_of(key: str, pattern: str) -> str:
+    """The robot of a key, where a pattern has `**`."""
+    before, _, after = pattern.partition(_ALL)
+    return key.removeprefix(before).removesuffix(after).strip("/")
