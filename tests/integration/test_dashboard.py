@@ -1,0 +1,319 @@
+"""The server of the page, as a browser and others meet it."""
+
+import asyncio
+import http.client
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from typing import Any
+
+import msgspec
+import pytest
+import zenoh
+
+import robo_messages
+from robo.dashboard.access import Tokens
+from robo.dashboard.protocol import _HEAD
+from robo.dashboard.server import COOKIE, Dashboard, Settings
+from robo.samples.publishing import Sender
+from robo.samples.stream import Stream
+from robo.wire.qos import QoS
+from robo_messages import Point, String, TFMessage, Transform, TransformStamped, Twist
+from tests.support import eventually
+
+client = pytest.importorskip("websockets.sync.client", reason="the extra dashboard is not installed")
+exceptions = pytest.importorskip("websockets.exceptions")
+
+pytestmark = pytest.mark.timeout(60)
+TOKENS = Tokens(view="look-look-look", drive="drive-drive-drive")
+
+
+class Served:
+    """A page that is served by a thread."""
+
+    def __init__(self, session: zenoh.Session, settings: Settings) -> None:
+        self._loop = asyncio.new_event_loop()
+        self._over = asyncio.Event()
+        self._ready = threading.Event()
+        self._dashboard = Dashboard(session, settings)
+        self.port = 0
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+        assert self._ready.wait(20)
+
+    def _run(self) -> None:
+        def ready(port: int) -> None:
+            self.port = port
+            self._ready.set()
+
+        with closing(self._loop):
+            self._loop.run_until_complete(self._dashboard.serve(ready, self._over.wait()))
+
+    def get(self, path: str, **headers: str) -> http.client.HTTPResponse:
+        """What the server answers."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10)
+        connection.putrequest("GET", path, skip_host="Host" in headers)
+        for name, value in headers.items():
+            connection.putheader(name, value)
+        connection.endheaders()
+        answer = connection.getresponse()
+        answer.body = answer.read()  # type: ignore[attr-defined]
+        connection.close()
+        return answer
+
+    @contextmanager
+    def page(self, **settings: Any) -> Iterator["Browser"]:
+        """A page that is open."""
+        with client.connect(f"ws://127.0.0.1:{self.port}/socket", open_timeout=20, **settings) as socket:
+            yield Browser(socket)
+
+    def close(self) -> None:
+        """Serve no more."""
+        self._loop.call_soon_threadsafe(self._over.set)
+        self._thread.join(20)
+        assert not self._thread.is_alive()
+
+
+class Browser:
+    """As much of a browser as the server knows of."""
+
+    def __init__(self, socket: Any) -> None:
+        self.socket = socket
+        self.beat = 0
+        self.name = ""
+        self.channels: dict[int, tuple[str, str]] = {}
+
+    def ask(self, **request: object) -> None:
+        self.socket.send(msgspec.json.encode(request).decode())
+
+    def drive(self, linear: float, *, since: float = 0.0, heard: int | None = None) -> None:
+        beat = self.beat if heard is None else heard
+        self.ask(do="drive", robot="r1", linear=linear, angular=0.0, heard=beat, since=since)
+
+    def take(self) -> dict[str, Any] | tuple[str, bytes]:
+        """The next news, or message of a topic, which is acknowledged."""
+        said = self.socket.recv(20)
+        self.ask(do="read", count=1)
+        if isinstance(said, bytes):
+            number, _published, _arrived = _HEAD.unpack_from(said)
+            return self.channels[number][0], said[_HEAD.size :]
+        news: dict[str, Any] = msgspec.json.decode(said)
+        if news["kind"] == "beat":
+            self.beat = news["number"]
+        elif news["kind"] == "channel":
+            self.channels[news["number"]] = news["key"], news["encoding"]
+        elif news["kind"] == "welcome":
+            self.name = news["name"]
+        return news
+
+    def hears(self, kind: str, wanted: Callable[[dict[str, Any]], bool] = lambda _: True) -> dict[str, Any]:
+        """The next news of a kind."""
+        while True:
+            said = self.take()
+            if isinstance(said, dict) and said["kind"] == kind and wanted(said):
+                return said
+
+    def gets(self, key: str) -> bytes:
+        """The next message of a topic."""
+        while True:
+            said = self.take()
+            if isinstance(said, tuple) and said[0] == key:
+                return said[1]
+
+
+@pytest.fixture
+def served(session: zenoh.Session) -> Iterator[Served]:
+    with closing(Served(session, Settings(port=0))) as found:
+        yield found
+
+
+@pytest.fixture
+def guarded(session: zenoh.Session) -> Iterator[Served]:
+    with closing(Served(session, Settings(port=0, tokens=TOKENS))) as found:
+        yield found
+
+
+def test_the_page_has_all_its_files_and_loads_nothing_from_elsewhere(served: Served) -> None:
+    answer = served.get("/")
+    assert (answer.status, answer.headers["Content-Type"]) == (200, "text/html; charset=utf-8")
+    policy = answer.headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
+    assert served.get("/panels/map.js").headers["Content-Type"] == "text/javascript; charset=utf-8"
+    assert served.get("/style.css").status == 200
+
+
+@pytest.mark.parametrize(
+    "path", ["/../server.py", "/%2e%2e/server.py", "/panels/../../server.py", "//etc/passwd", "/panels", "/socket"]
+)
+def test_nothing_else_is_served(served: Served, path: str) -> None:
+    assert served.get(path).status in (404, 426)
+
+
+def test_a_foreign_name_and_a_foreign_page_are_refused(served: Served) -> None:
+    assert served.get("/", Host="evil.example").status == 421
+    with pytest.raises(exceptions.InvalidStatus) as refused, served.page(origin="http://evil.example"):
+        pass
+    assert refused.value.response.status_code == 403
+    with served.page(origin=f"http://127.0.0.1:{served.port}") as page:
+        page.hears("welcome")
+
+
+def test_without_a_token_there_is_nothing(guarded: Served) -> None:
+    for path in ("/", "/main.js", "/socket"):
+        assert guarded.get(path).status == 401
+    with pytest.raises(exceptions.InvalidStatus), guarded.page():
+        pass
+    answer = guarded.get(f"/?token={TOKENS.drive}")
+    assert (answer.status, answer.headers["Location"]) == (303, "/")
+    assert "HttpOnly; SameSite=Strict" in answer.headers["Set-Cookie"]
+    assert guarded.get("/main.js", Cookie=f"{COOKIE}={TOKENS.drive}").status == 200
+
+
+def test_guesses_are_slowed_down(guarded: Served) -> None:
+    codes = [guarded.get(f"/?token=guess{number}").status for number in range(10)]
+    assert codes == [401] * 6 + [429] * 4
+    answer = guarded.get(f"/?token={TOKENS.drive}")
+    assert (answer.status, answer.headers["Retry-After"]) == (429, "1")
+
+
+def test_who_may_only_look_moves_nothing(guarded: Served, other: zenoh.Session) -> None:
+    stream = Stream(other, ["r1/cmd_vel_dashboard"])
+    with guarded.page(additional_headers={"Cookie": f"{COOKIE}={TOKENS.view}"}) as page:
+        assert not page.hears("welcome")["drives"]
+        page.hears("beat")
+        page.drive(0.5)
+        assert page.hears("refused")["reason"] == "this page may look and not drive"
+        page.ask(do="call", id=1, service="r1/emergency_stop", type="std/Trigger")
+        assert page.hears("refused")["id"] == 1
+        page.ask(do="command", id=2, robot="r1", verb="stop", node="base")
+        assert page.hears("refused")["id"] == 2
+    assert not stream.waiting
+    stream.close()
+
+
+def twists(stream: Stream, count: int) -> list[float]:
+    """The next commands."""
+    found = []
+    while len(found) < count:
+        arrival = stream.get()
+        assert arrival is not None
+        found.append(robo_messages.decode(arrival.sample.payload.to_bytes(), Twist).linear.x)
+    return found
+
+
+def test_one_drives_and_when_it_is_gone_the_robot_stands(served: Served, other: zenoh.Session) -> None:
+    with closing(Stream(other, ["r1/cmd_vel_dashboard"])) as stream:
+        with served.page() as page, served.page() as second:
+            page.hears("beat")
+            page.drive(0.5)
+            assert twists(stream, 1) == [0.5]
+            second.hears("drivers", lambda news: news["drivers"] == {"r1": page.name})
+            second.hears("beat")
+            second.drive(-1.0)
+            assert second.hears("refused")["reason"] == f"{page.name} drives r1"
+            second.ask(do="take", robot="r1")
+            second.hears("refused")
+            page.drive(0.4)
+            said = twists(stream, 2)
+            while said[-2:] != [0.4, 0.0]:  # zeros may come between: commands have ceased for a moment
+                assert -1.0 not in said
+                said += twists(stream, 1)
+        assert twists(stream, 4) == [0.0] * 4
+
+
+@pytest.mark.parametrize("since", [5.0, float("inf")])
+def test_an_old_command_is_refused(served: Served, other: zenoh.Session, since: float) -> None:
+    with closing(Stream(other, ["r1/cmd_vel_dashboard"])) as stream, served.page() as page:
+        first = page.hears("beat")["number"]
+        page.drive(0.5, heard=first + 1000)
+        assert "ms old" in page.hears("refused")["reason"]
+        for _ in range(8):
+            page.hears("beat")
+        page.drive(0.5, heard=first)
+        assert "ms old" in page.hears("refused")["reason"]
+        page.drive(1e9)
+        assert page.hears("refused")["reason"] == "so fast drives no robot"
+        page.drive(0.1)
+        assert twists(stream, 1) == [0.1]
+    del since
+
+
+def test_a_word_that_is_none_ends_the_page_alone(served: Served) -> None:
+    with served.page() as page, served.page() as second:
+        page.socket.send('{"do": "explode"}')
+        with pytest.raises(exceptions.ConnectionClosed) as closed:
+            while True:
+                page.take()
+        assert closed.value.rcvd.code == 1007
+        second.hears("beat")
+
+
+def test_topics_come_as_they_are_and_latched_ones_to_each_page(served: Served, other: zenoh.Session) -> None:
+    state = Sender(other, "r1/state", "std/String", QoS(latched=True), "/r1/base")
+    state.send(robo_messages.encode(String("ready")))
+    for _ in range(2):
+        with served.page() as page:
+            page.ask(do="watch", keys=["r1/state", "r1/position"])
+            assert robo_messages.decode(page.gets("r1/state"), String).data == "ready"
+            sender = Sender(other, "r1/position", "geometry/Point", QoS.DEFAULT, "/r1/base")
+            sender.wait_for_subscriber()
+            for number in range(100):
+                sender.send(robo_messages.encode(Point(x=float(number))))
+            while robo_messages.decode(page.gets("r1/position"), Point).x != 99.0:
+                pass
+            assert (page.channels[0][1], page.channels[0][0]) == ("application/msgpack;std/String", "r1/state")
+            sender.close()
+    state.close()
+
+
+def test_frames_of_all_who_say_them_come_together(served: Served, other: zenoh.Session) -> None:
+    senders = [Sender(other, "r1/tf_static", "tf2/TFMessage", QoS(latched=True), f"/r1/{name}") for name in "ab"]
+    for sender, child in zip(senders, ("laser", "camera"), strict=True):
+        transform = TransformStamped(child_frame_id=child, transform=Transform())
+        transform.header.frame_id = "base_link"
+        sender.send(robo_messages.encode(TFMessage([transform])))
+    for _ in range(2):
+        with served.page() as page:
+            page.ask(do="watch", keys=["r1/tf", "r1/tf_static"])
+            frames = page.hears("frames", lambda news: len(news["frames"]) == 2)["frames"]
+            assert frames["laser"]["parent"] == frames["camera"]["parent"] == "base_link"
+    for sender in senders:
+        sender.close()
+
+
+def test_a_page_that_reads_nothing_holds_up_nobody(served: Served, other: zenoh.Session) -> None:
+    sender = Sender(other, "r1/image", "std/String", QoS.DEFAULT, "/r1/camera")
+    picture = robo_messages.encode(String("x" * 1_000_000))
+    with served.page(max_size=None) as stalled, served.page(max_size=None) as page:
+        for one in (stalled, page):
+            one.ask(do="watch", keys=["r1/image"])
+        sender.wait_for_subscriber()
+        for _ in range(20):
+            sender.send(picture)
+            page.gets("r1/image")
+        page.hears("beat")
+    sender.close()
+
+
+def test_services_are_called_and_their_refusals_told(served: Served, other: zenoh.Session) -> None:
+    def answer(query: zenoh.Query) -> None:
+        query.reply(query.key_expr, robo_messages.encode(String("hello")), encoding="application/msgpack;std/String")
+
+    service = other.declare_queryable("r1/greet", answer)
+    with served.page() as page:
+        page.ask(do="call", id=7, service="r1/greet", type="std/Trigger")
+        assert page.hears("answer") == {"kind": "answer", "id": 7, "answer": {"data": "hello"}}
+        page.ask(do="parameters", id=8, node="/r1/nobody")
+        assert page.hears("refused")["reason"].startswith("there is no node /r1/nobody")
+        page.ask(do="publish", id=9, topic="r1/waypoints", type="nav/Path", message={"poses": 3})
+        assert "poses" in page.hears("refused")["reason"]
+    service.undeclare()
+
+
+def test_it_ends_at_once_while_pages_are_open(session: zenoh.Session) -> None:
+    served = Served(session, Settings(port=0))
+    with served.page() as page:
+        page.hears("beat")
+        served.close()
+        eventually(lambda: page.socket.state.name == "CLOSED", "the socket is closed")

@@ -1,0 +1,107 @@
+"""Who may look and who may drive."""
+
+import pytest
+
+from robo.dashboard.access import Doorkeeper, Right, Tokens, is_own_host, is_own_origin
+
+TOKENS = Tokens(view="look-look-look", drive="drive-drive-drive")
+
+
+@pytest.mark.parametrize(
+    ("token", "right"),
+    [
+        ("drive-drive-drive", Right.DRIVE),
+        ("look-look-look", Right.VIEW),
+        ("", Right.NONE),
+        ("drive", Right.NONE),
+        ("drive-drive-drivé", Right.NONE),
+    ],
+)
+def test_a_token_is_worth_a_right(token: str, right: Right) -> None:
+    assert TOKENS.right(token) is right
+
+
+def test_without_tokens_everybody_drives_and_without_one_to_look_nobody_only_looks() -> None:
+    assert Tokens().right("") is Right.DRIVE
+    assert Tokens(drive="drive-drive-drive").right("") is Right.NONE
+
+
+def test_new_tokens_are_never_the_same() -> None:
+    made = [Tokens.new() for _ in range(100)]
+    assert len({word for one in made for word in (one.view, one.drive)}) == 200
+    assert all(len(word) >= 20 for one in made for word in (one.view, one.drive))
+
+
+def test_a_thousand_guesses_take_hours() -> None:
+    door = Doorkeeper(TOKENS)
+    now = 0.0
+    for number in range(1000):
+        now += door.wait("1.2.3.4", now)
+        assert door.right(f"guess {number}", "1.2.3.4", now) is Right.NONE
+    assert now > 15 * 3600
+    assert door.wait("1.2.3.5", now) == 0.0, "somebody else is not held up"
+
+
+def test_while_somebody_has_to_wait_the_right_token_is_no_better() -> None:
+    door = Doorkeeper(TOKENS)
+    for _ in range(6):
+        door.right("guess", "1.2.3.4", 0.0)
+    assert door.wait("1.2.3.4", 0.0) == 1.0
+    assert door.right("drive-drive-drive", "1.2.3.4", 0.5) is Right.NONE
+    assert door.right("drive-drive-drive", "1.2.3.4", 1.1) is Right.DRIVE
+    assert door.right("guess", "1.2.3.4", 1.2) is Right.NONE
+    assert door.wait("1.2.3.4", 1.2) == 0.0, "it has begun anew"
+
+
+def test_who_shows_nothing_does_not_guess() -> None:
+    door = Doorkeeper(TOKENS)
+    for _ in range(100):
+        assert door.right("", "1.2.3.4", 0.0) is Right.NONE
+    assert door.wait("1.2.3.4", 0.0) == 0.0
+
+
+def test_many_addresses_fill_no_memory_and_wait_together() -> None:
+    door = Doorkeeper(TOKENS)
+    for number in range(2_000):
+        door.right("guess", f"address {number}", 0.0)
+    assert door.wait("another one", 0.0) > 0.0
+    assert door.wait("address 0", 0.0) == 0.0
+    assert door.wait("another one", 1_000.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("host", "own"),
+    [
+        ("127.0.0.1:8080", True),
+        ("localhost", True),
+        ("[::1]:8080", True),
+        ("r1.local:8080", True),
+        ("evil.example:8080", False),
+        ("", False),
+        ("[", False),
+        ("127.0.0.1.evil.example", False),
+    ],
+)
+def test_a_page_has_only_its_own_names(host: str, own: bool) -> None:
+    assert is_own_host(host, ("r1.local",)) is own
+
+
+def test_a_star_is_any_name() -> None:
+    assert is_own_host("anything.example", ("*",))
+
+
+@pytest.mark.parametrize(
+    ("origin", "own"),
+    [
+        (None, True),
+        ("http://127.0.0.1:8080", True),
+        ("https://127.0.0.1:8080", True),
+        ("http://127.0.0.1:8081", False),
+        ("http://evil.example", False),
+        ("null", False),
+        ("file://127.0.0.1:8080", False),
+        ("http://[", False),
+    ],
+)
+def test_a_socket_is_for_the_page_alone(origin: str | None, own: bool) -> None:
+    assert is_own_origin(origin, "127.0.0.1:8080") is own
