@@ -7,7 +7,6 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from functools import partial
 
-import msgspec
 import zenoh
 
 from robo.dashboard import protocol, requests
@@ -272,8 +271,11 @@ class Hub:
     async def _done(self, page: Page, number: int, work: Callable[[], object], executor: Executor) -> None:
         try:
             answer = await asyncio.get_running_loop().run_in_executor(executor, work)
-        except (RoboError, zenoh.ZError, msgspec.MsgspecError) as error:
+        except (RoboError, zenoh.ZError) as error:
             page.tell("refused", newest=f"answer {number}", urgent=True, id=number, reason=str(error))
+        except Exception as error:  # nobody has thought of it: the page that waits is told all the same
+            reason = f"the dashboard has failed: {type(error).__name__}: {error}"
+            page.tell("refused", newest=f"answer {number}", urgent=True, id=number, reason=reason)
         else:
             page.tell("answer", newest=f"answer {number}", urgent=True, id=number, answer=answer)
 
