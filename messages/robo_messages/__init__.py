@@ -96,6 +96,7 @@ if TYPE_CHECKING:
         TransitionEvent,
     )
     from robo_messages.nav2 import FollowWaypoints, WaypointStatus
+    from robo_messages.playing import GetPlayback
     from robo_messages.rosbag2 import GetRate, IsPaused, Seek, SetRate
     from robo_messages.sensor_more import CameraInfo, RegionOfInterest, TimeReference
     from robo_messages.std_arrays import (
@@ -166,6 +167,7 @@ _PARTS_LATER = {
         "robo_messages.action": "CancelGoal",
         "robo_messages.flight": "TakeSnapshot",
         "robo_messages.lifecycle": "ChangeState GetAvailableStates GetAvailableTransitions GetState",
+        "robo_messages.playing": "GetPlayback",
         "robo_messages.rosbag2": "GetRate IsPaused Seek SetRate",
     },
     ("_Goal", "_Result", "_Feedback"): {
@@ -202,6 +204,7 @@ __all__ = [
     "FollowWaypoints",
     "GetAvailableStates",
     "GetAvailableTransitions",
+    "GetPlayback",
     "GetRate",
     "GetState",
     "GoalInfo",

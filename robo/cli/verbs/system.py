@@ -20,6 +20,7 @@ verbs.group("action", "Actions: goals with feedback and a result")
 verbs.group("lifecycle", "States of managed nodes")
 verbs.group("tf", "Coordinate frames: where they stand, and who says so")
 verbs.group("bag", "Recordings: made, played, looked at, changed")
+verbs.group("bridge", "Other systems, by their own protocols")
 verbs.group("interface", "Types of messages, services and actions")
 verbs.group("pkg", "Packages of nodes, messages and manifests")
 
@@ -65,7 +66,9 @@ def dashboard(
     token_file: Annotated[
         Path | None,
         typer.Option(
-            "--token-file", metavar="FILE", help="A line with the token to drive, and one to look; else they are made up."
+            "--token-file",
+            metavar="FILE",
+            help="A line with the token to drive, and one to look; else they are made up.",
         ),
     ] = None,
     names: Annotated[

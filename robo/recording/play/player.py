@@ -219,6 +219,11 @@ class Player:
             at = playback.position(time.monotonic_ns())
             return State(at, playback.rate, playback.paused, self.played, playback.next_time)
 
+    @property
+    def span(self) -> tuple[int, int]:
+        """From when to when goes what is played, ns since the epoch."""
+        return self._tape.begin, self._tape.end
+
     def close(self) -> None:
         """Read no more; after this the recording may be closed."""
         self.stop()

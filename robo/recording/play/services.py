@@ -9,7 +9,7 @@ from robo.node.services import ServiceServer, service_token
 from robo.node.turn import Turn
 from robo.recording.play.player import Player
 from robo.wire import names
-from robo_messages import GetRate, IsPaused, Seek, SetRate, Trigger
+from robo_messages import GetPlayback, GetRate, IsPaused, Seek, SetRate, Time, Trigger
 
 
 class PlayerServices:
@@ -38,6 +38,7 @@ class PlayerServices:
             ("set_rate", SetRate, self._set_rate),
             ("get_rate", GetRate, self._get_rate),
             ("is_paused", IsPaused, self._is_paused),
+            ("get_playback", GetPlayback, self._get_playback),
         ]
         self._servers: list[ServiceServer[Any, Any]] = []
         try:
@@ -89,6 +90,11 @@ class PlayerServices:
 
     def _is_paused(self, _: IsPaused.Request) -> IsPaused.Response:
         return IsPaused.Response(self._player.state.paused)
+
+    def _get_playback(self, _: GetPlayback.Request) -> GetPlayback.Response:
+        state = self._player.state
+        begin, end, position = map(Time.from_nanoseconds, (*self._player.span, state.position))
+        return GetPlayback.Response(begin, end, position, state.rate, state.paused)
 
 
 def _told_to_the_caller(_: BaseException) -> None:

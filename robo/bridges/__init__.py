@@ -1,0 +1,1 @@
+"""Other systems, by their own protocols."""

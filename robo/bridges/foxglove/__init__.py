@@ -1,0 +1,1 @@
+"""Foxglove and Lichtblick, live: a server of their WebSocket protocol."""

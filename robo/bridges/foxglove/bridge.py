@@ -1,0 +1,270 @@
+"""All viewers that are connected: what each is offered, wants and gets. Used by one thread, that of the event loop."""
+
+import asyncio
+import itertools
+import secrets
+import threading
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
+import zenoh
+
+from robo.bridges.foxglove import protocol
+from robo.bridges.foxglove.client import Client
+from robo.bridges.foxglove.feed import Delivery, Feed
+from robo.bridges.foxglove.offered import Numbers, Offer, Topic, offer
+from robo.bridges.foxglove.playback import Place, Playback
+from robo.bridges.foxglove.presence import Presence
+from robo.bridges.foxglove.watches import ParameterWatch
+
+_SETTLE = 0.1
+"""Nodes come and go together: it is looked so long after the first of them, s."""
+_BEAT = 0.1
+"""How often viewers are told what time it is in a recording that has no clock, s."""
+_SLOW = 20
+"""Each so many beats they are told what they have missed."""
+_MOST_BATCHES = 4
+"""Of messages that wait for the event loop; more stay where only the newest are kept."""
+_MOST_TOLD = 1_000
+"""Of what is told once."""
+
+Tell = Callable[[str], None]
+
+
+class Bridge:
+    """Knows all clients, and what there is for them."""
+
+    def __init__(
+        self, session: zenoh.Session, name: str, calls: ThreadPoolExecutor, tell: Tell, covers: Callable[[str], bool]
+    ) -> None:
+        """
+        Args:
+            session: the network.
+            name: that viewers show.
+            calls: does what blocks.
+            tell: is told what whoever runs the bridge should know.
+            covers: which topics and services are offered, by their keys.
+        """
+        self.session = session
+        self.calls = calls
+        self.clients: set[Client] = set()
+        self.offer: Offer = offer((), numbers := Numbers())
+        self._numbers, self._name, self._tell, self._covers = numbers, name, tell, covers
+        self._loop = asyncio.get_running_loop()
+        self._names = itertools.count(1)
+        self._told: set[str] = set()
+        self._readers: dict[int, list[tuple[Client, int]]] = {}
+        """Who wants a channel, and by which number."""
+        self._session_id = secrets.token_hex(8)
+        self._capabilities: tuple[bool, Place | None] = (False, None)
+        self._place: Place | None = None
+        self._nodes: frozenset[str] = frozenset()
+        self._renewing: asyncio.TimerHandle | None = None
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._room = threading.Semaphore(_MOST_BATCHES)
+        self._closed = False
+        self._beats = itertools.count(1)
+        self.presence = Presence(session, self._soon(self._renew_soon))
+        self.playback = Playback(session, self._soon(self._played))
+        self.feed = Feed(
+            session, self._hand_over, self._soon(self._refused), self.presence.is_published, self.playback.now
+        )
+        self._watch = ParameterWatch(session, self._soon(self._parameters_changed))
+        self._tasks.add(self._loop.create_task(self._beat()))
+
+    def join(self, *, drives: bool, knows_playback: bool) -> Client:
+        """A viewer has connected."""
+        client = Client(f"viewer {next(self._names)}", self.session, drives=drives, knows_playback=knows_playback)
+        client.say(self._info(client))
+        client.offer(None, self.offer)
+        self._tell_unknown(client, self.offer.unknown)
+        if self._place is not None and knows_playback:
+            client.say(self._place.state())
+        self.clients.add(client)
+        self.want()
+        return client
+
+    def leave(self, client: Client) -> None:
+        """A viewer is gone."""
+        self.clients.discard(client)
+        client.subscriptions.clear()
+        client.close()
+        self.want()
+        self.watch()
+
+    def want(self) -> None:
+        """Receive what clients want, and nothing else."""
+        self._readers = {}
+        for client in self.clients:
+            for number, wanted in client.subscriptions.items():
+                self._readers.setdefault(wanted.channel, []).append((client, number))
+        topics = [self.offer.topics[channel] for channel in self._readers if channel in self.offer.topics]
+        if not self._closed:
+            self.feed.want(topics, clock=self.offer.has_clock and bool(self.clients))
+
+    def watch(self) -> None:
+        """Hear of changed parameters, as long as a client wants to."""
+        self._watch.set(any(client.watched is None or client.watched for client in self.clients))
+
+    def say_again(self, client: Client, number: int, topic: Topic) -> None:
+        """A client that comes late gets what a latched topic has said last."""
+
+        async def ask() -> None:
+            found = await self._loop.run_in_executor(self.calls, self.feed.kept, topic)
+            for delivery in found:
+                self._give(client, number, delivery, is_kept=True)
+
+        self.do(ask())
+
+    def do(self, work: "asyncio.Future[None] | object") -> None:
+        """Have something done that is not waited for."""
+        task: asyncio.Task[None] = self._loop.create_task(work)  # type: ignore[arg-type]
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    def close(self) -> None:
+        """Everything ends; it blocks until threads have."""
+        self._closed = True
+        self._room.release(_MOST_BATCHES)
+        for task in self._tasks:
+            task.cancel()
+        for client in list(self.clients):
+            client.close()
+        for part in (self.presence, self._watch, self.playback, self.feed):
+            part.close()
+
+    def _soon(self, work: Callable[..., None]) -> Callable[..., None]:
+        """The same, to be called by any thread."""
+
+        def call(*what: object) -> None:
+            if not self._closed:
+                self._loop.call_soon_threadsafe(partial(work, *what))
+
+        return call
+
+    def _hand_over(self, found: list[Delivery], now: int | None) -> None:
+        """Called by the thread that receives: it waits where the event loop is behind."""
+        self._room.acquire()
+        if not self._closed:
+            self._loop.call_soon_threadsafe(self._deliver, found, now)
+
+    def _deliver(self, found: Iterable[Delivery], now: int | None) -> None:
+        self._room.release()
+        if now is not None:
+            for client in self.clients:
+                client.say_time(now)
+        for delivery in found:
+            for client, number in self._readers.get(delivery.channel, ()):
+                self._give(client, number, delivery)
+
+    def _give(self, client: Client, number: int, delivery: Delivery, *, is_kept: bool = False) -> None:
+        wanted = client.subscriptions.get(number)
+        if wanted is None or wanted.channel != delivery.channel:
+            return
+        if delivery.source:
+            topic = self.offer.topics.get(delivery.channel)
+            if topic is not None and topic.latched:
+                if is_kept and delivery.number <= wanted.numbers.get(delivery.source, -1):
+                    return  # it has come meanwhile
+                if len(wanted.numbers) < _MOST_TOLD:
+                    wanted.numbers[delivery.source] = delivery.number
+        client.put(number, delivery.time, delivery.data)
+
+    def _renew_soon(self) -> None:
+        if self._renewing is None:
+            self._renewing = self._loop.call_later(_SETTLE, lambda: self.do(self._renew()))
+
+    async def _renew(self) -> None:
+        """Look at what there is, and tell everyone what has changed."""
+        ends, nodes = self.presence.ends(), self.presence.nodes()
+        found = await self._loop.run_in_executor(self.calls, offer, ends, self._numbers, self._covers)
+        before, self.offer = self.offer, found
+        self._renewing = None
+        if (self.presence.ends(), self.presence.nodes()) != (ends, nodes):
+            self._renew_soon()
+        news = {name: why for name, why in found.unknown.items() if name not in before.unknown}
+        for name, why in news.items():
+            self._tell_once(f"{name}: {why}")
+        for client in self.clients:
+            client.offer(before, found)
+            self._tell_unknown(client, news)
+        self.playback.follow(found.players[0] if found.players else "")
+        self._look_at_capabilities()
+        self.want()
+        came, self._nodes = nodes - self._nodes, nodes
+        if came:
+            for client in self.clients:
+                if client.wants_all_parameters:
+                    self.do(tell_all_parameters(self, client))
+
+    def _look_at_capabilities(self) -> None:
+        """Where there is a clock now, or a recording, viewers begin anew: all times are other ones."""
+        span = self._place._replace(position=0, rate=0, paused=False, asked=0) if self._place is not None else None
+        if (self.offer.has_clock, span) != self._capabilities:
+            self._capabilities = self.offer.has_clock, span
+            self._session_id = secrets.token_hex(8)
+            for client in self.clients:
+                client.say(self._info(client))
+
+    def _info(self, client: Client) -> str:
+        capabilities = ["parameters", "parametersSubscribe", "connectionGraph"]
+        place = self._place if client.knows_playback else None
+        if client.drives:
+            capabilities += ["clientPublish", "services"]
+        if self.offer.has_clock or self._place is not None:
+            capabilities.append("time")
+        span = None
+        if place is not None and client.drives:
+            capabilities.append("playbackControl")
+            span = place.begin, place.end
+        return protocol.server_info(self._name, capabilities, self._session_id, span)
+
+    def _played(self, place: Place | None, jumped: bool) -> None:
+        self._place = place
+        self._look_at_capabilities()
+        if place is not None:
+            for client in self.clients:
+                if client.knows_playback:
+                    client.say(place.state(jumped=jumped))
+
+    def _parameters_changed(self, changed: list[protocol.Parameter]) -> None:
+        for client in self.clients:
+            client.tell_parameters(changed)
+
+    def _refused(self, topic: str, why: str) -> None:
+        if self._tell_once(f"{topic}: a message cannot be shown: {why}"):
+            for client in self.clients:
+                client.status(protocol.WARNING, f"{topic}: a message cannot be shown: {why}")
+
+    def _tell_unknown(self, client: Client, unknown: dict[str, str]) -> None:
+        for name, why in unknown.items():
+            client.status(protocol.INFO, f"{name}: {why}")
+
+    def _tell_once(self, text: str) -> bool:
+        """Tell whoever runs the bridge, once. Returns whether it is new."""
+        if text in self._told or len(self._told) >= _MOST_TOLD:
+            return False
+        self._told.add(text)
+        self._tell(text)
+        return True
+
+    async def _beat(self) -> None:
+        while True:
+            await asyncio.sleep(_BEAT)
+            slow = next(self._beats) % _SLOW == 0
+            played = self.playback.now() if not self.offer.has_clock else None
+            for client in self.clients:
+                if played is not None:
+                    client.say_time(played)
+                if slow:
+                    client.tell_left_out(self.offer)
+
+
+async def tell_all_parameters(bridge: Bridge, client: Client, id_: str | None = None) -> None:
+    """Tell a client the parameters of all nodes; `id_` is of its question, where it has asked."""
+    from robo.bridges.foxglove.calls import all_parameters
+
+    found = await asyncio.get_running_loop().run_in_executor(bridge.calls, all_parameters, bridge.session)
+    named = {"id": id_} if id_ is not None else {}
+    client.say(protocol.word("parameterValues", parameters=found, **named))

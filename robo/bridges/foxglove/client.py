@@ -1,0 +1,153 @@
+"""One viewer that is connected: what it wants, and what it has been told. Used by the event loop."""
+
+import asyncio
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+
+import msgspec
+import zenoh
+
+from robo.bridges.foxglove import protocol
+from robo.bridges.foxglove.offered import Ends, Offer, graph_changes
+from robo.bridges.foxglove.outbox import Full, Outbox
+from robo.bridges.foxglove.protocol import Parameter
+from robo.bridges.foxglove.publications import Publications
+
+MOST_ASKED = 100
+"""Calls and the like of one client that wait to be answered."""
+MOST_SUBSCRIPTIONS = 2_000
+
+
+class Subscription(msgspec.Struct):
+    """What a client gets, by the number that it has given it."""
+
+    channel: int
+    numbers: dict[str, int] = {}
+    """Of a latched topic, the newest message of each publisher that it has been given."""
+
+
+class Client:
+    """One that is connected."""
+
+    def __init__(self, name: str, session: zenoh.Session, *, drives: bool, knows_playback: bool) -> None:
+        """
+        Args:
+            name: by which people know it.
+            session: the network.
+            drives: whether it may do more than look.
+            knows_playback: whether its protocol has that.
+        """
+        self.name = name
+        self.drives = drives
+        self.knows_playback = knows_playback
+        self.outbox = Outbox()
+        self.wake = asyncio.Event()
+        self.is_full = False
+        """Whether it takes nothing, so that it has to go."""
+        self.subscriptions: dict[int, Subscription] = {}
+        self.watched: set[str] | None = set()
+        """Parameters of which each change is wanted; None for all."""
+        self.wants_all_parameters = False
+        self.asked = 0
+        """Calls and the like that are not answered yet."""
+        self.publications = Publications(session)
+        self._publishing: ThreadPoolExecutor | None = None
+        self._graph: Ends | None = None
+        self._wants_graph = False
+        self._told_left_out = 0
+
+    @property
+    def publishing(self) -> ThreadPoolExecutor:
+        """Publishes for it, in order: a network that is held up holds up nobody else."""
+        if self._publishing is None:
+            self._publishing = ThreadPoolExecutor(1, "robo-foxglove-publish")
+        return self._publishing
+
+    def say(self, word: str | bytes) -> None:
+        """Tell it something."""
+        try:
+            self.outbox.say(word)
+        except Full:
+            self.is_full = True
+        self.wake.set()
+
+    def say_time(self, now: int) -> None:
+        """Tell it what time it is, ns since the epoch."""
+        self.outbox.say_newest("time", protocol.time_of(now))
+        self.wake.set()
+
+    def status(self, level: int, text: str, id_: str = "") -> None:
+        """Tell the person before it something."""
+        self.say(protocol.status(level, text, id_))
+
+    def put(self, subscription: int, time: int, data: bytes) -> None:
+        """Give it a message."""
+        self.outbox.put(subscription, time, data)
+        self.wake.set()
+
+    def offer(self, before: Offer | None, now: Offer) -> None:
+        """Tell it what has come and what has gone, of topics and services.
+
+        Args:
+            before: what it knows; None for nothing.
+            now: what there is.
+        """
+        old_topics, old_services = (before.topics, before.services) if before is not None else ({}, {})
+        gone = [one for one in old_topics if one not in now.topics]
+        if gone:
+            self.say(protocol.word("unadvertise", channelIds=gone))
+            self.unsubscribe([one for one, wanted in self.subscriptions.items() if wanted.channel in {*gone}])
+        new = [topic.channel for number, topic in now.topics.items() if number not in old_topics]
+        if new:
+            self.say(protocol.word("advertise", channels=new))
+        if self.drives:
+            unserved = [one for one in old_services if one not in now.services]
+            if unserved:
+                self.say(protocol.word("unadvertiseServices", serviceIds=unserved))
+            served = [one.service for number, one in now.services.items() if number not in old_services]
+            if served:
+                self.say(protocol.word("advertiseServices", services=served))
+        self.tell_graph(now.ends)
+
+    def watch_graph(self, ends: Ends, *, wants: bool) -> None:
+        """It wants to know who is at which end, or no longer."""
+        self._wants_graph, self._graph = wants, None
+        self.tell_graph(ends)
+
+    def tell_graph(self, ends: Ends) -> None:
+        """Tell it who is at which end, where it wants to know and something has changed."""
+        if self._wants_graph:
+            changes = graph_changes(self._graph, ends)
+            self._graph = ends
+            if changes is not None:
+                self.say(protocol.word("connectionGraphUpdate", **changes))
+
+    def unsubscribe(self, subscriptions: Iterable[int]) -> None:
+        """It wants these no more."""
+        for one in subscriptions:
+            if self.subscriptions.pop(one, None) is not None:
+                self.outbox.forget(one)
+
+    def tell_parameters(self, changed: Iterable[Parameter]) -> None:
+        """Tell it what has changed, as far as it wants to know."""
+        wanted = [one for one in changed if self.watched is None or one.name in self.watched]
+        if wanted:
+            self.say(protocol.word("parameterValues", parameters=wanted))
+
+    def tell_left_out(self, offer: Offer) -> None:
+        """Tell it what it has not been given, where that is more than it was."""
+        count = sum(self.outbox.left_out.values())
+        if count == self._told_left_out:
+            return
+        self._told_left_out = count
+        worst = [one for one, _ in self.outbox.left_out.most_common(3)]
+        topics = [offer.topics[self.subscriptions[one].channel].key for one in worst if one in self.subscriptions]
+        named = ", ".join(f"/{key}" for key in topics)
+        text = f"this viewer or its link is too slow: {count:,} older messages were left out, most of {named}"
+        self.status(protocol.WARNING, text, "left_out")
+
+    def close(self) -> None:
+        """It is gone: what it has driven stands."""
+        if self._publishing is not None:
+            self._publishing.submit(self.publications.close)
+            self._publishing.shutdown(wait=False)

@@ -1,0 +1,190 @@
+"""What clients ask for, and what becomes of it. Used by the event loop."""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
+from typing import TypeVar
+
+import zenoh
+
+from robo.bridges.foxglove import calls, protocol
+from robo.bridges.foxglove.bridge import Bridge, tell_all_parameters
+from robo.bridges.foxglove.client import MOST_ASKED, MOST_SUBSCRIPTIONS, Client, Subscription
+from robo.bridges.foxglove.protocol import (
+    Advertise,
+    Call,
+    Control,
+    GetParameters,
+    Publish,
+    Request,
+    SetParameters,
+    Subscribe,
+    Unadvertise,
+    Unsubscribe,
+    UnwatchGraph,
+    UnwatchParameters,
+    Wanted,
+    WatchGraph,
+    WatchParameters,
+)
+from robo.errors import RoboError
+from robo.text.brief import brief
+
+T = TypeVar("T")
+
+_MOST_WATCHED = 20_000
+"""Parameters that one client may name."""
+
+
+def ask(bridge: Bridge, client: Client, asked: Request) -> None:
+    """Do what a client asks for; what takes a while is done beside."""
+    if isinstance(asked, Advertise | Publish | Call | SetParameters | Control) and not client.drives:
+        _refuse(client, asked, "this token is to look and not to drive")
+        return
+    match asked:
+        case Subscribe(subscriptions):
+            _subscribe(bridge, client, subscriptions)
+        case Unsubscribe(subscription_ids):
+            client.unsubscribe(subscription_ids)
+            bridge.want()
+        case Advertise(channels):
+            for offered in channels:
+                _publish(client, partial(client.publications.add, offered))
+        case Unadvertise(channel_ids):
+            for channel in channel_ids:
+                _publish(client, partial(client.publications.remove, channel))
+        case Publish(channel, data):
+            _publish(client, partial(client.publications.publish, channel, data))
+        case WatchGraph():
+            client.watch_graph(bridge.offer.ends, wants=True)
+        case UnwatchGraph():
+            client.watch_graph(bridge.offer.ends, wants=False)
+        case WatchParameters(names):
+            _watch(client, names)
+            bridge.watch()
+        case UnwatchParameters(names):
+            client.watched = (client.watched or set()) - {*names} if names else set()
+            bridge.watch()
+        case GetParameters() | SetParameters() | Call() | Control():
+            _later(bridge, client, asked)
+
+
+def _subscribe(bridge: Bridge, client: Client, subscriptions: Sequence[Wanted]) -> None:
+    late: list[Wanted] = []
+    for wanted in subscriptions:
+        if wanted.channel_id not in bridge.offer.topics:
+            client.status(protocol.WARNING, f"there is no topic with the number {wanted.channel_id} any more")
+        elif wanted.id in client.subscriptions:
+            client.status(protocol.WARNING, f"subscription {wanted.id} is there already")
+        elif len(client.subscriptions) >= MOST_SUBSCRIPTIONS:
+            client.status(protocol.ERROR, f"one viewer subscribes {MOST_SUBSCRIPTIONS:,} topics at most")
+        else:
+            client.subscriptions[wanted.id] = Subscription(wanted.channel_id)
+            late.append(wanted)
+    bridge.want()  # before the past is asked for, so that nothing falls between
+    for wanted in late:
+        topic = bridge.offer.topics[wanted.channel_id]
+        if topic.latched:
+            bridge.say_again(client, wanted.id, topic)
+
+
+def _watch(client: Client, names: Sequence[str]) -> None:
+    if not names:
+        client.watched = None
+    elif client.watched is not None and len(client.watched) + len(names) <= _MOST_WATCHED:
+        client.watched |= {*names}
+    elif client.watched is not None:
+        client.status(protocol.ERROR, f"one viewer watches {_MOST_WATCHED:,} parameters at most")
+
+
+def _publish(client: Client, work: Callable[[], None]) -> None:
+    """Have something published, in order, without waiting for the network."""
+    if client.asked >= MOST_ASKED:
+        client.status(protocol.WARNING, "the network is held up: what this viewer publishes is left out", "publish")
+        return
+    loop = asyncio.get_running_loop()
+    client.asked += 1
+
+    def tell(error: Exception | None) -> None:
+        client.asked -= 1
+        if error is not None:
+            client.status(protocol.ERROR, brief(str(error)))
+
+    def run() -> None:
+        wrong: Exception | None = None
+        try:
+            work()
+        except (RoboError, zenoh.ZError) as error:
+            wrong = error
+        if not loop.is_closed():
+            loop.call_soon_threadsafe(tell, wrong)
+
+    client.publishing.submit(run)
+
+
+def _later(bridge: Bridge, client: Client, asked: GetParameters | SetParameters | Call | Control) -> None:
+    """Have something done that waits for others."""
+    if client.asked >= MOST_ASKED:
+        _refuse(client, asked, f"{MOST_ASKED} questions of this viewer wait for an answer already")
+        return
+    client.asked += 1
+
+    async def work() -> None:
+        try:
+            await _done(bridge, client, asked)
+        except (RoboError, zenoh.ZError, LookupError) as error:
+            _refuse(client, asked, brief(str(error)))
+        finally:
+            client.asked -= 1
+
+    bridge.do(work())
+
+
+async def _done(bridge: Bridge, client: Client, asked: GetParameters | SetParameters | Call | Control) -> None:
+    loop = asyncio.get_running_loop()
+
+    def blocking(work: Callable[[], T]) -> Awaitable[T]:
+        return loop.run_in_executor(bridge.calls, work)
+
+    match asked:
+        case Call():
+            service = bridge.offer.services.get(asked.service)
+            if service is None:
+                _refuse(client, asked, "this service is not there any more")
+                return
+            client.say(protocol.answer(asked, await blocking(partial(calls.call, bridge.session, asked, service))))
+        case Control():
+            place = await blocking(partial(bridge.playback.control, asked))
+            state = place.state(asked.request, jumped=asked.seek is not None)
+            others = place.state(jumped=asked.seek is not None)
+            for one in bridge.clients:
+                if one.knows_playback:
+                    one.say(state if one is client else others)
+        case GetParameters([], id_):
+            client.wants_all_parameters = True
+            await tell_all_parameters(bridge, client, id_)
+        case GetParameters(names, id_):
+            await _tell_some(bridge, client, names, id_)
+        case SetParameters(parameters, id_):
+            wrong = await blocking(partial(calls.set_parameters, bridge.session, parameters))
+            for why in wrong:
+                client.status(protocol.ERROR, brief(why))
+            if id_ is not None or wrong:  # what holds: a viewer shows already what it has asked for
+                await _tell_some(bridge, client, [one.name for one in parameters], id_)
+
+
+async def _tell_some(bridge: Bridge, client: Client, names: Sequence[str], id_: str | None) -> None:
+    work = partial(calls.some_parameters, bridge.session, names)
+    found, wrong = await asyncio.get_running_loop().run_in_executor(bridge.calls, work)
+    for why in wrong:
+        client.status(protocol.WARNING, brief(why))
+    named = {"id": id_} if id_ is not None else {}
+    client.say(protocol.word("parameterValues", parameters=found, **named))
+
+
+def _refuse(client: Client, asked: Request, why: str) -> None:
+    if isinstance(asked, Call):
+        words = {"serviceId": asked.service, "callId": asked.call, "message": why}
+        client.say(protocol.word("serviceCallFailure", **words))
+    # Not all viewers show why a call has failed; what all show is this.
+    client.status(protocol.ERROR, why, "refused" if isinstance(asked, Publish) else "")

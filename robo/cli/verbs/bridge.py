@@ -1,0 +1,70 @@
+"""`robo bridge`: other systems, by their own protocols."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robo.cli.options import Json
+from robo.cli.reach import Reach
+from robo.cli.tree import group
+from robo.cli.verb import verb
+
+verbs = group()
+
+
+@verb(
+    verbs,
+    "foxglove",
+    "robo bridge foxglove",
+    "robo bridge foxglove --robot-name r1",
+    "robo bridge foxglove --listen 127.0.0.1:0 --json",
+    "robo bridge foxglove --listen 0.0.0.0:8765",
+    "robo bridge foxglove --layout lichtblick --robot-name r1 > r1.json",
+    short_help="Serve Foxglove and Lichtblick, live.",
+)
+def foxglove(
+    reach: Reach,
+    listen: Annotated[
+        str, typer.Option("--listen", metavar="HOST:PORT", help="Where viewers connect; port 0 is any free one.")
+    ] = "127.0.0.1:8765",
+    token_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--token-file",
+            metavar="FILE",
+            help="A line with the token to drive, and one to look; else they are made up.",
+        ),
+    ] = None,
+    without_token: Annotated[
+        bool, typer.Option("--open", help="Ask for no token: whoever reaches the port drives the robot.")
+    ] = False,
+    origins: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--origin", metavar="URL", help="A page that is a viewer, such as https://viewer.example; * is any."
+        ),
+    ] = None,
+    layout: Annotated[
+        str | None,
+        typer.Option(
+            "--layout", metavar="VIEWER", help="Print a layout for foxglove or lichtblick, and serve nothing."
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Serve Foxglove and Lichtblick, live, until Ctrl-C.
+
+    Topics, services, parameters, what viewers publish, the graph of nodes, the clock, and the controls of `robo bag
+    play`. It receives what a viewer shows, and nothing else; a viewer that is slow gets the newest, and holds up nobody.
+
+    The protocol has no login. By default it is for this machine alone; at another address who connects needs a token,
+    which is a part of the address that is printed. It travels unencrypted: `ssh -L 8765:127.0.0.1:8765 ROBOT` is safer.
+    """
+    from robo.cli.views.bridge import Access, print_layout, serve
+
+    if layout is not None:
+        print_layout(layout, reach)
+        return
+    access = Access(token_file, without_token, tuple(origins or ()))
+    serve(reach, listen=listen, access=access, json=json)
