@@ -8,7 +8,7 @@ import msgspec
 import zenoh
 
 import robo_messages
-from robo.bridges.foxglove.offered import Callable_
+from robo.bridges.foxglove.offered import ServedService
 from robo.bridges.foxglove.protocol import Call, Parameter
 from robo.errors import MessageError, NodeUnreachable, ParameterError, RoboError
 from robo.interfaces import catalogue, cdr
@@ -30,7 +30,7 @@ _FLOATS = {"float": "float64", "list[float]": "float64_array", "tuple[float, ...
 """What viewers call types of which JSON does not tell that they are no whole numbers."""
 
 
-def call(session: zenoh.Session, asked: Call, service: Callable_) -> bytes:
+def call(session: zenoh.Session, asked: Call, service: ServedService) -> bytes:
     """Call a service, before everything else that is on its way; its answer in the encoding of the request.
 
     Raises:
@@ -79,7 +79,7 @@ def message_from(type_: type[Message], encoding: str, data: bytes) -> Message:
 def all_parameters(session: zenoh.Session, timeout: float = parameters.TIMEOUT) -> list[Parameter]:
     """The parameters of every node that answers in time."""
     found: list[Parameter] = []
-    key = parameters_key("**", "*", "describe")
+    key = parameters_key("", "**", "describe")
     for sample in samples(session.get(key, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE)):
         node = "/" + str(sample.key_expr).removesuffix("/parameters/describe")
         try:

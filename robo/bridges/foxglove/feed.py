@@ -102,8 +102,8 @@ class Feed:
             for key in self._ends.keys() - routes.keys():
                 self._ends.pop(key).undeclare()
             for key in routes.keys() - self._ends.keys():
-                ring = zenoh.handlers.RingChannel(slots.get(key, 1))
-                self._ends[key] = self._session.declare_subscriber(key, ring)
+                count = slots.get(key, 1)
+                self._ends[key] = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(count))
             if not clock:
                 self._clock = None
             self._routes = routes

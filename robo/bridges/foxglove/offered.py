@@ -52,7 +52,7 @@ class Topic(msgspec.Struct, frozen=True):
     slots: int = _SLOTS
 
 
-class Callable_(msgspec.Struct, frozen=True):
+class ServedService(msgspec.Struct, frozen=True):
     """A service, as the bridge calls it."""
 
     key: str
@@ -72,7 +72,7 @@ class Offer(NamedTuple):
     """All that there is."""
 
     topics: dict[int, Topic]
-    services: dict[int, Callable_]
+    services: dict[int, ServedService]
     ends: Ends
     unknown: dict[str, str]
     """Why a topic comes as JSON, or a service is not offered, by name."""
@@ -181,7 +181,7 @@ def _made(key: str, type_name: str, numbers: Numbers, made: Made) -> Topic:
     return Topic(key, type_name, Channel(numbers.of((key, *said)), f"/{key}", *said), (), made=made)
 
 
-def _service(key: str, type_name: str, numbers: Numbers, unknown: dict[str, str]) -> Callable_ | None:
+def _service(key: str, type_name: str, numbers: Numbers, unknown: dict[str, str]) -> ServedService | None:
     try:
         halves = [_half(name) for name in robo_messages.halves_of(type_name)]
     except (ContractError, UnknownType, LookupError, ValueError) as error:
@@ -192,7 +192,7 @@ def _service(key: str, type_name: str, numbers: Numbers, unknown: dict[str, str]
         return None
     name = full_name(type_name, "service")
     number = numbers.of(("service", key, name, *halves))
-    return Callable_(key, type_name, Service(number, f"/{key}", name, halves[0], halves[1]))
+    return ServedService(key, type_name, Service(number, f"/{key}", name, halves[0], halves[1]))
 
 
 def _half(name: str) -> Half:

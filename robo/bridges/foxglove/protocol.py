@@ -64,7 +64,7 @@ class Parameter(msgspec.Struct, frozen=True):
 
     name: str
     value: Any = msgspec.UNSET
-    type: str | None | msgspec.UnsetType = msgspec.UNSET
+    type: str | msgspec.UnsetType | None = msgspec.UNSET
     """`float64`, `float64_array`, `byte_array`: where JSON does not tell; a client that knows none may say null."""
 
 

@@ -101,7 +101,7 @@ class Publications:
         last = self._moving.pop(publication.key, None)
         if last is None:
             return
-        zero = Twist() if isinstance(last, Twist) else msgspec.structs.replace(last, twist=Twist())  # type: ignore[type-var]
+        zero = Twist() if isinstance(last, Twist) else msgspec.structs.replace(last, twist=Twist())
         for number in range(ZEROS):
             time.sleep(_BETWEEN_ZEROS if number else 0.0)
             publication.sender.send(robo_messages.encode(zero))

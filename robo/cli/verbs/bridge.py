@@ -56,7 +56,7 @@ def foxglove(
     """Serve Foxglove and Lichtblick, live, until Ctrl-C.
 
     Topics, services, parameters, what viewers publish, the graph of nodes, the clock, and the controls of `robo bag
-    play`. It receives what a viewer shows, and nothing else; a viewer that is slow gets the newest, and holds up nobody.
+    play`. It receives what a viewer shows and nothing else; a viewer that is slow gets the newest, and holds up nobody.
 
     The protocol has no login. By default it is for this machine alone; at another address who connects needs a token,
     which is a part of the address that is printed. It travels unencrypted: `ssh -L 8765:127.0.0.1:8765 ROBOT` is safer.
