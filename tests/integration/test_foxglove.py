@@ -132,7 +132,9 @@ def test_each_late_viewer_gets_what_is_latched_once(served: Any, base: Base) -> 
 def test_static_transforms_of_several_nodes_come_all(served: Any, other: zenoh.Session) -> None:
     senders = [Sender(other, "r1/tf_static", "tf2/TFMessage", QoS(latched=True), f"/r1/{name}") for name in "ab"]
     for sender, child in zip(senders, ("laser", "camera"), strict=True):
-        sender.send(robo_messages.encode(TFMessage([TransformStamped(Header(frame_id="base_link"), child, Transform())])))
+        sender.send(
+            robo_messages.encode(TFMessage([TransformStamped(Header(frame_id="base_link"), child, Transform())]))
+        )
     with served.viewer() as viewer:
         number = viewer.subscribe("/r1/tf_static")
         said = [decoded(TFMessage, viewer.next_of(number)).transforms[0].child_frame_id for _ in range(2)]
@@ -318,9 +320,10 @@ def test_a_viewer_pauses_seeks_and_hurries_who_plays_a_recording(
             begin = info["dataStartTime"]["sec"] * 10**9 + info["dataStartTime"]["nsec"]
             end = info["dataEndTime"]["sec"] * 10**9 + info["dataEndTime"]["nsec"]
             assert bags.START <= begin < end
-            assert "playbackControl" not in plain.hears("serverInfo", lambda one: "time" in one["capabilities"])[
-                "capabilities"
-            ]
+            assert (
+                "playbackControl"
+                not in plain.hears("serverInfo", lambda one: "time" in one["capabilities"])["capabilities"]
+            )
             viewer.state(lambda state: state[0] == 1)
             middle = begin + 500 * bags.MS
             viewer.send(control(False, 1.0, middle, "seek"))
@@ -404,9 +407,7 @@ def test_who_may_only_look_changes_nothing(guarded: Any, base: Base) -> None:
 
 
 def test_one_robot_alone_is_offered_with_what_all_share(session: zenoh.Session, other: zenoh.Session) -> None:
-    senders = [
-        Sender(other, key, "std/String", QoS.DEFAULT, "/r1/base") for key in ("r1/state", "r2/state", "tf")
-    ]
+    senders = [Sender(other, key, "std/String", QoS.DEFAULT, "/r1/base") for key in ("r1/state", "r2/state", "tf")]
     with closing(viewers.Served(session, covers=lambda key: key.startswith("r1/"))) as served:
         with served.viewer() as viewer:
             viewer.until(lambda: len(viewer.topics) == 2)
