@@ -199,6 +199,7 @@ _ENDLESS = (
     (r"robo action echo\b", ""),
     (r"robo events\b", ""),
     (r"robo bag record\b", r"--duration"),
+    (r"robo bridge foxglove\b", r"--layout"),
     (r"robo logs\b.* -f\b", ""),
     (r"robo\b.* --watch\b", ""),
 )
