@@ -425,3 +425,27 @@ def test_it_ends_at_once_while_viewers_are_there(session: zenoh.Session) -> None
         viewer.hears("serverInfo")
         served.close()
         eventually(lambda: viewer.socket.state.name == "CLOSED", "the socket is closed")
+
+
+def test_a_bridge_that_ends_leaves_a_robot_that_stands(session: zenoh.Session, other: zenoh.Session) -> None:
+    served = viewers.Served(session)
+    with closing(Stream(other, ["r1/cmd_vel_joy"])) as stream, served.viewer() as viewer:
+        offered = {"id": 5, "topic": "/r1/cmd_vel_joy", "encoding": "json", "schemaName": "geometry_msgs/msg/Twist"}
+        viewer.ask("advertise", channels=[offered])
+        viewer.send(struct.pack("<BI", 1, 5) + b'{"linear": {"x": 0.5}}')
+        assert next_twist(stream).linear.x == 0.5
+        served.close()
+        assert [next_twist(stream) for _ in range(3)] == [Twist()] * 3
+
+
+def test_a_clock_before_all_times_ends_nothing(served: Any, base: Base, other: zenoh.Session) -> None:
+    sender = Sender(other, "clock", "system/Clock", QoS.DEFAULT, "/r1/simulation")
+    with served.viewer() as viewer:
+        number = viewer.subscribe("/r1/position")
+        assert sender.wait_for_subscriber(20)
+        sender.send(robo_messages.encode(Clock(Time(-5))))
+        viewer.until(lambda: 0 in viewer.times)
+        eventually(lambda: subscribers(other, "r1/position"), "the bridge subscribes")
+        base.position.publish(Point(1.0))
+        assert decoded(Point, viewer.next_of(number)).x == 1.0
+    sender.close()

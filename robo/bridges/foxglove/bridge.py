@@ -5,7 +5,7 @@ import itertools
 import secrets
 import threading
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import partial
 
 import zenoh
@@ -26,6 +26,8 @@ _SLOW = 20
 """Each so many beats they are told what they have missed."""
 _MOST_BATCHES = 4
 """Of messages that wait for the event loop; more stay where only the newest are kept."""
+_END = 2.0
+"""How long it may take to tell robots to stand whose drivers are gone, s."""
 _MOST_TOLD = 1_000
 """Of what is told once."""
 
@@ -50,7 +52,8 @@ class Bridge:
         self.calls = calls
         self.clients: set[Client] = set()
         self.offer: Offer = offer((), numbers := Numbers())
-        self._numbers, self._name, self._tell, self._covers = numbers, name, tell, covers
+        self.covers = covers
+        self._numbers, self._name, self._tell = numbers, name, tell
         self._loop = asyncio.get_running_loop()
         self._names = itertools.count(1)
         self._told: set[str] = set()
@@ -62,6 +65,7 @@ class Bridge:
         self._nodes: frozenset[str] = frozenset()
         self._renewing: asyncio.TimerHandle | None = None
         self._tasks: set[asyncio.Task[None]] = set()
+        self._leaving: set[Future[None]] = set()
         self._room = threading.Semaphore(_MOST_BATCHES)
         self._closed = False
         self._beats = itertools.count(1)
@@ -89,7 +93,9 @@ class Bridge:
         """A viewer is gone."""
         self.clients.discard(client)
         client.subscriptions.clear()
-        client.close()
+        if (done := client.close()) is not None:
+            self._leaving.add(done)
+            done.add_done_callback(self._leaving.discard)
         self.want()
         self.watch()
 
@@ -123,14 +129,19 @@ class Bridge:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    def close(self) -> None:
-        """Everything ends; it blocks until threads have."""
+    async def close(self) -> None:
+        """Everything ends, with its threads."""
         self._closed = True
         self._room.release(_MOST_BATCHES)
-        for task in self._tasks:
+        if self._renewing is not None:
+            self._renewing.cancel()
+        tasks = list(self._tasks)
+        for task in tasks:
             task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
         for client in list(self.clients):
-            client.close()
+            self.leave(client)
+        wait(list(self._leaving), _END)  # while there still is a network by which robots are told to stand
         for part in (self.presence, self._watch, self.playback, self.feed):
             part.close()
 
@@ -178,7 +189,7 @@ class Bridge:
     async def _renew(self) -> None:
         """Look at what there is, and tell everyone what has changed."""
         ends, nodes = self.presence.ends(), self.presence.nodes()
-        found = await self._loop.run_in_executor(self.calls, offer, ends, self._numbers, self._covers)
+        found = await self._loop.run_in_executor(self.calls, offer, ends, self._numbers, self.covers)
         before, self.offer = self.offer, found
         self._renewing = None
         if (self.presence.ends(), self.presence.nodes()) != (ends, nodes):
@@ -265,6 +276,7 @@ async def tell_all_parameters(bridge: Bridge, client: Client, id_: str | None = 
     """Tell a client the parameters of all nodes; `id_` is of its question, where it has asked."""
     from robo.bridges.foxglove.calls import all_parameters
 
-    found = await asyncio.get_running_loop().run_in_executor(bridge.calls, all_parameters, bridge.session)
+    work = partial(all_parameters, bridge.session, bridge.covers)
+    found = await asyncio.get_running_loop().run_in_executor(bridge.calls, work)
     named = {"id": id_} if id_ is not None else {}
     client.say(protocol.word("parameterValues", parameters=found, **named))

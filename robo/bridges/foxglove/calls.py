@@ -1,7 +1,7 @@
 """What clients ask of nodes: services, values of parameters, changes of them. Functions on a session that block."""
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -76,12 +76,16 @@ def message_from(type_: type[Message], encoding: str, data: bytes) -> Message:
         raise MessageError(f"no JSON: {error}") from None
 
 
-def all_parameters(session: zenoh.Session, timeout: float = parameters.TIMEOUT) -> list[Parameter]:
-    """The parameters of every node that answers in time."""
+def all_parameters(
+    session: zenoh.Session, covers: Callable[[str], bool] = lambda _: True, timeout: float = parameters.TIMEOUT
+) -> list[Parameter]:
+    """The parameters of every node that answers in time, as far as its full name is covered."""
     found: list[Parameter] = []
     key = parameters_key("", "**", "describe")
     for sample in samples(session.get(key, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE)):
         node = "/" + str(sample.key_expr).removesuffix("/parameters/describe")
+        if not covers(node):
+            continue
         try:
             said = msgspec.msgpack.decode(sample.payload.to_bytes(), type=dict[str, Described])
         except UNREADABLE:

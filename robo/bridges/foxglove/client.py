@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import msgspec
 import zenoh
@@ -146,8 +146,10 @@ class Client:
         text = f"this viewer or its link is too slow: {count:,} older messages were left out, most of {named}"
         self.status(protocol.WARNING, text, "left_out")
 
-    def close(self) -> None:
-        """It is gone: what it has driven stands."""
-        if self._publishing is not None:
-            self._publishing.submit(self.publications.close)
-            self._publishing.shutdown(wait=False)
+    def close(self) -> "Future[None] | None":
+        """It is gone: what it has driven is told to stand. Returns what is done once that is; None for nothing."""
+        if self._publishing is None:
+            return None
+        done = self._publishing.submit(self.publications.close)
+        self._publishing.shutdown(wait=False)
+        return done

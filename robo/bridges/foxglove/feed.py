@@ -145,7 +145,10 @@ class Feed:
                 if key == CLOCK and not routes.get(key):
                     continue
                 for sample in _waiting(handler):
-                    found += self._of_sample(key, sample, routes.get(key, []))
+                    try:
+                        found += self._of_sample(key, sample, routes.get(key, []))
+                    except Exception as error:  # of a user's class of messages, which may raise anything
+                        self._refuse(f"/{key}", f"{type(error).__name__}: {error}")
             if found or told is not None:
                 self._deliver(found, told)
 

@@ -230,7 +230,7 @@ def _text(frame: bytes, begin: int, length: int) -> tuple[str, bytes]:
 
 def message(subscription: int, time: int, payload: bytes) -> bytes:
     """A message of a topic; its time is in ns since the epoch."""
-    return _MESSAGE.pack(1, subscription, time) + payload
+    return _MESSAGE.pack(1, subscription, max(0, time)) + payload
 
 
 def time_of(now: int) -> bytes:

@@ -24,8 +24,11 @@ from robo.bridges.foxglove.requests import ask
 from robo.dashboard.access import Doorkeeper, Right, Tokens
 from robo.errors import NetworkError
 
-_MOST_REQUEST = 32_000_000
+_MOST_REQUEST = 16_000_000
 """Of what a client says at once, bytes: it may publish a picture."""
+_MOST_REQUESTS = 4
+"""That wait until they are read."""
+_MOST_CLIENTS = 50
 _SEND_BUFFER = 262_144
 """Of the system's, bytes: what waits there is sent however old it becomes, so that little is to wait there."""
 _PING, _SILENCE = 5.0, 15.0
@@ -72,6 +75,7 @@ class Server:
         self._websockets: Library = import_websockets()
         self._session, self._settings, self._tell, self._covers = session, settings, tell, covers
         self._door = Doorkeeper(settings.tokens)
+        self._clients: set[Client] = set()
 
     async def serve(self, ready: Callable[[int], object], over: Awaitable[object]) -> None:
         """Serve until `over`.
@@ -85,12 +89,13 @@ class Server:
         """
         calls = ThreadPoolExecutor(16, "robo-foxglove-call")
         bridge = Bridge(self._session, self._settings.name, calls, self._tell, self._covers)
+        self._clients = bridge.clients
         try:
             async with self._listening(partial(self._connected, bridge)) as server:
                 ready(next(iter(server.sockets)).getsockname()[1])
                 await over
         finally:
-            bridge.close()
+            await bridge.close()
             calls.shutdown(wait=False, cancel_futures=True)
 
     @asynccontextmanager
@@ -104,6 +109,7 @@ class Server:
             process_request=self._judge,
             compression=None,  # numbers gain little, and cost much
             max_size=_MOST_REQUEST,
+            max_queue=_MOST_REQUESTS,
             write_limit=2**16,
             ping_interval=_PING,
             ping_timeout=_SILENCE,
@@ -141,6 +147,8 @@ class Server:
         if not self._settings.tokens.drive and not is_viewer(origin, self._settings.origins):
             self._tell(f"a page of {origin} was refused: --origin {origin} lets it in, where it is a viewer of yours")
             return self._words(403, "a page of this origin may not connect: see --origin of `robo bridge foxglove`")
+        if len(self._clients) >= _MOST_CLIENTS:
+            return self._words(503, f"{_MOST_CLIENTS} viewers are here already")
         connection.robo_right = right
         return None
 
