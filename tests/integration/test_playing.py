@@ -32,6 +32,7 @@ from robo.wire.qos import QoS
 from robo.wire.session import close_session, open_session
 from robo_messages import (
     Clock,
+    GetPlayback,
     Header,
     IsPaused,
     LaserScan,
@@ -367,6 +368,9 @@ def test_others_steer_it_by_services(
             return called(other, word, service, service.Request(**request))
 
         assert call("is_paused", IsPaused).paused
+        place = call("get_playback", GetPlayback)
+        assert place.begin.to_nanoseconds() == place.position.to_nanoseconds() == START
+        assert (place.end.to_nanoseconds(), place.rate, place.paused) == (START + 991 * MS, 1.0, True)
         assert call("step", Trigger).success
         assert len(samples(heard, 1)) == 1
         there = Time.from_nanoseconds(START + 502 * MS)
@@ -385,7 +389,7 @@ def test_others_steer_it_by_services(
         assert running.complete
         assert len(samples(heard, 48)) == 48
         # Whoever asks everybody moves nobody.
-        assert [reply.ok for reply in other.get("r2/bag_player/*", timeout=1.0)] in ([], [None] * 10)
+        assert [reply.ok for reply in other.get("r2/bag_player/*", timeout=1.0)] in ([], [None] * 11)
 
 
 def test_stop_ends_it(session: zenoh.Session, tool: zenoh.Session, other: zenoh.Session, tmp_path: Path) -> None:
