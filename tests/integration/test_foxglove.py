@@ -2,7 +2,7 @@
 
 import struct
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -334,6 +334,12 @@ def test_a_viewer_pauses_seeks_and_hurries_who_plays_a_recording(
             assert viewer.state(lambda state: state[4] == "slow")[2] == pytest.approx(0.01)
             viewer.send(control(True, 0.01, None, "play"))
             assert viewer.state(lambda state: state[4] == "play")[0] == 0
+            viewer.send(control(True, 0.1, begin, "again"))
+            viewer.state(lambda state: state[4] == "again")
+            viewer.until(lambda: begin <= viewer.times[-1] < middle)
+            seen = len(viewer.times)
+            viewer.until(lambda: viewer.times[-1] > begin + 30 * bags.MS)
+            assert viewer.times[seen:] == sorted(viewer.times[seen:]), "time never goes back by itself"
             running.player.pause()  # somebody else does
             viewer.state(lambda state: state[0] == 1 and not state[4])
         viewer.hears("serverInfo", lambda info: "playbackControl" not in info["capabilities"])
@@ -449,3 +455,14 @@ def test_a_clock_before_all_times_ends_nothing(served: Any, base: Base, other: z
         base.position.publish(Point(1.0))
         assert decoded(Point, viewer.next_of(number)).x == 1.0
     sender.close()
+
+
+def test_there_is_room_for_so_many_viewers(served: Any) -> None:
+    from robo.bridges.foxglove.server import _MOST_CLIENTS
+
+    with ExitStack() as stack:
+        for _ in range(_MOST_CLIENTS):
+            stack.enter_context(served.viewer()).hears("serverInfo")
+        with pytest.raises(exceptions.InvalidStatus) as refused, served.viewer():
+            pass
+        assert refused.value.response.status_code == 503

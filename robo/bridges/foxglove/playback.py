@@ -74,6 +74,9 @@ class Playback:
         self._changed = threading.Condition()
         self._player = ""
         self._over = False
+        self._telling = threading.Lock()
+        self._last = 0
+        """What time was told last, ns since the epoch."""
         self.place: Place | None = None
         """As it was told last."""
         self._thread = threading.Thread(target=self._run, name="robo-foxglove-playback", daemon=True)
@@ -88,8 +91,15 @@ class Playback:
 
     def now(self) -> int | None:
         """How far it has come, ns since the epoch; None where nothing is played."""
-        place = self.place
-        return place.at(time.monotonic_ns()) if place is not None else None
+        with self._telling:
+            place = self.place
+            if place is None:
+                return None
+            at, last = place.at(time.monotonic_ns()), self._last
+            # Between two looks it is reckoned. Where that was a little too much, time stands: viewers that see it go
+            # back forget all that they show.
+            self._last = last if 0 < last - at < _JUMP else at
+            return self._last
 
     def control(self, asked: Control) -> Place:
         """Do what a viewer wants; it blocks. Returns where that is.
@@ -104,11 +114,17 @@ class Playback:
         before = self._ask(player)
         if asked.rate > 0 and abs(asked.rate - before.rate) > 1e-6:
             self._call(player, "set_rate", SetRate.Request(float(asked.rate)), SetRate.Response)
+        if not asked.plays and not before.paused:
+            self._call(player, "pause", Trigger.Request(), Trigger.Response)
         if asked.seek is not None:
             self._call(player, "seek", Seek.Request(Time.from_nanoseconds(asked.seek)), Seek.Response)
-        if asked.plays == before.paused:
-            self._call(player, "resume" if asked.plays else "pause", Trigger.Request(), Trigger.Response)
-        self.place = place = self._ask(player)
+        if asked.plays and before.paused:
+            self._call(player, "resume", Trigger.Request(), Trigger.Response)
+        place = self._ask(player)
+        with self._telling:
+            self.place = place
+            if asked.seek is not None:
+                self._last = 0
         return place
 
     def close(self) -> None:
