@@ -9,6 +9,7 @@ from typing import NamedTuple
 from robo.bridges.foxglove.layouts import layout_of
 from robo.bridges.foxglove.library import import_websockets
 from robo.cli.connection import connect_to_robot
+from robo.cli.link import watched
 from robo.cli.printing import note, print_json, print_line, print_text
 from robo.cli.reach import Reach
 from robo.dashboard.access import Tokens
@@ -70,7 +71,7 @@ def serve(reach: Reach, *, listen: str, access: Access, json: bool) -> None:
             loop.add_signal_handler(number, over.set)
         await server.serve(lambda port: _tell(host, port, tokens, json=json), over.wait())
 
-    with connect_to_robot(reach) as session:
+    with connect_to_robot(reach) as session, watched(session, reach):
         asyncio.run(until_stopped(Server(session, settings, lambda text: note(visible(text)), reach.covers)))
 
 
