@@ -15,7 +15,7 @@ from robo.bridges.foxglove.layouts import VIEWERS, layout_of
 from robo.bridges.foxglove.offered import Ends, Numbers, graph_changes, offer
 from robo.bridges.foxglove.outbox import MOST_BYTES_OF_ONE, MOST_OF_ONE, MOST_WORDS, Full, Outbox
 from robo.bridges.foxglove.playback import Place
-from robo.bridges.foxglove.protocol import Call, Control, Publish, Subscribe, Unreadable, Wanted
+from robo.bridges.foxglove.protocol import Call, Control, GetParameters, Publish, Subscribe, Unreadable, Wanted
 from robo.bridges.foxglove.publications import type_of
 from robo.bridges.foxglove.server import is_viewer
 from robo.bridges.foxglove.trail import MOST_POSES, STEP, Trail
@@ -28,6 +28,7 @@ from robo_messages import Header, Odometry, SetBool, Time, Trigger, Twist, Vecto
 def test_words_and_bytes_of_clients_are_read() -> None:
     said = '{"op":"subscribe","subscriptions":[{"id":1,"channelId":2}]}'
     assert protocol.read(said) == Subscribe([Wanted(1, 2)])
+    assert protocol.read('{"op":"getParameters","id":null}') == GetParameters([], None)
     assert protocol.read(b"\x01" + struct.pack("<I", 7) + b"abc") == Publish(7, b"abc")
     assert protocol.read(b"\x02" + struct.pack("<III", 1, 2, 3) + b"cdrxyz") == Call(1, 2, "cdr", b"xyz")
     frame = b"\x03" + struct.pack("<BfBQI", 1, 2.0, 1, 5, 2) + b"id"

@@ -115,7 +115,7 @@ class Unadvertise(_Said, frozen=True, tag="unadvertise"):
 class GetParameters(_Said, frozen=True, tag="getParameters"):
     """Values are asked for; of all parameters where none is named."""
 
-    parameter_names: list[str]
+    parameter_names: list[str] = []
     id: str | None = None
 
 
@@ -129,13 +129,13 @@ class SetParameters(_Said, frozen=True, tag="setParameters"):
 class WatchParameters(_Said, frozen=True, tag="subscribeParameterUpdates"):
     """Each change of these is wanted; of all where none is named."""
 
-    parameter_names: list[str]
+    parameter_names: list[str] = []
 
 
 class UnwatchParameters(_Said, frozen=True, tag="unsubscribeParameterUpdates"):
     """And no longer of these."""
 
-    parameter_names: list[str]
+    parameter_names: list[str] = []
 
 
 class WatchGraph(_Said, frozen=True, tag="subscribeConnectionGraph"):

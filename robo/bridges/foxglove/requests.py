@@ -52,7 +52,7 @@ def ask(bridge: Bridge, client: Client, asked: Request) -> None:
                 _publish(client, partial(client.publications.add, offered))
         case Unadvertise(channel_ids):
             for channel in channel_ids:
-                _publish(client, partial(client.publications.remove, channel))
+                _publish(client, partial(client.publications.remove, channel), always=True)
         case Publish(channel, data):
             _publish(client, partial(client.publications.publish, channel, data))
         case WatchGraph():
@@ -97,9 +97,11 @@ def _watch(client: Client, names: Sequence[str]) -> None:
         client.status(protocol.ERROR, f"one viewer watches {_MOST_WATCHED:,} parameters at most")
 
 
-def _publish(client: Client, work: Callable[[], None]) -> None:
-    """Have something published, in order, without waiting for the network."""
-    if client.asked >= MOST_ASKED:
+def _publish(client: Client, work: Callable[[], None], *, always: bool = False) -> None:
+    """Have something published, in order, without waiting for the network; what is to be done `always`, however much
+    waits for it.
+    """
+    if client.asked >= MOST_ASKED and not always:
         client.status(protocol.WARNING, "the network is held up: what this viewer publishes is left out", "publish")
         return
     loop = asyncio.get_running_loop()
