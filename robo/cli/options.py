@@ -1,6 +1,7 @@
 """The options and arguments that several verbs have, and options as words again."""
 
 from collections.abc import Iterator
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, NamedTuple, get_args, get_type_hints
 
@@ -39,6 +40,22 @@ Timeout = Annotated[
         min=0.0,
         show_default=False,
     ),
+]
+
+
+class Theme(StrEnum):
+    """The colours of a picture."""
+
+    AUTO = "auto"
+    LIGHT = "light"
+    DARK = "dark"
+
+
+HowThemed = Annotated[
+    Theme, typer.Option("--theme", help="Colours of the picture; auto is as whoever looks at it has their screen.")
+]
+SvgFile = Annotated[
+    Path | None, typer.Option("--svg", metavar="FILE", help="Write it as a picture, too.", show_default=False)
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 JsonLines = Annotated[bool, typer.Option("--json", help="Print JSON Lines.")]

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from robo.cli import completion
-from robo.cli.options import Json, JsonLines
+from robo.cli.options import HowThemed, Json, JsonLines, Theme
 from robo.cli.tree import group
 from robo.cli.verb import verb
 
@@ -269,3 +269,41 @@ def bag_convert(
 
     namespace = checked(robot_name) if robot_name is not None else ""
     convert(Conversion(source, output, topics or [], exclude or [], from_, to, namespace, compression.value, force))
+
+
+@verb(
+    verbs,
+    "plot",
+    "robo bag plot drive.mcap cmd_vel --field linear.x -o speed.svg",
+    "robo bag plot drive.mcap odom cmd_vel --field pose.pose.position.x --field linear.x -o both.svg",
+    "robo bag plot drive.mcap odom --start 0.2 --end 0.6 -o part.svg",
+)
+def bag_plot(
+    bag: BagFile,
+    topics: Annotated[
+        list[str], typer.Argument(metavar="TOPIC...", help="Topics; * and ** match.", show_default=False)
+    ],
+    output: Annotated[
+        str, typer.Option("-o", "--output", metavar="FILE", help="The picture, .svg; - for standard output.")
+    ],
+    field: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--field", metavar="PATH", help="pose.pose.position.x, ranges[0]; may be repeated.", show_default=False
+        ),
+    ] = None,
+    start: Annotated[
+        str | None, typer.Option("--start", metavar="TIME", help="From then on.", show_default=False)
+    ] = None,
+    end: Annotated[str | None, typer.Option("--end", metavar="TIME", help="Before then.", show_default=False)] = None,
+    theme: HowThemed = Theme.AUTO,
+) -> None:
+    """Draw numbers of a recording over time, as a picture in SVG.
+
+    Of each topic those fields are drawn that it has; without --field all of its numbers that change. What has one unit
+    stands in one panel. Of many messages each peak is still seen. TIME is as for `robo bag cut`; it counts arrivals,
+    and the picture shows when messages were published.
+    """
+    from robo.cli.views.bag_plot import plot
+
+    plot(bag, topics, field or [], output, start, end, theme.value)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from robo.cli import completion
-from robo.cli.options import Interval, Json, JsonLines, TopicName, TopicNames, TypeName, Watch, only_one
+from robo.cli.options import Interval, Json, JsonLines, SvgFile, TopicName, TopicNames, TypeName, Watch, only_one
 from robo.cli.reach import Reach
 from robo.cli.tree import group
 from robo.cli.verb import verb
@@ -236,6 +236,7 @@ _measuring(
     "plot",
     "robo topic plot r1/odom --field twist.twist.linear.x",
     "robo topic plot r1/cmd_vel --field linear.x --field angular.z --window 30",
+    "robo topic plot r1/odom --field twist.twist.linear.x --duration 3 --svg speed.svg",
 )
 def topic_plot(
     reach: Reach,
@@ -243,6 +244,7 @@ def topic_plot(
     field: Fields = None,
     window: Annotated[float, typer.Option("--window", metavar="S", help="How far back it shows.", min=0.5)] = 10.0,
     duration: Duration = None,
+    svg: SvgFile = None,
 ) -> int:
     """Plot numbers of a topic over time in the terminal.
 
@@ -251,4 +253,4 @@ def topic_plot(
     """
     from robo.cli.views.plot import plot
 
-    return plot(key, field or [], reach, window=window, duration=duration)
+    return plot(key, field or [], reach, window=window, duration=duration, svg=svg)

@@ -1,25 +1,34 @@
-"""`robo topic plot`: numbers of a topic over time, in the terminal."""
+"""`robo topic plot`: numbers of a topic over time, in the terminal and as a picture."""
 
 import math
 import sys
 import time
 from collections import deque
 from collections.abc import Sequence
+from pathlib import Path
 
 from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
+from robo.bag.look.series import Series
 from robo.cli.connection import connect_to_robot
 from robo.cli.link import watched
+from robo.cli.printing import note, write_file
 from robo.cli.reach import Reach
+from robo.cli.views.bag_plot import check_ending, panels_of
 from robo.cli.views.screen import Screen
 from robo.cli.views.waiting import complain_of_few, tell_who_is_waited_for
 from robo.errors import UsageError
+from robo.interfaces import catalogue
+from robo.interfaces.units import unit_of
 from robo.samples.records import Received, read
 from robo.samples.stream import Stream
 from robo.text.chart import Chart, Point
+from robo.text.dates import date
+from robo.text.svg import curves as svg_of
 from robo.text.terminal import visible
+from robo.text.thinning import Thinned
 from robo.tools.fields import Field, Missing, flattened
 
 _COLOURS = ("cyan", "yellow", "magenta", "green", "red", "blue")
@@ -29,42 +38,68 @@ _MOST_SERIES = len(_COLOURS)
 _MOST_POINTS = 20_000
 
 
-def plot(name: str, fields: Sequence[str], reach: Reach, *, window: float, duration: float | None) -> int:
+def plot(
+    name: str, fields: Sequence[str], reach: Reach, *, window: float, duration: float | None, svg: Path | None = None
+) -> int:
     """Draw until Ctrl-C or until the time is over; once, where the output is no terminal.
+
+    Args:
+        name: of the topic.
+        fields: which numbers; none for all.
+        reach: the network.
+        window: how far back the terminal shows, s.
+        duration: when it ends, s; None for Ctrl-C.
+        svg: where all that has come is written as a picture, at the end.
 
     Returns:
         1 where nothing came.
 
     Raises:
-        UsageError: many topics are named, or the one has no such field, or no number in it.
+        UsageError: many topics are named, or the one has no such field, or no number in it, or the picture cannot be
+            written.
     """
+    if svg is not None:
+        check_ending(str(svg), (".svg",))
     key = reach.one_key(name, "plot")
     curves = _Curves(key, [Field(path) for path in fields])
+    try:
+        return _draw(curves, key, reach, window, duration)
+    finally:  # Ctrl-C is the usual end
+        if svg is not None and curves.any:
+            write_file(curves.svg(), svg)
+            note(f"{svg} is written")
+
+
+def _draw(curves: "_Curves", key: str, reach: Reach, window: float, duration: float | None) -> int:
     live = sys.stdout.isatty()
     with connect_to_robot(reach) as session, watched(session, reach):
         stream = Stream(session, [key])
         tell_who_is_waited_for(session, [key], reach)
         end = time.monotonic() + (duration if duration is not None else math.inf if live else window)
-        console = Screen()
-        if not live:
+        if live:
+            _show(curves, stream, window, end)
+        else:
             window = duration or window
             for arrival in stream.until(end):
                 curves.add(read(arrival))
             if curves.any:
-                console.print(curves.picture(window, 80, 20))
-            return complain_of_few([key], int(curves.any), None, window)
-        with Live(console=console, auto_refresh=False, transient=False) as display:
-            due = 0.0
-            while time.monotonic() < end:
-                came = stream.get(min(end, time.monotonic() + _PERIOD))
-                if came is not None:
-                    curves.add(read(came))
-                now = time.monotonic()
-                if now >= due and curves.any:
-                    due = now + _PERIOD
-                    height = max(console.height - 4, 5)
-                    display.update(curves.picture(window, console.width, min(height, 24)), refresh=True)
-    return complain_of_few([key], int(curves.any), None, duration)
+                Screen().print(curves.picture(window, 80, 20))
+    return complain_of_few([key], int(curves.any), None, duration if live else window)
+
+
+def _show(curves: "_Curves", stream: Stream, window: float, end: float) -> None:
+    console = Screen()
+    with Live(console=console, auto_refresh=False, transient=False) as display:
+        due = 0.0
+        while time.monotonic() < end:
+            came = stream.get(min(end, time.monotonic() + _PERIOD))
+            if came is not None:
+                curves.add(read(came))
+            now = time.monotonic()
+            if now >= due and curves.any:
+                due = now + _PERIOD
+                height = max(console.height - 4, 5)
+                display.update(curves.picture(window, console.width, min(height, 24)), refresh=True)
 
 
 class _Curves:
@@ -72,6 +107,9 @@ class _Curves:
         self._key = key
         self._fields = list(fields)
         self._points: dict[str, deque[Point]] = {}
+        self._whole: dict[str, Thinned] = {}
+        """All that has come, for a picture."""
+        self._begin = 0.0
         self._type = ""
 
     @property
@@ -84,6 +122,7 @@ class _Curves:
         if not self._fields:
             self._fields = self._choose(received)
         at = received.time * 1e-9
+        self._begin = self._begin or at
         for field in self._fields:
             try:
                 value = field.of(received.message)
@@ -94,6 +133,7 @@ class _Curves:
             if not isinstance(value, (int, float)):
                 raise UsageError(f"{self._key}: {field.path} is no number but {type(value).__name__}")
             self._points.setdefault(field.path, deque(maxlen=_MOST_POINTS)).append((at, float(value)))
+            self._whole.setdefault(field.path, Thinned()).add(at - self._begin, float(value))
 
     def _choose(self, received: Received) -> list[Field]:
         """All numbers but stamps and flags, as many as have a colour."""
@@ -105,6 +145,15 @@ class _Curves:
         if not paths:
             raise UsageError(f"{self._key} ({received.type or 'no type'}) has no numbers outside of lists; say --field")
         return [Field(path) for path in paths[:_MOST_SERIES]]
+
+    def svg(self) -> str:
+        """All that has come as a picture."""
+        type_ = catalogue.find_here(self._type) if self._type else None
+        found = [
+            Series(self._key, path, unit_of(type_, path) if type_ is not None else "", line.points, line.count)
+            for path, line in self._whole.items()
+        ]
+        return svg_of(f"{self._key}  {self._type}", panels_of(found), f"s since {date(round(self._begin * 1e9))}")
 
     def picture(self, window: float, width: int, height: int) -> Group:
         """The chart with a legend above it."""
