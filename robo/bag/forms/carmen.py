@@ -61,13 +61,15 @@ class Motion(msgspec.Struct, frozen=True):
 
 
 class Scan(msgspec.Struct, frozen=True):
-    """A FLASER record. Its pose fields are a mapping tool's estimate, not odometry: they are left out."""
+    """A FLASER record."""
 
     line: int
     time: int
     """ns, the record's ipc_timestamp."""
     ranges: list[float]
     """m, over 180° from right to left."""
+    estimate: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where the laser was, m, m and rad: a mapping tool's estimate where one has gone over the log. No message has it."""
 
 
 class LaserOffset(msgspec.Struct, frozen=True):
@@ -226,8 +228,8 @@ def _flaser(line: int, fields: list[bytes]) -> Scan:
     if len(fields) != count + 11:
         raise _Bad(f"FLASER of {count} ranges takes {count + 10} values, this line has {len(fields) - 1}")
     ranges = _numbers(fields[2 : count + 2])
-    _numbers(fields[count + 2 : count + 8])
-    return Scan(line, _time(fields[-3], fields[-1]), ranges)
+    x, y, theta, *_ = _numbers(fields[count + 2 : count + 8])
+    return Scan(line, _time(fields[-3], fields[-1]), ranges, (x, y, theta))
 
 
 def _numbers(fields: list[bytes]) -> list[float]:

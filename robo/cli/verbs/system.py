@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from robo.cli import completion
-from robo.cli.options import Json, JsonLines
+from robo.cli.options import HowThemed, Json, JsonLines, Theme
 from robo.cli.reach import Reach
 from robo.cli.tree import Section
 from robo.cli.verb import verb
@@ -89,8 +89,52 @@ def dashboard(
 
 @verb(
     verbs,
+    "map",
+    "robo map drive.mcap -o drive.svg",
+    "robo map run.log.gz -o run.png --theme dark",
+    short_help="Draw the way of a recorded robot, and what its lasers hit.",
+)
+def map_(
+    recording: Annotated[
+        str,
+        typer.Argument(
+            metavar="BAG",
+            help="A recording, or a log of CARMEN, plain or gzip.",
+            autocompletion=completion.recordings,
+        ),
+    ],
+    output: Annotated[
+        str,
+        typer.Option("-o", "--output", metavar="FILE", help="The picture: .svg or .png; - prints SVG."),
+    ],
+    robot_name: Annotated[
+        str | None, typer.Option("--robot-name", metavar="NAME", help="Whose way.", show_default=False)
+    ] = None,
+    frame: Annotated[
+        str | None,
+        typer.Option("--frame", metavar="FRAME", help="In which all is drawn; else map, or odom.", show_default=False),
+    ] = None,
+    corrected: Annotated[
+        bool, typer.Option("--corrected", help="By the poses that a mapping tool has written into a log of CARMEN.")
+    ] = False,
+    theme: HowThemed = Theme.AUTO,
+) -> None:
+    """Draw the way of a recorded robot, and what its lasers hit, as a picture with a scale.
+
+    Poses are those of the transforms, or of the odometry where there are none. What is hit often is dark; a cell is
+    0.05 m, or larger where the picture would have too many. Auto is light in a PNG.
+    """
+    from robo.cli.views.map import draw_map
+    from robo.recording.map.sources import Wanted
+
+    draw_map(recording, output, Wanted(robot_name, frame, corrected), theme.value)
+
+
+@verb(
+    verbs,
     "graph",
     "robo graph",
+    "robo graph --hide-system --svg graph.svg",
     "robo graph --robot-name r1 --hide-system --format dot | dot -Tsvg > r1.svg",
     "robo graph --format json | jq '.topics[] | select(.problems != [])'",
     short_help="Draw nodes, topics and services as they run.",
@@ -102,6 +146,11 @@ def graph(
     hide_system: Annotated[
         bool, typer.Option("--hide-system", help="Leave out log, parameter_events, diagnostics and clock.")
     ] = False,
+    svg: Annotated[
+        Path | None,
+        typer.Option("--svg", metavar="FILE", help="Write it as a picture, and print nothing.", show_default=False),
+    ] = None,
+    theme: HowThemed = Theme.AUTO,
 ) -> None:
     """Draw nodes, topics and services as they run; dead ends and type clashes are marked.
 
@@ -109,7 +158,7 @@ def graph(
     """
     from robo.cli.views.graph import print_graph
 
-    print_graph(reach, form="json" if json else form, hide_system=hide_system)
+    print_graph(reach, form="json" if json else form, hide_system=hide_system, svg=svg, theme=theme.value)
 
 
 @verb(

@@ -1,0 +1,46 @@
+"""`robo map`: the way of a robot, and what its lasers have hit, as a picture."""
+
+import sys
+from pathlib import Path
+
+from robo.cli.printing import amount, note, print_line
+from robo.cli.views.bag_plot import STANDARD, check_ending, written
+from robo.cli.views.bag_progress import progress
+from robo.errors import UsageError
+from robo.recording.map.picture import as_png, as_svg, facts
+from robo.recording.map.sources import Wanted, walk_of
+from robo.text.brief import brief
+from robo.text.svg import Theme
+from robo.text.terminal import visible
+
+
+def draw_map(path: str, output: str, wanted: Wanted, theme: Theme) -> None:
+    """Draw it.
+
+    Raises:
+        UsageError: what is asked for is not there, or the picture cannot be written.
+        BagError: the recording cannot be read.
+        LogError: the log cannot be opened.
+    """
+    check_ending(output, (".svg", ".png"))
+    if output == STANDARD and sys.stdout.isatty():
+        raise UsageError("-o -: a terminal shows no picture; say -o FILE.svg")
+    with progress(f"reading {path}") as tell:
+        walk = walk_of(path, wanted, tell)
+    if not walk.track and not walk.scans:
+        raise UsageError(f"{path}: nothing can be drawn: {brief(walk.reason or 'no transform of the base came', 300)}")
+    if output.lower().endswith(".png"):
+        _write(as_png(walk, theme), Path(output))
+    else:
+        written(as_svg(walk, Path(path).name, theme), output)
+    if walk.left_out:
+        note(f"{amount(walk.left_out, 'scan')} left out; of the first: {visible(brief(walk.reason, 300))}")
+    if output != STANDARD:
+        print_line(visible(f"{output}: {facts(walk)}"))
+
+
+def _write(data: bytes, file: Path) -> None:
+    try:
+        file.write_bytes(data)
+    except OSError as error:
+        raise UsageError(f"{file} cannot be written: {error.strerror}") from None

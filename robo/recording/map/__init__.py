@@ -1,0 +1,1 @@
+"""The way of a robot and what its lasers have hit, as a picture."""
