@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from robo.text.graph import Graph
-from robo.text.layers import Box, layout
+from robo.text.layers import Box, Name, layout
 from robo.text.svg import Theme, document, in_themes, words
 
 _LETTER, _SMALL = 7.6, 6.4
@@ -28,7 +28,7 @@ def graph_svg(graph: Graph, title: str, theme: Theme = "auto") -> str:
     """The graph as a picture; what is wrong is red, and said."""
     things = {(thing.kind, thing.name): thing for thing in _things(graph)}
     lines = list(_lines(graph))
-    sizes = {key: _size(thing) for key, thing in things.items()}
+    sizes: dict[Name, tuple[float, float]] = {key: _size(thing) for key, thing in things.items()}
     placed = layout(sizes, [(first, last) for first, last, _ in lines])
     parts = [
         '<defs><marker id="head" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="8" markerHeight="8"'
@@ -90,7 +90,8 @@ def _drawn(thing: _Thing, box: Box) -> str:
         f"<g><title>{words(thing.name)}</title>",
         f'<rect class="{style}" x="{box.x:.1f}" y="{box.y:.1f}" width="{box.width:.1f}" height="{box.height:.1f}"'
         f' rx="{round_:.0f}"/>',
-        f'<text class="ink" x="{middle:.1f}" y="{box.y + 15:.1f}" text-anchor="middle">{words(_cut(thing.name))}</text>',
+        f'<text class="ink" x="{middle:.1f}" y="{box.y + 15:.1f}" text-anchor="middle">'
+        f"{words(_cut(thing.name))}</text>",
     ]
     y = box.y + 29
     for lines, look in ((thing.lines, "small"), (thing.problems, "small said")):

@@ -69,7 +69,7 @@ class Scan(msgspec.Struct, frozen=True):
     ranges: list[float]
     """m, over 180° from right to left."""
     estimate: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Where the laser was, m, m and rad: a mapping tool's estimate where one has gone over the log. No message has it."""
+    """Where the laser was, m, m and rad: a mapping tool's estimate where one has gone over the log."""
 
 
 class LaserOffset(msgspec.Struct, frozen=True):

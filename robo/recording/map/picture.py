@@ -58,7 +58,8 @@ def as_svg(walk: Walk, title: str, theme: Theme) -> str:
     width = max(shape.width, _LEAST_WIDTH)
     parts = [
         f'<g transform="translate({_LEFT} {_TOP})">',
-        f'<image class="hits" width="{shape.width:.1f}" height="{shape.height:.1f}" href="data:image/png;base64,{data}"/>',
+        f'<image class="hits" width="{shape.width:.1f}" height="{shape.height:.1f}"'
+        f' href="data:image/png;base64,{data}"/>',
         *_track_as_svg(walk, shape),
         "</g>",
         *_foot_as_svg(walk, shape, _TOP + shape.height),
