@@ -5,6 +5,7 @@ each; the order within columns is that of the neighbours, again and again (after
 """
 
 from collections.abc import Hashable, Mapping, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 _SWEEPS = 12
@@ -61,7 +62,8 @@ def layout(sizes: Mapping[Name, tuple[float, float]], arrows: Sequence[tuple[Nam
             columns[lane.column].append(lane)
         chains.append([first, *passed, last])
     columns = _ordered(columns, chains)
-    every = {**sizes, **{one: (0.0, _LANE) for column in columns for one in column if isinstance(one, _Lane)}}
+    every = dict(sizes)
+    every.update((one, (0.0, _LANE)) for column in columns for one in column if isinstance(one, _Lane))
     boxes = _placed(columns, every, chains)
     routes = []
     for (begin, _), chain in zip(arrows, chains, strict=True):
@@ -133,7 +135,7 @@ def _ordered(columns: list[list[Name]], chains: Sequence[Sequence[Name]]) -> lis
     left: dict[Name, list[Name]] = {}
     right: dict[Name, list[Name]] = {}
     for chain in chains:
-        for first, second in zip(chain, chain[1:], strict=False):
+        for first, second in pairwise(chain):
             right.setdefault(first, []).append(second)
             left.setdefault(second, []).append(first)
     best, least = columns, _crossings(columns, right)
@@ -166,11 +168,11 @@ def _by_neighbours(
 def _crossings(columns: Sequence[Sequence[Name]], right: Mapping[Name, Sequence[Name]]) -> int:
     """How many pairs of arrows cross."""
     count = 0
-    for first, second in zip(columns, columns[1:], strict=False):
+    for first, second in pairwise(columns):
         places = {name: place for place, name in enumerate(second)}
-        ends = [
-            place for name in first for place in sorted(places[one] for one in right.get(name, ()) if one in places)
-        ]
+        ends: list[int] = []
+        for name in first:
+            ends += sorted(places[one] for one in right.get(name, ()) if one in places)
         seen: list[int] = []
         for end in ends:
             count += sum(one > end for one in seen)
@@ -183,7 +185,7 @@ def _placed(
 ) -> dict[Name, Box]:
     beside: dict[Name, list[Name]] = {}
     for chain in chains:
-        for first, second in zip(chain, chain[1:], strict=False):
+        for first, second in pairwise(chain):
             beside.setdefault(first, []).append(second)
             beside.setdefault(second, []).append(first)
     middles: dict[Name, float] = {}

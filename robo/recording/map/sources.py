@@ -83,10 +83,8 @@ def _topics(recording: Bag, robot: str | None) -> list[str]:
     names = [name for name, topic in recording.topics.items() if topic.known and topic.type in (_SCAN, _ODOMETRY, _TF)]
     robots = robots_among(names, robots_of(recording))
     if robot is None and len(robots) > 1:
-        raise UsageError(
         others = ", ".join(robots[1:])
         raise UsageError(f"{recording.path} has several robots: say --robot-name {robots[0]}, or {others}")
-        )
     if robot is not None:
         names = [name for name in names if name.startswith(f"{robot}/")]
         if not names:
