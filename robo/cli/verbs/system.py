@@ -21,6 +21,7 @@ verbs.group("lifecycle", "States of managed nodes")
 verbs.group("tf", "Coordinate frames: where they stand, and who says so")
 verbs.group("bag", "Recordings: made, played, looked at, changed")
 verbs.group("bridge", "Other systems, by their own protocols")
+verbs.group("view", "Viewers of others")
 verbs.group("interface", "Types of messages, services and actions")
 verbs.group("pkg", "Packages of nodes, messages and manifests")
 

@@ -1,0 +1,191 @@
+"""What is drawn, handed to Rerun's library."""
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+from robo.bridges.rerun.marks import Axes, Encoded, Grid, Mark, Moved, Numbers, Picture, Points, Said, Strips
+from robo.bridges.rerun.scene import LOG, SPEED, VALUES, WORLD
+from robo.errors import RunError
+
+TIMELINE = "time"
+"""When messages were published."""
+_FLUSH = 5.0
+"""How long the viewer may take for what it was given, s."""
+
+
+def import_rerun() -> Any:
+    """The library of Rerun.
+
+    Raises:
+        RunError: it is not installed; names the extra.
+    """
+    try:
+        return importlib.import_module("rerun")
+    except ImportError:
+        text = "Rerun is not installed: pip install 'robo-zenoh[rerun]' (739 MB on the disk)"
+        raise RunError(text) from None
+
+
+class Sink:
+    """A timeline of Rerun, in a file or in a viewer."""
+
+    def __init__(self, name: str) -> None:
+        """
+        Args:
+            name: of what is shown.
+
+        Raises:
+            RunError: Rerun is not installed.
+        """
+        self._rr = import_rerun()
+        self._rrb = importlib.import_module("rerun.blueprint")
+        self._np = importlib.import_module("numpy")
+        self._stream = self._rr.RecordingStream(f"robo {name}".strip())
+        self._stream.set_log_time_enabled(False)
+        self._stream.set_log_tick_enabled(False)
+        self._framed: dict[str, str] = {}
+
+    def save(self, file: Path) -> None:
+        """Write to a file.
+
+        Raises:
+            RunError: it cannot be written.
+        """
+        try:
+            self._stream.save(file)
+        except Exception as error:  # of another language's library
+            raise RunError(f"{file} cannot be written: {error}") from None
+
+    def connect(self, port: int) -> None:
+        """Send to a viewer on this machine."""
+        self._stream.connect_grpc(f"rerun+http://127.0.0.1:{port}/proxy")
+
+    def lay_out(self, pictures: list[str], trails: list[str]) -> None:
+        """Say which views there are, and where."""
+        rrb = self._rrb
+        whole = rrb.TimeRangeBoundary.infinite()
+        until_now = rrb.VisibleTimeRange(TIMELINE, start=whole, end=rrb.TimeRangeBoundary.cursor_relative())
+        space = rrb.Spatial3DView(
+            name="robot",
+            origin="/",
+            contents=["/**", "- /plots/**", f"- /{LOG}/**", *(f"- /{one}" for one in pictures)],
+            spatial_information=rrb.SpatialInformation(WORLD, show_axes=False),
+            eye_controls=rrb.EyeControls3D(position=(-7.0, -7.0, 13.0), look_target=(1.0, 1.0, 0.0), eye_up=(0, 0, 1)),
+            overrides={f"/{one}": [rrb.VisibleTimeRanges([until_now])] for one in trails},
+        )
+        beside = [rrb.Spatial2DView(name=one, origin=f"/{one}") for one in pictures[:4]]
+        curves = rrb.Tabs(
+            rrb.TimeSeriesView(name="speed (m/s, rad/s)", origin=f"/{SPEED}"),
+            rrb.TimeSeriesView(name="values", origin=f"/{VALUES}"),
+            active_tab=0,
+        )
+        log = rrb.TextLogView(name="log", origin=f"/{LOG}")
+        right = rrb.Vertical(*([rrb.Tabs(*beside)] if beside else []), curves, log)
+        self._stream.send_blueprint(
+            rrb.Blueprint(
+                rrb.Horizontal(space, right, column_shares=[3, 2]),
+                rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
+                rrb.SelectionPanel(state="hidden"),
+                rrb.BlueprintPanel(state="hidden"),
+            )
+        )
+
+    def draw(self, marks: list[Mark], time: int) -> None:
+        """Draw something.
+
+        Args:
+            marks: it.
+            time: when it was said, ns since the epoch.
+        """
+        if not marks:
+            return
+        self._stream.set_time(TIMELINE, timestamp=self._np.datetime64(time, "ns"))
+        for mark in marks:
+            self._draw(mark)
+
+    def flush(self) -> None:
+        """Wait until what was drawn has arrived: this way a slow viewer holds up who draws, and its memory is not filled.
+
+        Raises:
+            RunError: the viewer is gone, or takes nothing more.
+        """
+        try:
+            self._stream.flush(timeout_sec=_FLUSH)
+        except Exception as error:  # of another language's library
+            raise RunError(f"Rerun takes nothing more: {error}") from None
+
+    def close(self) -> None:
+        """All has been drawn."""
+        try:
+            self._stream.flush(timeout_sec=_FLUSH)
+        except Exception:  # a viewer that was closed needs nothing more, and a file has what was written
+            pass
+        self._stream.disconnect()
+
+    def _draw(self, mark: Mark) -> None:
+        rr, log = self._rr, self._stream.log
+        match mark:
+            case Moved(path, parent, child, at, turned, always):
+                where = rr.Transform3D(
+                    translation=at, quaternion=rr.Quaternion(xyzw=turned), parent_frame=parent, child_frame=child
+                )
+                log(path, where, static=always)
+            case Axes(path, frame, length):
+                log(path, rr.CoordinateFrame(frame), rr.TransformAxes3D(length), static=True)
+            case Points(path, frame, places, colour, radius):
+                self._in_frame(path, frame)
+                log(path, rr.Points3D(self._places(places), colors=[colour], radii=[radius]))
+            case Strips(path, frame, strips, colour, radius):
+                self._in_frame(path, frame)
+                lines = [self._places(strip) for strip in strips]
+                log(path, rr.LineStrips3D(lines, colors=[colour], radii=[radius]))
+            case Numbers(path, values):
+                for name, value in values.items():
+                    log(f"{path}/{name}", rr.Scalars(value))
+            case Said(path, text, level):
+                log(path, rr.TextLog(text, level=level))
+            case Picture(path, image):
+                self._picture(path, image)
+            case Encoded(path, data, kind):
+                log(path, rr.EncodedImage(contents=data, media_type=kind))
+            case Grid(path, frame, grid):
+                self._grid(path, frame, grid)
+
+    def _in_frame(self, path: str, frame: str) -> None:
+        if self._framed.get(path) != frame:
+            self._framed[path] = frame
+            self._stream.log(path, self._rr.CoordinateFrame(frame))
+
+    def _places(self, places: Any) -> Any:
+        return self._np.asarray(places, self._np.float32).reshape(-1, 3)
+
+    def _picture(self, path: str, image: Any) -> None:
+        try:
+            array = image.array
+        except ValueError:
+            return  # of an encoding that nobody can draw
+        model = {"bgr8": "BGR", "bgra8": "BGRA", "rgb8": "RGB", "rgba8": "RGBA"}.get(image.encoding)
+        if array.ndim == 2 and image.encoding in ("16UC1", "32FC1"):
+            self._stream.log(path, self._rr.DepthImage(array, meter=1000.0 if image.encoding == "16UC1" else 1.0))
+        elif model is not None or array.ndim == 2:
+            self._stream.log(path, self._rr.Image(array, model or "L"))
+
+    def _grid(self, path: str, frame: str, grid: Any) -> None:
+        rr, info = self._rr, grid.info
+        at, turned = info.origin.position, info.origin.orientation
+        self._in_frame(path, frame)
+        form = rr.components.ImageFormat(width=info.width, height=info.height, color_model="L", channel_datatype="U8")
+        # Rows of a picture go down, and those of a map up.
+        rows = self._np.frombuffer(grid.data, self._np.uint8).reshape(info.height, info.width)[::-1]
+        self._stream.log(
+            path,
+            rr.GridMap(
+                data=rows.tobytes(),
+                format=form,
+                cell_size=info.resolution,
+                translation=[at.x, at.y, at.z],
+                quaternion=rr.Quaternion(xyzw=[turned.x, turned.y, turned.z, turned.w]),
+                colormap=rr.components.Colormap.RvizMap,
+            ),
+        )
