@@ -11,7 +11,7 @@ from robo.bag.read.reader import Bag
 from robo.bridges.rerun.pace import Pace
 from robo.bridges.rerun.scene import Scene
 from robo.bridges.rerun.sink import Sink
-from robo.errors import BagError
+from robo.errors import BagError, RunError
 from robo.interfaces import catalogue
 from robo.samples.stream import Arrival, Stream
 from robo.text.unreadable import UNREADABLE
@@ -64,7 +64,7 @@ class Feed:
                 if arrival is not None:
                     self._arrived(arrival)
                 if time.monotonic() - flushed > _FLUSH:
-                    self._sink.flush()
+                    self._flush(goes_on)
                     flushed = time.monotonic()
         finally:
             self.left_out = stream.left_out
@@ -94,10 +94,17 @@ class Feed:
             if isinstance(value, Message):
                 self._take(message.topic.name, value, message.published or message.arrived)
             if time.monotonic() - flushed > _FLUSH:
-                self._sink.flush()
+                self._flush(goes_on)
                 flushed = time.monotonic()
                 if not goes_on():
                     return
+
+    def _flush(self, goes_on: Callable[[], bool]) -> None:
+        try:
+            self._sink.flush()
+        except RunError:
+            if goes_on():
+                raise  # else somebody has closed the viewer, which is no mistake
 
     def _arrived(self, arrival: Arrival) -> None:
         kind, _, name = str(arrival.sample.encoding).partition(";")

@@ -19,7 +19,6 @@ from robo.bridges.rerun.marks import (
     Strips,
 )
 from robo.text.paths import unnested
-from robo.wire.codec import jsonable
 from robo_messages import LaserScan, Log, Message, OccupancyGrid, Odometry, Path, TFMessage, Twist
 from robo_messages.diagnostic import DiagnosticStatus
 from robo_messages.sensor import CompressedImage, Image
@@ -190,10 +189,7 @@ class Scene:
         now = (status.level, status.message)
         if self._told.get(key) != now:
             self._told[key] = now
-            level = _STATES.get(
-                int.from_bytes(status.level) if isinstance(status.level, bytes) else status.level, "INFO"
-            )
-            yield Said(f"{LOG}/{key}", status.message, level)
+            yield Said(f"{LOG}/{key}", status.message, _STATES.get(status.level, "INFO"))
 
     def _twist(self, key: str, twist: Twist) -> Iterator[Mark]:
         yield Numbers(f"{SPEED}/{key}", {"linear.x": twist.linear.x, "angular.z": twist.angular.z})
@@ -202,7 +198,7 @@ class Scene:
         """The numbers of any other type."""
         values = {
             path: float(value)
-            for path, value in unnested(jsonable(_plain(message)), ".")
+            for path, value in unnested(_plain(message), ".")
             if isinstance(value, (int, float)) and not path.startswith("header.")
         }
         if values:

@@ -1,5 +1,6 @@
 """What is drawn, handed to Rerun's library."""
 
+import contextlib
 import importlib
 from pathlib import Path
 from typing import Any
@@ -105,7 +106,7 @@ class Sink:
             self._draw(mark)
 
     def flush(self) -> None:
-        """Wait until what was drawn has arrived: this way a slow viewer holds up who draws, and its memory is not filled.
+        """Wait until what was drawn has arrived: a slow viewer holds up who draws, and no memory is filled.
 
         Raises:
             RunError: the viewer is gone, or takes nothing more.
@@ -117,10 +118,8 @@ class Sink:
 
     def close(self) -> None:
         """All has been drawn."""
-        try:
+        with contextlib.suppress(Exception):  # a viewer that was closed needs nothing more
             self._stream.flush(timeout_sec=_FLUSH)
-        except Exception:  # a viewer that was closed needs nothing more, and a file has what was written
-            pass
         self._stream.disconnect()
 
     def _draw(self, mark: Mark) -> None:

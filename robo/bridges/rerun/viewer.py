@@ -58,9 +58,8 @@ class Viewer:
         end = time.monotonic() + _READY
         while time.monotonic() < end:
             if not self.is_open:
-                raise RunError(
-                    f"Rerun's viewer ended with {self._process.returncode}: is there a display? --web shows it in a browser"
-                )
+                code = self._process.returncode
+                raise RunError(f"Rerun's viewer ended with {code}: is there a display? --web shows it in a browser")
             with socket.socket() as probe:
                 if probe.connect_ex((LOOPBACK, port)) == 0:
                     return
@@ -74,9 +73,7 @@ class Viewer:
             try:
                 probe.bind((LOOPBACK, port))
             except OSError as error:
-                text = (
-                    f"port {port} of {LOOPBACK} cannot be had ({error.strerror}): say another one by --port, --web-port"
-                )
+                text = f"port {port} of {LOOPBACK} cannot be had: {error.strerror}; --port and --web-port say others"
                 raise NetworkError(text) from None
 
 

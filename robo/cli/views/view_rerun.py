@@ -3,7 +3,7 @@
 import signal
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
@@ -111,10 +111,8 @@ def _feed(feed: Feed, reach: Reach, asked: Asked, viewer: Viewer | None) -> None
     with connect_to_robot(reach) as session:
         nodes_of(session, reach)
         end = time.monotonic() + asked.duration if asked.duration is not None else None
-        try:
+        with suppress(KeyboardInterrupt):  # which is how it ends; the file is whole all the same
             feed.live(session, _keys(reach, asked.topics), goes_on, end)
-        except KeyboardInterrupt:
-            pass  # which is how it ends; the file is whole all the same
 
 
 def _recorded_names(recording: bag.Bag, reach: Reach, asked: Asked) -> list[str]:
@@ -136,11 +134,9 @@ def _keys(reach: Reach, topics: Sequence[str]) -> list[str]:
 def _wait(viewer: Viewer, duration: float | None) -> None:
     """Until somebody closes it, or has seen enough."""
     end = time.monotonic() + duration if duration is not None else None
-    try:
+    with suppress(KeyboardInterrupt):
         while viewer.is_open and (end is None or time.monotonic() < end):
             time.sleep(_PERIOD)
-    except KeyboardInterrupt:
-        pass
 
 
 @contextmanager
