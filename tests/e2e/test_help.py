@@ -33,13 +33,19 @@ def examples_of(command: Any, path: tuple[str, ...] = ()) -> dict[tuple[str, ...
 _OF_THEIR_OWN: dict[tuple[str, ...], str] = {("run",): run.USAGE, ("health",): health.EXAMPLES}
 """Help of verbs that do without the library of the command line."""
 EXAMPLES = examples_of(get_command(app))
-NOT_RUN = {("keeper",): "it needs a container engine; tests/integration/test_keeper.py has one of its own"}
+NOT_RUN = {
+    ("keeper",): "it needs a container engine; tests/integration/test_keeper.py has one of its own",
+    (
+        "view",
+        "rerun",
+    ): "it needs Rerun; tests/integration/test_rerun.py writes files where it is installed",
+}
 ALONE = {("up",), ("router",), ("run",)}
 """Verbs that are tried where no robot runs."""
 NO_MATTER = {
     ("check",), ("create",), ("replay-test",), ("schema",), ("test",), ("export", "compose"), ("export", "dockerfile"),
-    ("node", "show"),
-    *(("bag", verb) for verb in ("info", "check", "cut", "filter", "merge", "diff", "recover", "convert")),
+    ("node", "show"), ("map",),
+    *(("bag", verb) for verb in ("info", "check", "cut", "filter", "merge", "diff", "recover", "convert", "plot")),
 }  # fmt: skip
 """Verbs that look at no network."""
 

@@ -1,10 +1,10 @@
-"""In which fields two messages differ. Pure."""
+"""Fields of messages: looked up, as numbers, and in which of them two messages differ. Pure."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from robo_messages import Message
+from robo_messages import Duration, Message, Time
 
 
 class Unequal(NamedTuple):
@@ -41,3 +41,28 @@ def same(a: Any, b: Any) -> bool:
     if isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)):
         return len(a) == len(b) and all(map(same, a, b))
     return bool(a == b)
+
+
+def number(value: Any) -> float | None:
+    """What a value is as a number: times in s; None where it is none."""
+    if isinstance(value, (Time, Duration)):
+        return value.to_seconds()
+    return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+
+
+Walk = Callable[[Any], Any]
+
+
+def at(field: str) -> Walk:
+    """What looks a field up in a message: `pose.pose.position.x`, `ranges.17`; None where it is not there."""
+    steps = field.split(".")
+
+    def walk(value: Any) -> Any:
+        for step in steps:
+            try:
+                value = value[int(step)] if step.isdecimal() else getattr(value, step)
+            except (AttributeError, IndexError, TypeError):
+                return None
+        return value
+
+    return walk

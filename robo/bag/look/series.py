@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from robo.bag.look.fields import at, number
 from robo.bag.progress import Tell, counted, silent
 from robo.bag.read.reader import Bag
-from robo.bag.regression.comparing import at, number
 from robo.errors import UsageError
 from robo.interfaces.units import unit_of
 from robo.text.suggestions import suggest

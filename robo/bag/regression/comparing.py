@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from robo.bag.look.fields import Unequal, unequal
+from robo.bag.look.fields import Unequal, number, unequal
 from robo.bag.read.reader import Bag
 from robo.bag.read.topics import BagMessage
 from robo.bag.regression.alignment import Pairs, by_time, in_order
@@ -201,13 +201,6 @@ def earliest_first(topics: Sequence[TopicReport], said: Bag) -> list[TopicReport
     return sorted(topics, key=lambda topic: (topic.first, order.get(topic.name, len(first))))
 
 
-def number(value: Any) -> float | None:
-    """What a value is as a number: times in s; None where it is none."""
-    if isinstance(value, (Time, Duration)):
-        return value.to_seconds()
-    return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
-
-
 def _allowed(tolerance: Tolerance, a: Any, b: Any) -> bool:
     if isinstance(a, (Time, Duration)):
         size = _size(a, b)
@@ -239,21 +232,3 @@ def _value(value: Any) -> Value:
     if isinstance(value, (list, tuple)):
         return f"{len(value)} elements"
     return value if isinstance(value, str) and len(value) <= 60 else shown(value)
-
-
-Walk = Callable[[Any], Any]
-
-
-def at(field: str) -> Walk:
-    """What looks a field up in a message: `pose.pose.position.x`, `ranges.17`; None where it is not there."""
-    steps = field.split(".")
-
-    def walk(value: Any) -> Any:
-        for step in steps:
-            try:
-                value = value[int(step)] if step.isdecimal() else getattr(value, step)
-            except (AttributeError, IndexError, TypeError):
-                return None
-        return value
-
-    return walk

@@ -4,18 +4,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from robo import bag
-from robo.bag.look.series import Series, series
+from robo.bag.look.series import series
 from robo.bag.moments import moment
 from robo.bag.of_robot import only_robot
 from robo.bag.patterns import chosen
-from robo.cli.printing import amount, note, print_line, print_text, write_file
+from robo.cli.printing import amount, note, print_line
 from robo.cli.views.bag_progress import progress
-from robo.errors import UsageError
+from robo.cli.views.pictures import STANDARD, check_ending, panels_of, written
 from robo.text.dates import date
-from robo.text.svg import Curve, Panel, Theme, curves
+from robo.text.svg import Theme, curves
 from robo.text.terminal import visible
 
-STANDARD = "-"
 _MOST_CURVES = 24
 """Of a picture: more nobody tells apart."""
 
@@ -51,35 +50,3 @@ def plot(
     if output != STANDARD:
         count = sum(one.values for one in shown)
         print_line(visible(f"{output}: {amount(len(shown), 'curve')} of {count:,} values"))
-
-
-def panels_of(found: Sequence[Series]) -> list[Panel]:
-    """Curves by their units, in the order in which these come."""
-    several = len({one.topic for one in found}) > 1
-    by_unit: dict[str, list[Curve]] = {}
-    for one in found:
-        name = f"{one.topic} {one.field}" if several else one.field
-        by_unit.setdefault(one.unit, []).append(Curve(name, one.points))
-    return [Panel(lines, unit) for unit, lines in by_unit.items()]
-
-
-def check_ending(output: str, endings: Sequence[str]) -> None:
-    """Whether a name says that it is a picture: what is written would else take the place of something else.
-
-    Raises:
-        UsageError: it does not.
-    """
-    if output != STANDARD and not output.lower().endswith(tuple(endings)):
-        raise UsageError(f"{output}: end its name in {' or '.join(endings)}")
-
-
-def written(text: str, output: str) -> None:
-    """Write a picture.
-
-    Raises:
-        UsageError: it cannot be written.
-    """
-    if output == STANDARD:
-        print_text(text.rstrip("\n"))
-    else:
-        write_file(text, Path(output))

@@ -5,7 +5,7 @@ from pathlib import Path
 from robo.cli.connection import connect_to_robot, nodes_of
 from robo.cli.printing import amount, note, print_line, print_text, write_file
 from robo.cli.reach import Reach
-from robo.cli.views.bag_plot import check_ending
+from robo.cli.views.pictures import check_ending
 from robo.errors import UsageError
 from robo.text import graph
 from robo.text.graph_svg import graph_svg

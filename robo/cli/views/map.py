@@ -4,8 +4,8 @@ import sys
 from pathlib import Path
 
 from robo.cli.printing import amount, note, print_line
-from robo.cli.views.bag_plot import STANDARD, check_ending, written
 from robo.cli.views.bag_progress import progress
+from robo.cli.views.pictures import STANDARD, check_ending, written
 from robo.errors import UsageError
 from robo.recording.map.picture import as_png, as_svg, facts
 from robo.recording.map.sources import Wanted, walk_of

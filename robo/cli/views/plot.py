@@ -16,7 +16,7 @@ from robo.cli.connection import connect_to_robot
 from robo.cli.link import watched
 from robo.cli.printing import note, write_file
 from robo.cli.reach import Reach
-from robo.cli.views.bag_plot import check_ending, panels_of
+from robo.cli.views.pictures import check_ending, panels_of
 from robo.cli.views.screen import Screen
 from robo.cli.views.waiting import complain_of_few, tell_who_is_waited_for
 from robo.errors import UsageError

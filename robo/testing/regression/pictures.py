@@ -4,8 +4,8 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
+from robo.bag.look.fields import at, number
 from robo.bag.read.reader import Bag
-from robo.bag.regression.comparing import at, number
 from robo.bag.regression.report import Spot
 from robo.errors import UsageError
 from robo.text.svg import Point, plot
