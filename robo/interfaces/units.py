@@ -16,8 +16,8 @@ _UNITS = (
     "A", "Ah", "W", "°C", "K", "N·m", "N", "Hz", "Pa", "lx", "T", "kg", "°", "B", "%",
 )  # fmt: skip
 _ONE = "|".join(map(re.escape, sorted(_UNITS, key=len, reverse=True)))
-_SAID = re.compile(rf"(?:^|, )({_ONE})(?=[.,;]|$| per | \()")
-_SEVERAL = re.compile(rf"(?:^|, )(?:{_ONE})(?: and | or |, |; )(?:{_ONE})\b")
+_SAID = re.compile(rf"(?:^|[,;] )({_ONE})(?=[.,;]|$| per | \()")
+_SEVERAL = re.compile(rf"(?:^|[,;] )(?:{_ONE})(?: and | or |, |; )(?:{_ONE})\b")
 _STEP = re.compile(r"[^.\[\]]+")
 
 

@@ -247,3 +247,32 @@ def test_what_cannot_be_converted_is_told(words: tuple[str, ...], code: int, tex
     found, _, said = run(folder, "convert", *words)
     assert (found, text in said) == (code, True), said
     assert sorted(folder.iterdir()) == before
+
+
+def test_plot(folder: Path) -> None:
+    told = made(folder, "plot", "drive.mcap", "cmd_vel", "odom", "--field", "linear.x", "-o", "speed.svg")
+    assert told == "speed.svg: 1 curve of 100 values\n"
+    assert "<svg" in (folder / "speed.svg").read_text()
+    assert made(folder, "plot", "drive.mcap", "**", "-o", "-").startswith("<svg")
+    for words, wanted in (
+        (("drive.mcap", "scan", "-o", "drive.mcap"), "end its name in .svg"),
+        (("drive.mcap", "scan", "-o", "no/such/place.svg"), "cannot be written"),
+        (("drive.mcap", "skan", "-o", "a.svg"), "did you mean"),
+        (("drive.mcap", "odom", "-o", "a.svg", "--field", "pose.pos"), "did you mean"),
+        (("drive.mcap", "odom", "-o", "a.svg", "--start", "soon"), "is no time"),
+    ):
+        code, out, said = run(folder, "plot", *words)
+        assert (code, out) == (2, "")
+        assert wanted in said
+    assert run(folder, "plot", "cut.mcap", "cmd_vel", "-o", "a.svg")[0] == 0
+
+
+def test_map(folder: Path) -> None:
+    for name in ("way.svg", "way.png"):
+        result = run_robo("map", "drive.mcap", "-o", name, cwd=str(folder))
+        assert result.returncode == 0, result.stderr
+        assert result.stdout == f"{name}: 10 scans, 20 points; 0.9 m driven, in frame odom\n"
+        assert (folder / name).stat().st_size > 500
+    result = run_robo("map", "drive.mcap", "-o", "way.gif", cwd=str(folder))
+    assert (result.returncode, result.stdout) == (2, "")
+    assert "end its name in .svg or .png" in result.stderr

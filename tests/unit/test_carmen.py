@@ -24,7 +24,7 @@ def read(*lines: str) -> list[Record]:
 def test_records_are_read_as_they_stand() -> None:
     motion, scan = read(ODOM, FLASER)
     assert motion == Motion(1, 976052857_350191000, 1.5, -2.0, 0.5, 0.3, 0.1)
-    assert scan == Scan(2, 12_250_000_000, [1.0, 2.5, 81.83])
+    assert scan == Scan(2, 12_250_000_000, [1.0, 2.5, 81.83], (9.0, 9.0, 9.0))
 
 
 def test_other_lines_are_passed_over_but_counted() -> None:

@@ -1,0 +1,138 @@
+"""`robo view rerun` where Rerun is installed: what it writes is read back with Rerun's own reader."""
+
+import threading
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+import zenoh
+
+import robo_messages
+from robo import bag
+from robo.bag.progress import silent
+from robo.bridges.rerun.feed import Feed
+from robo.bridges.rerun.pace import Pace
+from robo.bridges.rerun.scene import Scene
+from robo.bridges.rerun.sink import Sink
+from robo.bridges.rerun.viewer import Viewer
+from robo.errors import NetworkError
+from robo.samples.publishing import Sender
+from robo.wire.qos import QoS
+from robo_messages import LaserScan, Log, MapMetaData, OccupancyGrid, Twist
+from robo_messages.sensor import Image
+from tests import bags
+from tests.conftest import free_port
+from tests.support import eventually
+
+chunk = pytest.importorskip("rerun.chunk", reason="Rerun is not installed: pip install 'robo-zenoh[rerun]'")
+
+pytestmark = pytest.mark.timeout(60)
+
+
+def rows_of(file: Path) -> Counter[str]:
+    """How many rows of data each entity of a file has."""
+    found: Counter[str] = Counter()
+    for one in chunk.RrdReader(file).stream():
+        found[one.entity_path] += one.num_rows
+    return found
+
+
+def test_a_recording_is_written_whole(tmp_path: Path) -> None:
+    bags.drive(tmp_path / "drive.mcap")
+    sink = Sink("drive")
+    sink.save(tmp_path / "drive.rrd")
+    feed = Feed(sink, Pace(0.0))
+    with bag.open(tmp_path / "drive.mcap") as recording:
+        feed.recorded(recording, list(recording.topics), lambda: True, silent)
+    sink.close()
+    assert feed.drawn == 122
+    rows = rows_of(tmp_path / "drive.rrd")
+    assert rows["/plots/speed/r1/cmd_vel/linear.x"] == 100
+    assert rows["/r1/scan"] >= 10
+    assert rows["/r1/tf/base_link"] >= 10
+    assert rows["/r1/trail"] > 0
+    times = [
+        one.to_record_batch().column("time")[0].value
+        for one in chunk.RrdReader(tmp_path / "drive.rrd").stream()
+        if one.entity_path == "/plots/speed/r1/cmd_vel/linear.x"
+    ]
+    assert min(times) == bags.START  # on the timeline of publishing, ns
+
+
+def test_pictures_maps_and_logs_are_drawn(tmp_path: Path) -> None:
+    np = pytest.importorskip("numpy")
+    sink = Sink("")
+    sink.save(tmp_path / "all.rrd")
+    scene = Scene()
+    pictures: list[tuple[str, Any]] = [
+        ("r1/rgb", Image.from_array(np.zeros((4, 5, 3), np.uint8), "rgb8")),
+        ("r1/bgr", Image.from_array(np.zeros((4, 5, 3), np.uint8), "bgr8")),
+        ("r1/mono", Image.from_array(np.zeros((4, 5), np.uint8), "mono8")),
+        ("r1/depth", Image.from_array(np.ones((4, 5), np.uint16), "16UC1")),
+        ("r1/map", OccupancyGrid(info=MapMetaData(resolution=0.1, width=3, height=2), data=memoryview(bytes(6)))),
+        ("r1/log", Log(level=Log.ERROR, name="/r1/a", msg="no")),
+    ]
+    for key, message in pictures:
+        sink.draw(scene.take(key, message), 10**18)
+    sink.draw(scene.take("r1/odd", Image(width=9, height=9, encoding="nobody8")), 10**18)
+    sink.lay_out(scene.pictures, ["r1/trail"])
+    sink.close()
+    rows = rows_of(tmp_path / "all.rrd")
+    assert {"/r1/rgb", "/r1/bgr", "/r1/mono", "/r1/depth", "/r1/map", "/log/r1/a"} <= rows.keys()
+    assert "/r1/odd" not in rows
+
+
+def test_what_comes_live_is_drawn_until_it_is_enough(tmp_path: Path, session: zenoh.Session) -> None:
+    sink = Sink("r1")
+    sink.save(tmp_path / "live.rrd")
+    feed = Feed(sink, Pace(0.0))
+    enough = threading.Event()
+    thread = threading.Thread(
+        target=feed.live, args=(session, ["r1/**"], lambda: not enough.is_set(), time.monotonic() + 40)
+    )
+    thread.start()
+    with_scan = Sender(session, "r1/scan", "sensor/LaserScan", QoS.DEFAULT)
+    with_speed = Sender(session, "r1/cmd_vel", "geometry/Twist", QoS.DEFAULT)
+
+    def say() -> bool:
+        with_scan.send(robo_messages.encode(LaserScan(ranges=[1.0], range_max=2.0)))
+        with_speed.send(robo_messages.encode(Twist()))
+        return feed.drawn >= 6
+
+    eventually(say, "messages that are drawn")
+    session.put("r1/scan", b"\xc1", encoding=zenoh.Encoding("application/msgpack;sensor/LaserScan"))
+    eventually(lambda: feed.unreadable == 1, "what makes no sense, counted")
+    enough.set()
+    thread.join(20)
+    assert not thread.is_alive()
+    sink.close()
+    assert rows_of(tmp_path / "live.rrd")["/r1/scan"] >= 3
+
+
+def test_the_viewer_hears_this_machine_alone_and_ends_with_us() -> None:
+    port, web_port = free_port(), free_port()
+    viewer = Viewer(port, "100MiB", web_port)
+    try:
+        (child,) = [one for one in psutil.Process().children() if "rerun" in one.name()]
+        eventually(lambda: len(_heard(child)) == 2, "both ports")
+        assert {*_heard(child)} == {("127.0.0.1", port), ("127.0.0.1", web_port)}
+        sink = Sink("r1")
+        sink.connect(port)
+        feed = Feed(sink, Pace())
+        sink.flush()
+        sink.close()
+        assert feed.drawn == 0
+        with pytest.raises(NetworkError, match=f"port {port} of 127.0.0.1 cannot be had"):
+            Viewer(port, "100MiB", None)
+    finally:
+        viewer.close()
+    assert not viewer.is_open
+    assert not child.is_running()
+
+
+def _heard(process: psutil.Process) -> list[tuple[str, int]]:
+    ends = process.net_connections("tcp")
+    return [(end.laddr.ip, end.laddr.port) for end in ends if end.status == psutil.CONN_LISTEN]

@@ -1,0 +1,179 @@
+"""Pictures of curves, graphs and maps: what is in them, and that nothing lies on anything else."""
+
+import math
+import struct
+import zlib
+from itertools import combinations, pairwise
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robo import bag
+from robo.bag.look.series import series
+from robo.errors import UsageError
+from robo.interfaces.units import unit_of
+from robo.text.canvas import Canvas
+from robo.text.graph import Edge, GraphNode, build
+from robo.text.graph_svg import graph_svg
+from robo.text.layers import Box, layout
+from robo.text.png import png
+from robo.text.svg import Curve, Panel, Theme, curves, ticks
+from robo.text.thinning import Thinned
+from robo_messages import LaserScan, Message, Odometry, PoseStamped, Twist
+from robo_messages.sensor import BatteryState
+from tests import bags
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def texts(svg: str) -> list[str]:
+    return [element.text or "" for element in ElementTree.fromstring(svg).iter(f"{SVG}text")]
+
+
+@pytest.mark.parametrize(
+    ("type_", "path", "unit"),
+    [
+        (Odometry, "pose.pose.position.x", "m"),
+        (Odometry, "pose.pose.orientation.z", ""),
+        (Odometry, "pose.covariance[0]", ""),
+        (Odometry, "twist.twist.linear.x", "m/s"),
+        (Odometry, "twist.twist.angular.z", "rad/s"),
+        (Odometry, "header.stamp", "s"),
+        (LaserScan, "ranges[3]", "m"),
+        (LaserScan, "angle_min", "rad"),
+        (Twist, "linear.x", "m/s"),
+        (BatteryState, "voltage", "V"),
+        (BatteryState, "percentage", ""),
+        (PoseStamped, "pose.position.y", "m"),
+        (Twist, "no.such", ""),
+    ],
+)
+def test_the_unit_of_a_field_is_what_its_type_says(type_: type[Message], path: str, unit: str) -> None:
+    assert unit_of(type_, path) == unit
+
+
+@given(st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=300), st.integers(2, 40))
+def test_thinned_lines_keep_their_peaks(values: list[float], most: int) -> None:
+    line = Thinned(most)
+    for time, value in enumerate(values):
+        line.add(float(time), value)
+    kept = line.points
+    assert len(kept) <= 3 * most
+    assert [time for time, _ in kept] == sorted(time for time, _ in kept)
+    finite = [value for value in values if math.isfinite(value)]
+    shown = [value for _, value in kept if math.isfinite(value)]
+    assert (min(finite, default=0), max(finite, default=0)) == (min(shown, default=0), max(shown, default=0))
+    assert line.count == len(values)
+
+
+@given(st.floats(-1e300, 1e300), st.floats(0, 1e300))
+def test_ticks_are_few_and_within(low: float, size: float) -> None:
+    found = ticks(low, low + size)
+    assert 1 <= len(found) <= 8
+    assert all(low - size * 1e-6 <= one <= low + size * (1 + 1e-6) or one in (low, low + size) for one in found)
+
+
+@pytest.mark.parametrize("theme", ["auto", "light", "dark"])
+def test_curves_have_names_units_and_times(theme: Theme) -> None:
+    line = Curve("r1/odom <b>x</b>", [(0.0, 1.0), (1.0, math.nan), (2.0, 3.0), (3.0, 2.0)])
+    svg = curves("a & b\x00\x1b", [Panel([line], "m/s"), Panel([Curve("none", [])])], "s since then", theme=theme)
+    assert {"a & b��", "m/s", "r1/odom <b>x</b>", "none", "s since then"} <= {*texts(svg)}
+    (path,) = ElementTree.fromstring(svg).iter(f"{SVG}path")
+    assert path.get("d", "").count("M") == 2  # a gap
+    assert "h0" in path.get("d", "")  # a point alone is seen
+    assert ("prefers-color-scheme" in svg) == (theme == "auto")
+    assert "http" not in svg.replace("http://www.w3.org/2000/svg", "")
+
+
+def test_values_of_any_size_are_drawn() -> None:
+    svg = curves("t", [Panel([Curve("a", [(0.0, -1.7e308), (1.0, 1.7e308)])])], "s")
+    assert "nan" not in svg
+    assert "inf" not in svg
+
+
+def test_series_of_a_recording(tmp_path: Path) -> None:
+    bags.drive(tmp_path / "drive.mcap")
+    with bag.open(tmp_path / "drive.mcap") as recording:
+        names = ["r1/cmd_vel", "r1/odom"]
+        found = series(recording, names, [])
+        assert [(one.topic, one.field, one.unit) for one in found] == [
+            ("r1/cmd_vel", "linear.x", "m/s"),
+            ("r1/odom", "pose.pose.position.x", "m"),
+        ]
+        assert found[0].values == 100
+        assert found[0].points[-1] == pytest.approx((0.99, 9.9))
+        (ranges,) = series(recording, ["r1/scan"], ["ranges[1]"])
+        assert {value for _, value in ranges.points} == {2.0}
+        half = recording.begin + 500 * bags.MS
+        (part,) = series(recording, ["r1/cmd_vel"], ["linear.x"], begin=half)
+        assert part.points[0][0] == pytest.approx(0.0, abs=0.011)
+        for fields, told in ((["lin.x"], "did you mean linear.x"), (["linear"], "no number"), (["a b"], "write names")):
+            with pytest.raises(UsageError, match=told):
+                series(recording, ["r1/cmd_vel"], fields)
+
+
+def overlap(a: Box, b: Box) -> bool:
+    return a.x < b.x + b.width and b.x < a.x + a.width and a.y < b.y + b.height and b.y < a.y + a.height
+
+
+@given(st.data())
+def test_no_box_lies_on_another_and_no_arrow_crosses_one(data: st.DataObject) -> None:
+    count = data.draw(st.integers(1, 14))
+    sizes = {name: (data.draw(st.integers(40, 300)), data.draw(st.integers(20, 60))) for name in range(count)}
+    ends = st.integers(0, count - 1)
+    arrows = data.draw(st.lists(st.tuples(ends, ends), max_size=30))
+    placed = layout({name: (float(w), float(h)) for name, (w, h) in sizes.items()}, arrows)
+    for a, b in combinations(placed.boxes.values(), 2):
+        assert not overlap(a, b)
+    assert len(placed.arrows) == len(arrows)
+    for route in placed.arrows:
+        for (x, y), (to_x, to_y) in list(pairwise(route))[1::2]:  # where it passes boxes
+            assert y == to_y
+            passage = Box(min(x, to_x), y - 0.5, abs(to_x - x), 1.0)
+            assert not any(overlap(passage, box) for box in placed.boxes.values())
+
+
+def test_a_graph_says_all_and_what_is_wrong() -> None:
+    nodes = [GraphNode("/r1/a", "m:A"), GraphNode("/r1/b", "m:B")]
+    edges = [
+        Edge("/r1/a", "pub", "r1/odom", "nav/Odometry"),
+        Edge("/r1/b", "sub", "r1/odom", "nav/Odometry"),
+        Edge("/r1/b", "pub", "r1/lost", "std/Bool"),
+        Edge("/r1/b", "pub", "r1/back", "std/Bool"),
+        Edge("/r1/a", "sub", "r1/back", "std/Bool"),
+        Edge("/r1/a", "srv", "r1/reset", "std/Trigger"),
+        Edge("zenoh:<1>", "cli", "r1/reset", "std/Trigger"),
+    ]
+    svg = graph_svg(build(nodes, edges), "r1 <graph>")
+    wanted = {"/r1/a", "A", "r1/odom", "nav/Odometry", "nobody subscribes it", "r1/reset", "zenoh:<1>", "r1 <graph>"}
+    assert wanted <= {*texts(svg)}
+    drawn = [one for one in ElementTree.fromstring(svg).iter(f"{SVG}path") if "arrow " in one.get("class", "")]
+    assert len(drawn) == 7
+    ElementTree.fromstring(graph_svg(build([], []), "nothing"))
+
+
+def test_a_png_has_its_pixels() -> None:
+    canvas = Canvas(7, 3)
+    canvas.block(-2, 1, 5, 9, 1)
+    canvas.lines([(4.0, 0.0), (6.0, 0.0), (1e9, 0.0)], 1, 2)
+    data = png(7, 3, canvas.pixels, [(255, 255, 255, 255), (0, 0, 0, 255), (9, 9, 9, 128)])
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    at, found = 8, {}
+    while at < len(data):
+        (size,) = struct.unpack(">I", data[at : at + 4])
+        kind, body = data[at + 4 : at + 8], data[at + 8 : at + 8 + size]
+        assert struct.unpack(">I", data[at + 8 + size : at + 12 + size])[0] == zlib.crc32(kind + body)
+        found[kind] = body
+        at += 12 + size
+    rows = zlib.decompress(found[b"IDAT"])
+    assert rows == b"\0\0\0\0\0\2\2\2" + b"\0\1\1\1\0\0\0\0" * 2
+    assert (len(found[b"PLTE"]), found[b"tRNS"]) == (9, bytes([255, 255, 128]))
+
+
+def test_a_canvas_writes_numbers() -> None:
+    canvas = Canvas(40, 10)
+    canvas.text(0, 0, "5 m", 1, size=1)
+    assert 10 < sum(canvas.pixels) < 60
