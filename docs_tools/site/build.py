@@ -24,6 +24,7 @@ SECTIONS = {
     "Robots": (
         "running", "launch", "driving", "simulation", "sensors", "localization",
         "several_robots", "hosts", "tools", "foxglove", "debugging",
+        "several_robots", "hosts", "tools", "viewing", "debugging",
     ),
     "Recordings": ("recording", "playing", "recordings", "flight_recorder", "replay_test"),
     "Nodes": (

@@ -11,10 +11,10 @@ VERBS: dict[str, str] = {
     "multicast": "robo uses no multicast; robo doctor checks this machine's network, robo net shows who is linked",
     "rqt": "robo has no windows: robo top, robo graph, robo topic plot, robo logs -f and robo param set do that",
     "rqt_console": "robo logs -f --level warn",
-    "rqt_graph": "robo graph draws what runs; --format mermaid or dot for other programs",
-    "rqt_plot": "robo topic plot KEY --field PATH",
+    "rqt_graph": "robo graph draws what runs; --svg FILE as a picture, --format mermaid or dot for other programs",
+    "rqt_plot": "robo topic plot KEY --field PATH; robo bag plot BAG TOPIC --field PATH of a recording",
     "rqt_reconfigure": "robo param list, describe and set",
-    "rviz": "robo has no viewer yet; robo topic plot, robo top and robo graph show what runs in a terminal",
+    "rviz": "robo view rerun shows frames, scans, paths, maps and pictures, live or of a recording; see docs/viewing.md",
     "security": "TLS and access control are Zenoh's: robo up --network-config FILE, see docs/hosts.md",
     "srv": "robo interface list shows all types, robo interface show TYPE one",
     "teleop": "robo run robo_services teleop_keyboard --robot-name r1 -r cmd_vel:=cmd_vel_key drives by keys,"

@@ -257,7 +257,7 @@ def test_plot(folder: Path) -> None:
     for words, wanted in (
         (("drive.mcap", "scan", "-o", "drive.mcap"), "end its name in .svg"),
         (("drive.mcap", "scan", "-o", "no/such/place.svg"), "cannot be written"),
-        (("drive.mcap", "skan", "-o", "a.svg"), "did you mean"),
+        (("drive.mcap", "skan", "-o", "a.svg"), "it has no topic skan"),
         (("drive.mcap", "odom", "-o", "a.svg", "--field", "pose.pos"), "did you mean"),
         (("drive.mcap", "odom", "-o", "a.svg", "--start", "soon"), "is no time"),
     ):

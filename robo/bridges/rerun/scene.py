@@ -192,7 +192,9 @@ class Scene:
             yield Said(f"{LOG}/{key}", status.message, _STATES.get(status.level, "INFO"))
 
     def _twist(self, key: str, twist: Twist) -> Iterator[Mark]:
-        yield Numbers(f"{SPEED}/{key}", {"linear.x": twist.linear.x, "angular.z": twist.angular.z})
+        # What the base is told at the end is beside what it does; those who want to drive are many curves.
+        where = SPEED if key.rpartition("/")[2] == "cmd_vel" else VALUES
+        yield Numbers(f"{where}/{key}", {"linear.x": twist.linear.x, "angular.z": twist.angular.z})
 
     def _values(self, key: str, message: Message) -> Iterator[Mark]:
         """The numbers of any other type."""

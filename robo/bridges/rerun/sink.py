@@ -72,7 +72,12 @@ class Sink:
             origin="/",
             contents=["/**", "- /plots/**", f"- /{LOG}/**", *(f"- /{one}" for one in pictures)],
             spatial_information=rrb.SpatialInformation(WORLD, show_axes=False),
-            eye_controls=rrb.EyeControls3D(position=(-7.0, -7.0, 13.0), look_target=(1.0, 1.0, 0.0), eye_up=(0, 0, 1)),
+            eye_controls=rrb.EyeControls3D(
+                position=(-4.0, -6.0, 9.0),
+                look_target=(0.0, 0.0, 0.0),
+                eye_up=(0.0, 0.0, 1.0),
+                tracking_entity=f"/{trails[0].rpartition('/')[0]}/base" if trails else None,
+            ),
             overrides={f"/{one}": [rrb.VisibleTimeRanges([until_now])] for one in trails},
         )
         beside = [rrb.Spatial2DView(name=one, origin=f"/{one}") for one in pictures[:4]]
