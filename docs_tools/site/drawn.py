@@ -1,6 +1,6 @@
 """Pictures in docs/images that robo draws of recordings and logs: `python -m docs_tools.site.drawn [LOG]`.
 
-They are committed; made again where what they show has changed. LOG is that of the Intel Research Lab, which is not part of
+They are committed; made again where what they show has changed. LOG is that of the Intel Research Lab, not part of
 this repository: where it is not there, its picture is left as it is.
 """
 
@@ -27,7 +27,8 @@ def main(words: Sequence[str]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         drive = Path(folder) / "room.mcap"
         robo("bag", "convert", ROOM, "-o", drive, "--robot-name", "r1")
-        fields = ("--field", "twist.twist.linear.x", "--field", "twist.twist.angular.z")
+        names = ("pose.pose.position.x", "pose.pose.position.y", "twist.twist.linear.x")
+        fields = [word for name in names for word in ("--field", name)]
         robo("bag", "plot", drive, "odom", *fields, "-o", FOLDER / "speed.svg")
     log = Path(words[0]) if words else INTEL
     if log.exists():

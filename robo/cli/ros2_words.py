@@ -14,7 +14,7 @@ VERBS: dict[str, str] = {
     "rqt_graph": "robo graph draws what runs; --svg FILE as a picture, --format mermaid or dot for other programs",
     "rqt_plot": "robo topic plot KEY --field PATH; robo bag plot BAG TOPIC --field PATH of a recording",
     "rqt_reconfigure": "robo param list, describe and set",
-    "rviz": "robo view rerun shows frames, scans, paths, maps and pictures, live or of a recording; see docs/viewing.md",
+    "rviz": "robo view rerun shows frames, scans, paths, maps, pictures, live or of a recording; see docs/viewing.md",
     "security": "TLS and access control are Zenoh's: robo up --network-config FILE, see docs/hosts.md",
     "srv": "robo interface list shows all types, robo interface show TYPE one",
     "teleop": "robo run robo_services teleop_keyboard --robot-name r1 -r cmd_vel:=cmd_vel_key drives by keys,"
