@@ -25,14 +25,21 @@ from robo.bag.forms.from_carmen import from_carmen
 from robo.bag.forms.from_csv import from_csv
 from robo.bag.forms.json_lines import from_json_lines, to_json_lines
 from robo.bag.forms.to_csv import to_csv
+from robo.bag.look.series import series
 from robo.bag.mcap import format as mcap
 from robo.bag.mcap.compression import restored
 from robo.bag.of_robot import robots_of
 from robo.bag.patterns import chosen
+from robo.bag.progress import silent
 from robo.bag.read.reader import Order
 from robo.errors import BagError, UsageError
+from robo.cli.views.pictures import panels_of
+from robo.errors import BagError, DamagedBag, UsageError
+from robo.recording.map.picture import as_svg
+from robo.recording.map.sources import Wanted, walk_of
 from robo.recording.play.tape import BagTape, Ready
 from robo.recording.play.topics import Choice, select
+from robo.text.svg import curves
 from tests import bags
 
 MEMORY = 2**30
@@ -248,6 +255,16 @@ def _table(path: Path, whole: Path) -> None:
     _is_whole(whole)
 
 
+def _curves(path: Path, _: Path) -> None:
+    with bag.open(path) as opened:
+        found = series(opened, [name for name, topic in opened.topics.items() if topic.known], [])
+    curves("all", panels_of(found), "s")
+
+
+def _map(path: Path, _: Path) -> None:
+    assert len(as_svg(walk_of(str(path), Wanted(), silent), path.name, "auto")) < 2_000_000
+
+
 def _recover(path: Path, whole: Path) -> None:
     bag.recover(path, whole)
     _is_whole(whole)
@@ -259,7 +276,7 @@ def _recover(path: Path, whole: Path) -> None:
 _USES: dict[str, Callable[[Path, Path], None]] = {
     "read": _read, "beside": _beside, "column": _column, "info": _info, "check": _check, "cut": _cut,
     "filter": _filter, "merge": _merge, "diff": _diff, "lines": _lines, "table": _table, "recover": _recover,
-    "play": _play, "each topic": _each_topic,
+    "play": _play, "each topic": _each_topic, "curves": _curves, "map": _map,
 }  # fmt: skip
 
 

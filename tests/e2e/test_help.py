@@ -251,7 +251,7 @@ def test_every_verb_has_examples() -> None:
 def test_the_examples_of_a_verb_work(lab: Lab, path: tuple[str, ...]) -> None:
     if path in NOT_RUN:
         pytest.skip(NOT_RUN[path])
-    if path[0] in ("bag", "replay-test"):
+    if path[0] in ("bag", "map", "replay-test"):
         lab.lay_out_recordings(path[-1])
     for line in EXAMPLES[path]:
         if path not in NO_MATTER:

@@ -50,14 +50,14 @@ def test_a_recording_is_written_whole(tmp_path: Path) -> None:
     sink.close()
     assert feed.drawn == 122
     rows = rows_of(tmp_path / "drive.rrd")
-    assert rows["/plots/speed/r1/cmd_vel/linear.x"] == 100
+    assert rows["/plots/speed/r1/cmd_vel"] == 101  # and what its curves are called
     assert rows["/r1/scan"] >= 10
     assert rows["/r1/tf/base_link"] >= 10
     assert rows["/r1/trail"] > 0
     times = [
         one.to_record_batch().column("time")[0].value
         for one in chunk.RrdReader(tmp_path / "drive.rrd").stream()
-        if one.entity_path == "/plots/speed/r1/cmd_vel/linear.x"
+        if one.entity_path == "/plots/speed/r1/cmd_vel" and not one.is_static
     ]
     assert min(times) == bags.START  # on the timeline of publishing, ns
 

@@ -90,6 +90,8 @@ def test_simulation_yaml_is_the_robot_with_other_values() -> None:
     assert arc.parameters["linear_velocity"] == 0.4
     viewer = by_name(shipped("simulation.yaml", viewer="rates"))["/r1/rates"]
     assert viewer.command() == ("robo", "topic", "hz", "r1/*")
+    rerun = by_name(shipped("simulation.yaml", viewer="rerun"))["/r1/rerun"]
+    assert rerun.command() == ("robo", "view", "rerun", "--robot-name", "r1")
 
 
 def test_real_robot_yaml_drives_slower_and_needs_its_safety_monitor() -> None:

@@ -6,10 +6,10 @@ from robo_messages import LaserScan, Log, Message, OccupancyGrid, Odometry, Path
 from robo_messages.sensor import CompressedImage, Image
 
 _RATES: dict[type, float] = {
-    TFMessage: 30.0, Odometry: 30.0, LaserScan: 10.0, Image: 5.0, CompressedImage: 10.0, Path: 2.0, OccupancyGrid: 1.0,
+    TFMessage: 25.0, Odometry: 25.0, LaserScan: 10.0, Image: 5.0, CompressedImage: 10.0, Path: 2.0, OccupancyGrid: 1.0,
 }  # fmt: skip
 """Hz."""
-_OTHERS = 20.0
+_OTHERS = 10.0
 _LATE, _IN_TIME = 0.3, 0.1
 """From when on fewer are drawn, and more again, s."""
 _MOST_SLOWER = 32.0

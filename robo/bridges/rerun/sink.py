@@ -46,6 +46,7 @@ class Sink:
         self._stream.set_log_time_enabled(False)
         self._stream.set_log_tick_enabled(False)
         self._framed: dict[str, str] = {}
+        self._named: dict[str, tuple[str, ...]] = {}
 
     def save(self, file: Path) -> None:
         """Write to a file.
@@ -145,8 +146,12 @@ class Sink:
                 lines = [self._places(strip) for strip in strips]
                 log(path, rr.LineStrips3D(lines, colors=[colour], radii=[radius]))
             case Numbers(path, values):
-                for name, value in values.items():
-                    log(f"{path}/{name}", rr.Scalars(value))
+                names = tuple(values)
+                if self._named.get(path) != names:
+                    self._named[path] = names
+                    topic = path.rpartition("/")[2]
+                    log(path, rr.SeriesLines(names=[f"{topic} {name}" for name in names]), static=True)
+                log(path, rr.Scalars(list(values.values())))  # at once, which costs as much as one alone
             case Said(path, text, level):
                 log(path, rr.TextLog(text, level=level))
             case Picture(path, image):
