@@ -4,6 +4,8 @@ Boxes are put into columns so that most arrows go to the right; an arrow over se
 each; the order within columns is that of the neighbours, again and again (after Sugiyama).
 """
 
+from bisect import bisect_right, insort
+from collections import Counter, deque
 from collections.abc import Hashable, Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -81,7 +83,7 @@ def _without_cycles(names: Sequence[Name], arrows: Sequence[tuple[Name, Name]]) 
     after: dict[Name, list[tuple[int, Name]]] = {name: [] for name in names}
     for number, (first, last) in enumerate(arrows):
         after[first].append((number, last))
-    incoming = {name: sum(last == name for _, last in arrows) for name in names}
+    incoming = Counter(last for _, last in arrows)
     turned: set[int] = set()
     state: dict[Name, int] = {}
     for root in sorted(names, key=lambda name: incoming[name]):  # a source of data is at the left
@@ -115,10 +117,10 @@ def _columns(names: Sequence[Name], arrows: Sequence[tuple[Name, Name]]) -> dict
             after[first].append(last)
     found: dict[Name, int] = {}
     left = {name: len(before[name]) for name in names}
-    ready = [name for name in names if not left[name]]
+    ready = deque(name for name in names if not left[name])
     order = []
     while ready:
-        name = ready.pop(0)
+        name = ready.popleft()
         order.append(name)
         found[name] = max((found[one] + 1 for one in before[name]), default=0)
         for one in after[name]:
@@ -175,8 +177,8 @@ def _crossings(columns: Sequence[Sequence[Name]], right: Mapping[Name, Sequence[
             ends += sorted(places[one] for one in right.get(name, ()) if one in places)
         seen: list[int] = []
         for end in ends:
-            count += sum(one > end for one in seen)
-            seen.append(end)
+            count += len(seen) - bisect_right(seen, end)
+            insort(seen, end)
     return count
 
 
