@@ -1,5 +1,8 @@
 """`robo view rerun` where Rerun is installed: what it writes is read back with Rerun's own reader."""
 
+import signal
+import subprocess
+import sys
 import threading
 import time
 from collections import Counter
@@ -25,7 +28,7 @@ from robo_messages import LaserScan, Log, MapMetaData, OccupancyGrid, Twist
 from robo_messages.sensor import Image
 from tests import bags
 from tests.conftest import free_port
-from tests.support import eventually
+from tests.support import eventually, run_robo
 
 chunk = pytest.importorskip("rerun.chunk", reason="Rerun is not installed: pip install 'robo-zenoh[rerun]'")
 
@@ -136,3 +139,48 @@ def test_the_viewer_hears_this_machine_alone_and_ends_with_us() -> None:
 def _heard(process: psutil.Process) -> list[tuple[str, int]]:
     ends = process.net_connections("tcp")
     return [(end.laddr.ip, end.laddr.port) for end in ends if end.status == psutil.CONN_LISTEN]
+
+
+def test_a_verb_ends_by_signals_with_a_whole_file(tmp_path: Path, session: zenoh.Session, endpoint: str) -> None:
+    speed = Sender(session, "r1/cmd_vel", "geometry/Twist", QoS.DEFAULT, "/r1/base")
+    for number in (signal.SIGINT, signal.SIGTERM):
+        file = tmp_path / f"{number}.rrd"
+        words = ["view", "rerun", "--connect", endpoint, "--save", str(file)]
+        process = subprocess.Popen([sys.executable, "-m", "robo", *words], stdout=subprocess.PIPE, text=True)
+        try:
+            speed.wait_for_subscriber(40)
+            before = file.stat().st_size
+
+            def say(file: Path = file, before: int = before) -> bool:
+                speed.send(robo_messages.encode(Twist()))
+                return file.stat().st_size > before + 2_000
+
+            eventually(say, "messages in the file")
+            process.send_signal(number)
+            told, _ = process.communicate(timeout=20)
+        finally:
+            process.kill()
+            process.wait()
+        assert process.returncode == 0
+        assert told.startswith(f"{file}: ")
+        assert rows_of(file)["/plots/speed/r1/cmd_vel"] > 1
+
+
+def test_words_that_make_no_sense_write_nothing(tmp_path: Path) -> None:
+    bags.drive(tmp_path / "drive.mcap")
+    (tmp_path / "there.rrd").write_text("mine")
+    for words, code, wanted in (
+        (("drive.mcap", "--save", "a.txt"), 2, "end its name in .rrd"),
+        (("drive.mcap", "--save", "there.rrd"), 2, "is there already"),
+        (("none.mcap", "--save", "a.rrd"), 1, "No such file"),
+        (("drive.mcap", "--topic", "skan", "--save", "a.rrd"), 2, "it has no topic skan"),
+        (("drive.mcap", "--robot-name", "r2", "--save", "a.rrd"), 2, "no topics of r2"),
+    ):
+        result = run_robo("view", "rerun", *words, cwd=str(tmp_path))
+        assert result.returncode == code, result.stderr
+        assert wanted in result.stderr
+        assert "Traceback" not in result.stderr
+    assert {file.name for file in tmp_path.iterdir()} == {"drive.mcap", "there.rrd"}
+    assert (tmp_path / "there.rrd").read_text() == "mine"
+    result = run_robo("view", "rerun", "drive.mcap", "--topic", "cmd_vel", "--save", "a.rrd", cwd=str(tmp_path))
+    assert result.stdout == "a.rrd: 100 messages\n"

@@ -38,7 +38,11 @@ class Viewer:
         self.address = f"http://{LOOPBACK}:{web_port}/?url=rerun%2Bhttp://{LOOPBACK}:{port}/proxy" if web_port else ""
         # In a group of its own: Ctrl-C is ours, and we end it when what was drawn is there.
         self._process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, process_group=0)
-        self._wait(port)
+        try:
+            self._wait(port)
+        except BaseException:
+            self.close()
+            raise
 
     @property
     def is_open(self) -> bool:
@@ -64,7 +68,6 @@ class Viewer:
                 if probe.connect_ex((LOOPBACK, port)) == 0:
                     return
             time.sleep(0.05)
-        self.close()
         raise RunError(f"Rerun's viewer did not begin within {_READY:g} s")
 
     def _check(self, port: int) -> None:

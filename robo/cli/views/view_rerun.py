@@ -2,8 +2,8 @@
 
 import signal
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
@@ -56,22 +56,37 @@ def show(reach: Reach, asked: Asked) -> int:
     """
     _check(asked)
     import_rerun()  # what is missing is told before anything is dialled
-    sink = Sink(Path(asked.recording).stem if asked.recording is not None else reach.namespace or "")
-    viewer = _target(sink, asked)
-    try:
-        with _ended_by_term():
-            # Of a recording all is drawn, as nobody waits for it.
-            rate = asked.rate if asked.rate is not None else 0.0 if asked.recording is not None else None
-            feed = Feed(sink, Pace(rate))
-            _feed(feed, reach, asked, viewer)
-            if viewer is not None and asked.recording is not None:
+    with _ended_by_signals():
+        if asked.recording is not None:
+            feed = _show_recording(asked, asked.recording, reach)
+        else:
+            feed = _show_live(asked, reach)
+    return _told(feed, asked)
+
+
+def _show_recording(asked: Asked, path: str, reach: Reach) -> Feed:
+    with bag.open(path) as recording:
+        meant = _recorded_names(recording, reach, asked)
+        with _target(asked, Path(path).stem) as (sink, viewer):
+            # Nobody waits for it, so all is drawn.
+            feed = Feed(sink, Pace(asked.rate or 0.0))
+            with progress(f"reading {path}") as tell:
+                feed.recorded(recording, meant, _goes_on(viewer), tell)
+            if viewer is not None and viewer.is_open:
                 sink.flush()
                 _wait(viewer, asked.duration)
-    finally:
-        sink.close()
-        if viewer is not None:
-            viewer.close()
-    return _told(feed, asked)
+            return feed
+
+
+def _show_live(asked: Asked, reach: Reach) -> Feed:
+    with connect_to_robot(reach) as session:
+        nodes_of(session, reach)
+        with _target(asked, reach.namespace) as (sink, viewer):
+            feed = Feed(sink, Pace(asked.rate))
+            end = time.monotonic() + asked.duration if asked.duration is not None else None
+            with suppress(KeyboardInterrupt):  # which is how it ends; the file is whole all the same
+                feed.live(session, _keys(reach, asked.topics), _goes_on(viewer), end)
+            return feed
 
 
 def _check(asked: Asked) -> None:
@@ -83,36 +98,31 @@ def _check(asked: Asked) -> None:
         raise UsageError(f"--save {asked.save} is there already: say another name, or --force")
 
 
-def _target(sink: Sink, asked: Asked) -> Viewer | None:
-    if asked.save is not None or asked.place is None:
-        assert asked.save is not None
-        sink.save(asked.save)
-        return None
-    port, web_port = asked.place
-    if web_port is None and not has_display():
-        note("there is no display: it is shown in a browser")
-        web_port = asked.web_port
-    viewer = Viewer(port, asked.memory, web_port)
-    sink.connect(port)
-    if viewer.address:
-        print_line(f"Rerun is at {viewer.address}; Ctrl-C ends it")
-    return viewer
+@contextmanager
+def _target(asked: Asked, name: str) -> Iterator[tuple[Sink, Viewer | None]]:
+    """The file or the viewer, which ends with us."""
+    with ExitStack() as stack:
+        viewer = None
+        if asked.place is not None:
+            port, web_port = asked.place
+            if web_port is None and not has_display():
+                note("there is no display: it is shown in a browser")
+                web_port = asked.web_port
+            viewer = Viewer(port, asked.memory, web_port)
+            stack.callback(viewer.close)
+        sink = Sink(name)
+        stack.callback(sink.close)
+        if asked.save is not None:
+            sink.save(asked.save)
+        elif asked.place is not None:
+            sink.connect(asked.place[0])
+        if viewer is not None and viewer.address:
+            print_line(f"Rerun is at {viewer.address}; Ctrl-C ends it")
+        yield sink, viewer
 
 
-def _feed(feed: Feed, reach: Reach, asked: Asked, viewer: Viewer | None) -> None:
-    def goes_on() -> bool:
-        return viewer is None or viewer.is_open
-
-    if asked.recording is not None:
-        with progress(f"reading {asked.recording}") as tell, bag.open(asked.recording) as recording:
-            names_ = _recorded_names(recording, reach, asked)
-            feed.recorded(recording, names_, goes_on, tell)
-        return
-    with connect_to_robot(reach) as session:
-        nodes_of(session, reach)
-        end = time.monotonic() + asked.duration if asked.duration is not None else None
-        with suppress(KeyboardInterrupt):  # which is how it ends; the file is whole all the same
-            feed.live(session, _keys(reach, asked.topics), goes_on, end)
+def _goes_on(viewer: Viewer | None) -> Callable[[], bool]:
+    return lambda: viewer is None or viewer.is_open
 
 
 def _recorded_names(recording: bag.Bag, reach: Reach, asked: Asked) -> list[str]:
@@ -140,18 +150,20 @@ def _wait(viewer: Viewer, duration: float | None) -> None:
 
 
 @contextmanager
-def _ended_by_term() -> Iterator[None]:
-    """SIGTERM ends it as Ctrl-C does, so that neither a file is cut nor a viewer left."""
+def _ended_by_signals() -> Iterator[None]:
+    """SIGTERM and a terminal that goes end it as Ctrl-C does: no file is cut, and no viewer left."""
 
     def end(number: int, frame: object) -> NoReturn:
         del number, frame
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, end)
+    numbers = [one for one in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(one) is not signal.SIG_IGN]
+    before = [signal.signal(number, end) for number in numbers]
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
 
 
 def _told(feed: Feed, asked: Asked) -> int:
