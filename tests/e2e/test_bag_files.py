@@ -254,6 +254,9 @@ def test_plot(folder: Path) -> None:
     assert told == "speed.svg: 1 curve of 100 values\n"
     assert "<svg" in (folder / "speed.svg").read_text()
     assert made(folder, "plot", "drive.mcap", "**", "-o", "-").startswith("<svg")
+    told = json.loads(made(folder, "plot", "drive.mcap", "odom", "-o", "odom.svg", "--json"))
+    curve = {"topic": "r1/odom", "field": "pose.pose.position.x", "unit": "m", "values": 10}
+    assert told == {"file": "odom.svg", "curves": [curve]}
     for words, wanted in (
         (("drive.mcap", "scan", "-o", "drive.mcap"), "end its name in .svg"),
         (("drive.mcap", "scan", "-o", "no/such/place.svg"), "cannot be written"),
@@ -273,6 +276,8 @@ def test_map(folder: Path) -> None:
         assert result.returncode == 0, result.stderr
         assert result.stdout == f"{name}: 10 scans, 20 points; 0.9 m driven, in frame odom\n"
         assert (folder / name).stat().st_size > 500
+    told = json.loads(run_robo("map", "drive.mcap", "-o", "way.svg", "--json", cwd=str(folder)).stdout)
+    assert (told["scans"], told["points"], told["frame"], told["left_out"]) == (10, 20, "odom", 0)
     result = run_robo("map", "drive.mcap", "-o", "way.gif", cwd=str(folder))
     assert (result.returncode, result.stdout) == (2, "")
     assert "end its name in .svg or .png" in result.stderr

@@ -45,7 +45,7 @@ def series(
     Args:
         bag: the recording.
         names: of its topics.
-        fields: `pose.pose.position.x`, `ranges[0]`: of each topic those that it has. None for all numbers that change.
+        fields: `pose.pose.position.x`, `ranges[0]`: of each topic those that it has. Empty for all numbers that change.
         begin: arrivals from then on, ns since the epoch; None for all. Points count from it, or from the beginning.
         end: arrivals before then.
         tell: is told how far it is.

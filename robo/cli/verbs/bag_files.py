@@ -277,6 +277,7 @@ def bag_convert(
     "robo bag plot drive.mcap cmd_vel --field linear.x -o speed.svg",
     "robo bag plot drive.mcap odom cmd_vel --field pose.pose.position.x --field linear.x -o both.svg",
     "robo bag plot drive.mcap odom --start 0.2 --end 0.6 -o part.svg",
+    "robo bag plot drive.mcap odom -o odom.svg --json | jq '.curves[].unit'",
 )
 def bag_plot(
     bag: BagFile,
@@ -297,13 +298,14 @@ def bag_plot(
     ] = None,
     end: Annotated[str | None, typer.Option("--end", metavar="TIME", help="Before then.", show_default=False)] = None,
     theme: HowThemed = Theme.AUTO,
+    json: Json = False,
 ) -> None:
     """Draw numbers of a recording over time, as a picture in SVG.
 
     Of each topic those fields are drawn that it has; without --field all of its numbers that change. What has one unit
     stands in one panel. Of many messages each peak is still seen. TIME is as for `robo bag cut`; it counts arrivals,
-    and the picture shows when messages were published.
+    and the picture shows when messages were published. JSON: file, curves with topic, field, unit, values (how many).
     """
-    from robo.cli.views.bag_plot import plot
+    from robo.cli.views.bag_plot import Fields, plot
 
-    plot(bag, topics, field or [], output, start, end, theme.value)
+    plot(bag, topics, Fields(field or [], start, end), output, theme.value, json=json)

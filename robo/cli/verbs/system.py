@@ -93,6 +93,7 @@ def dashboard(
     "map",
     "robo map drive.mcap -o drive.svg",
     "robo map run.log.gz -o run.png --theme dark",
+    "robo map drive.mcap -o drive.svg --json | jq .length",
     short_help="Draw the way of a recorded robot, and what its lasers hit.",
 )
 def map_(
@@ -119,16 +120,18 @@ def map_(
         bool, typer.Option("--corrected", help="By the poses that a mapping tool has written into a log of CARMEN.")
     ] = False,
     theme: HowThemed = Theme.AUTO,
+    json: Json = False,
 ) -> None:
     """Draw the way of a recorded robot, and what its lasers hit, as a picture with a scale.
 
     Poses are those of the transforms, or of the odometry where there are none. What is hit often is dark; a cell is
-    0.05 m, or larger where the picture would have too many. Auto is light in a PNG.
+    0.05 m, or larger where the picture would have too many. Auto is light in a PNG. JSON: file, scans, left_out
+    (scans), points, length (m), frame, resolution (m).
     """
     from robo.cli.views.map import draw_map
     from robo.recording.map.sources import Wanted
 
-    draw_map(recording, output, Wanted(robot_name, frame, corrected), theme.value)
+    draw_map(recording, output, Wanted(robot_name, frame, corrected), theme.value, json=json)
 
 
 @verb(

@@ -2,15 +2,17 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from robo import bag
 from robo.bag.look.series import series
 from robo.bag.moments import moment
 from robo.bag.of_robot import only_robot
 from robo.bag.patterns import chosen
-from robo.cli.printing import amount, note, print_line
+from robo.cli.printing import amount, note, print_json, print_line
 from robo.cli.views.bag_progress import progress
 from robo.cli.views.pictures import STANDARD, check_ending, panels_of, written
+from robo.errors import UsageError
 from robo.text.dates import date
 from robo.text.svg import Theme, curves
 from robo.text.terminal import visible
@@ -19,34 +21,46 @@ _MOST_CURVES = 24
 """Of a picture: more nobody tells apart."""
 
 
-def plot(
-    path: str,
-    topics: Sequence[str],
-    fields: Sequence[str],
-    output: str,
-    start: str | None,
-    end: str | None,
-    theme: Theme,
-) -> None:
-    """Draw fields of topics.
+class Fields(NamedTuple):
+    """What is drawn of topics."""
+
+    paths: Sequence[str]
+    """Empty for all numbers that change."""
+    start: str | None
+    end: str | None
+    """From when to when, as people write it."""
+
+
+def plot(path: str, topics: Sequence[str], fields: Fields, output: str, theme: Theme, *, json: bool = False) -> None:
+    """Draw fields of topics, and tell what is drawn; with `json` as an object.
 
     Raises:
         UsageError: no topic or field is meant, a time is none, or the picture cannot be written.
         BagError: the recording cannot be read.
     """
     check_ending(output, (".svg",))
+    if output == STANDARD and json:
+        raise UsageError("--json: say -o FILE.svg, for standard output has one of both")
     with progress(f"reading {path}") as tell, bag.open(path) as recording:
         meant = chosen(recording.topics, topics, (), path, robot=only_robot(recording))
-        names = [name for name in recording.topics if meant(name)]
-        begin = moment(start, recording.begin, recording.end, "--start") if start is not None else None
-        until = moment(end, recording.begin, recording.end, "--end") if end is not None else None
-        found = series(recording, names, fields, begin, until, tell)
+        every = [name for name in recording.topics if meant(name)]
+        names = [name for name in every if recording.topics[name].known is not None] or every
+        begin, until = (
+            moment(text, recording.begin, recording.end, option) if text is not None else None
+            for text, option in ((fields.start, "--start"), (fields.end, "--end"))
+        )
+        found = series(recording, names, fields.paths, begin, until, tell)
         since = recording.begin if begin is None else begin
+    if len(names) < len(every):
+        note(visible(f"left out, for their types are not known: {', '.join(one for one in every if one not in names)}"))
     title = f"{Path(path).name}: {', '.join(sorted({one.topic for one in found}))}"
     shown = found[:_MOST_CURVES]
     written(curves(title, panels_of(shown), f"s since {date(since)}", theme=theme), output)
     if len(found) > len(shown):
         note(f"{amount(len(found) - len(shown), 'field')} more would be too many: name some by --field")
-    if output != STANDARD:
+    if json:
+        drawn = [{"topic": one.topic, "field": one.field, "unit": one.unit, "values": one.values} for one in shown]
+        print_json({"file": output, "curves": drawn})
+    elif output != STANDARD:
         count = sum(one.values for one in shown)
         print_line(visible(f"{output}: {amount(len(shown), 'curve')} of {count:,} values"))

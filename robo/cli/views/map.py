@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from robo.cli.printing import amount, note, print_line
+from robo.cli.printing import amount, note, print_json, print_line
 from robo.cli.views.bag_progress import progress
 from robo.cli.views.pictures import STANDARD, check_ending, written
 from robo.errors import UsageError
@@ -14,8 +14,8 @@ from robo.text.svg import Theme
 from robo.text.terminal import visible
 
 
-def draw_map(path: str, output: str, wanted: Wanted, theme: Theme) -> None:
-    """Draw it.
+def draw_map(path: str, output: str, wanted: Wanted, theme: Theme, *, json: bool = False) -> None:
+    """Draw it, and tell what is drawn; with `json` as an object.
 
     Raises:
         UsageError: what is asked for is not there, or the picture cannot be written.
@@ -23,6 +23,8 @@ def draw_map(path: str, output: str, wanted: Wanted, theme: Theme) -> None:
         LogError: the log cannot be opened.
     """
     check_ending(output, (".svg", ".png"))
+    if output == STANDARD and json:
+        raise UsageError("--json: say -o FILE.svg, for standard output has one of both")
     if output == STANDARD and sys.stdout.isatty():
         raise UsageError("-o -: a terminal shows no picture; say -o FILE.svg")
     with progress(f"reading {path}") as tell:
@@ -35,7 +37,19 @@ def draw_map(path: str, output: str, wanted: Wanted, theme: Theme) -> None:
         written(as_svg(walk, Path(path).name, theme), output)
     if walk.left_out:
         note(f"{amount(walk.left_out, 'scan')} left out; of the first: {visible(brief(walk.reason, 300))}")
-    if output != STANDARD:
+    if json:
+        print_json(
+            {
+                "file": output,
+                "scans": walk.scans,
+                "left_out": walk.left_out,
+                "points": walk.cells.hits,
+                "length": walk.length,
+                "frame": walk.frames.fixed,
+                "resolution": walk.cells.resolution,
+            }
+        )
+    elif output != STANDARD:
         print_line(visible(f"{output}: {facts(walk)}"))
 
 
