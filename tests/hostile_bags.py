@@ -32,9 +32,8 @@ from robo.bag.of_robot import robots_of
 from robo.bag.patterns import chosen
 from robo.bag.progress import silent
 from robo.bag.read.reader import Order
-from robo.errors import BagError, UsageError
 from robo.cli.views.pictures import panels_of
-from robo.errors import BagError, DamagedBag, UsageError
+from robo.errors import BagError, UsageError
 from robo.recording.map.picture import as_svg
 from robo.recording.map.sources import Wanted, walk_of
 from robo.recording.play.tape import BagTape, Ready
