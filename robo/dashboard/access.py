@@ -1,11 +1,16 @@
-"""Who may look and who may drive: tokens, addresses of the page, guesses that take longer and longer. Pure."""
+"""Who may look and who may drive: tokens, addresses of the page, guesses that take longer and longer."""
 
 import enum
+import hashlib
 import hmac
+import ipaddress
 import secrets
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import msgspec
+
+from robo.errors import UsageError
 
 _GUESSES = 5
 """Wrong tokens of one address that cost nothing: somebody mistypes."""
@@ -16,6 +21,8 @@ _MOST_ADDRESSES = 1_000
 """That are remembered; beyond them all strangers wait together."""
 _FORGOTTEN = 600.0
 """An address that has been quiet for so long begins anew, s."""
+_SHORTEST = 12
+"""Of a token, characters."""
 _LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
@@ -38,12 +45,36 @@ class Tokens(msgspec.Struct, frozen=True):
         """Two that nobody can guess."""
         return cls(secrets.token_urlsafe(18), secrets.token_urlsafe(18))
 
+    @classmethod
+    def of(cls, host: str, file: Path | None) -> "Tokens":
+        """Those of a file; without one none for this machine alone, else two that nobody can guess.
+
+        Args:
+            host: the address where the page is to be.
+            file: its first line is the token to drive, its second one, if it has one, that to look.
+
+        Raises:
+            UsageError: the file cannot be read, or is no such file.
+        """
+        if file is None:
+            return cls() if is_loopback(host) else cls.new()
+        try:
+            lines = [line.strip() for line in file.read_text(encoding="utf-8").splitlines() if line.strip()]
+        except (OSError, ValueError) as error:
+            raise UsageError(f"token file {file}: {getattr(error, 'strerror', None) or error}") from None
+        if not lines or len(lines) > 2 or any(len(line) < _SHORTEST for line in lines):
+            raise UsageError(
+                f"token file {file}: its first line is the token to drive, its second one that to look, "
+                f"each of at least {_SHORTEST} characters"
+            )
+        return cls(lines[1] if len(lines) > 1 else "", lines[0])
+
     def right(self, token: str) -> Right:
         """What a token allows."""
         if not self.drive:
             return Right.DRIVE
         # Both are compared, each in a time that says nothing of how much of it was right.
-        given = token.encode()
+        given = token.encode(errors="replace")
         drives = hmac.compare_digest(given, self.drive.encode())
         views = bool(self.view) and hmac.compare_digest(given, self.view.encode())
         return Right.DRIVE if drives else Right.VIEW if views else Right.NONE
@@ -53,6 +84,8 @@ class _Guesses(msgspec.Struct):
     wrong: int
     until: float
     last: float
+    tried: set[str] = msgspec.field(default_factory=set)
+    """Digests of the first few wrong tokens: a page with an old one that tries it again and again guesses nothing."""
 
 
 class Doorkeeper:
@@ -76,7 +109,7 @@ class Doorkeeper:
         if right is not Right.NONE:
             self._of.pop(self._name(address), None)
         elif token:
-            self._count(address, now)
+            self._count(token, address, now)
         return right
 
     def wait(self, address: str, now: float) -> float:
@@ -84,11 +117,16 @@ class Doorkeeper:
         found = self._of.get(self._name(address))
         return max(0.0, found.until - now) if found is not None else 0.0
 
-    def _count(self, address: str, now: float) -> None:
+    def _count(self, token: str, address: str, now: float) -> None:
         self._forget(now)
         found = self._of.setdefault(self._name(address), _Guesses(0, 0.0, now))
-        found.wrong += 1
         found.last = now
+        digest = hashlib.sha256(token.encode(errors="replace")).hexdigest()
+        if digest in found.tried:
+            return
+        if len(found.tried) < _GUESSES:
+            found.tried.add(digest)
+        found.wrong += 1
         if (beyond := found.wrong - _GUESSES) > 0:
             found.until = now + min(_WAIT * 2.0 ** min(beyond - 1, 10), _LONGEST_WAIT)
 
@@ -100,18 +138,34 @@ class Doorkeeper:
         return address if address in self._of or len(self._of) < _MOST_ADDRESSES else ""
 
 
-def is_own_host(host: str, names: tuple[str, ...] = ()) -> bool:
+def is_loopback(host: str) -> bool:
+    """Whether a page at this address is for this machine alone."""
+    return host in _LOOPBACK
+
+
+def is_own_host(host: str, names: tuple[str, ...] = (), *, addresses: bool = False) -> bool:
     """Whether a request is for this page by a name that it has: another one may lead here by a foreign name server.
 
     Args:
         host: the header `Host`.
         names: by which it may be called beside those of this machine alone; `*` for any.
+        addresses: whether it may be called by any address in numbers, which no name server leads here.
     """
     try:
         name = urlsplit(f"//{host}").hostname
     except ValueError:
         return False
-    return name is not None and (name in _LOOPBACK or name in names or "*" in names)
+    if name is None:
+        return False
+    return name in _LOOPBACK or name in map(str.lower, names) or "*" in names or (addresses and _is_address(name))
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name.partition("%")[0])
+    except ValueError:
+        return False
+    return True
 
 
 def is_own_origin(origin: str | None, host: str) -> bool:

@@ -6,11 +6,13 @@ The robot's own chain, its mux, smoother and safety monitor, has the last word: 
 import threading
 import time
 from contextlib import suppress
+from typing import NamedTuple
 
 import msgspec
 import zenoh
 
-from robo.dashboard.lease import Lease
+from robo.dashboard.lease import MOST_AGE, Lease
+from robo.errors import RoboError
 from robo.samples.publishing import Sender
 from robo.wire import names
 from robo.wire.qos import QoS
@@ -22,10 +24,26 @@ _PERIOD = 0.05
 """How often it is looked whether a robot is to be told to stand, s."""
 
 
+_MOST_ROBOTS = 100
+"""That are remembered: pages may make up names."""
+_CLOSING = 2.0
+"""How long the last zeros may take where the network is held up, s."""
+
+
+class _Wanted(NamedTuple):
+    """A command that is to be sent."""
+
+    linear: float
+    """m/s."""
+    angular: float
+    """rad/s."""
+    since: float
+    """When it came, s by the clock that never goes back."""
+
+
 class _Robot(msgspec.Struct):
     lease: Lease
-    wanted: tuple[float, float] | None = None
-    """A command that is to be sent: m/s, rad/s."""
+    wanted: _Wanted | None = None
 
 
 class Driver:
@@ -44,15 +62,16 @@ class Driver:
     def take(self, robot: str, who: str) -> bool:
         """Somebody wants to drive, or goes on; whether it is the one who does."""
         with self._changed:
-            return self._robot(robot).lease.take(who, time.monotonic())
+            found = self._robot(robot)
+            return found is not None and found.lease.take(who, time.monotonic())
 
     def command(self, robot: str, who: str, linear: float, angular: float) -> bool:
         """How a robot is to move, m/s forwards, rad/s to the left; whether nobody else drives it."""
         with self._changed:
-            found = self._robot(robot)
-            if not found.lease.command(who, time.monotonic()):
+            found, now = self._robot(robot), time.monotonic()
+            if found is None or not found.lease.command(who, now):
                 return False
-            found.wanted = (linear, angular)
+            found.wanted = _Wanted(linear, angular, now)
             self._changed.notify()
             return True
 
@@ -79,12 +98,17 @@ class Driver:
                     found.lease.give(found.lease.driver)
             self._over = True
             self._changed.notify()
-        self._thread.join()
+        self._thread.join(_CLOSING)
+        if self._thread.is_alive():
+            return  # the network takes nothing; the mux has stopped the robot
         for sender in self._senders.values():
             with suppress(zenoh.ZError):
                 sender.close()
 
-    def _robot(self, robot: str) -> _Robot:
+    def _robot(self, robot: str) -> _Robot | None:
+        """A robot by name; None where there are too many."""
+        if robot not in self._robots and len(self._robots) >= _MOST_ROBOTS:
+            return None
         return self._robots.setdefault(robot, _Robot(Lease()))
 
     def _run(self) -> None:
@@ -95,15 +119,17 @@ class Driver:
                 due = [(robot, said) for robot, found in self._robots.items() for said in self._due(found)]
                 over = self._over and not due
             for robot, (linear, angular) in due:
-                with suppress(zenoh.ZError):  # the network has been left; the mux stops the robot
+                # The network has been left, and the mux stops the robot; whatever else: others are driven, too.
+                with suppress(zenoh.ZError, RoboError):
                     self._sender(robot).send(encode(Twist(Vector3(x=linear), Vector3(z=angular))))
 
     def _due(self, robot: _Robot) -> list[tuple[float, float]]:
         """What is to be sent to a robot now."""
-        if robot.wanted is not None:
-            wanted, robot.wanted = robot.wanted, None
-            return [wanted]
-        return [(0.0, 0.0)] if robot.lease.is_to_stand(time.monotonic()) else []
+        now = time.monotonic()
+        wanted, robot.wanted = robot.wanted, None
+        if wanted is not None and now - wanted.since <= MOST_AGE:  # else the network has held up the one before
+            return [(wanted.linear, wanted.angular)]
+        return [(0.0, 0.0)] if robot.lease.is_to_stand(now) else []
 
     def _sender(self, robot: str) -> Sender:
         sender = self._senders.get(robot)

@@ -1,4 +1,4 @@
-"""The files of the page, and what a browser is told with each: that nothing comes from elsewhere. Pure but for reading."""
+"""The files of the page, and what a browser is told with each: that nothing comes from elsewhere."""
 
 import http
 import mimetypes

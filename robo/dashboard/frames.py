@@ -1,13 +1,16 @@
 """Where the parts of robots stand, for a page: the newest transform of each frame. Pure."""
 
+from collections.abc import Container
+
 import msgspec
 
 import robo_messages
 from robo.text.unreadable import UNREADABLE
 from robo_messages import TFMessage
 
-_MOST_FRAMES = 2_000
-"""Of all robots: a stranger that makes some up fills no memory."""
+_MOST_FRAMES = 500
+"""Of a robot: a stranger that makes some up fills no memory, and hides no other robot's."""
+_LONGEST_NAME = 200
 
 
 class Frame(msgspec.Struct, frozen=True):
@@ -25,7 +28,6 @@ class Frames:
 
     def __init__(self) -> None:
         self._of: dict[str, dict[str, Frame]] = {}
-        self._count = 0
 
     def take(self, robot: str, payload: bytes) -> bool:
         """Take in a message; whether it is one of transforms."""
@@ -35,10 +37,10 @@ class Frames:
             return False
         frames = self._of.setdefault(robot, {})
         for one in message.transforms:
-            if one.child_frame_id not in frames:
-                if self._count >= _MOST_FRAMES:
-                    continue
-                self._count += 1
+            if one.child_frame_id not in frames and len(frames) >= _MOST_FRAMES:
+                continue
+            if max(len(one.child_frame_id), len(one.header.frame_id)) > _LONGEST_NAME:
+                continue
             at, turned = one.transform.translation, one.transform.rotation
             frames[one.child_frame_id] = Frame(
                 one.header.frame_id, (at.x, at.y, at.z), (turned.x, turned.y, turned.z, turned.w)
@@ -48,3 +50,7 @@ class Frames:
     def of(self, robot: str) -> dict[str, Frame]:
         """Those of a robot, by name."""
         return self._of.get(robot, {})
+
+    def keep(self, robots: Container[str]) -> None:
+        """Forget the frames of all others: nobody looks at them."""
+        self._of = {robot: frames for robot, frames in self._of.items() if robot in robots}

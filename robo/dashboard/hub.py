@@ -3,13 +3,13 @@
 import asyncio
 import itertools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from concurrent.futures import Executor
 from functools import partial
 
 import zenoh
 
-from robo.dashboard import protocol, requests
+from robo.dashboard import clock, protocol, requests
 from robo.dashboard.access import Right
 from robo.dashboard.driver import Driver
 from robo.dashboard.frames import Frames
@@ -30,7 +30,7 @@ from robo.dashboard.protocol import (
 )
 from robo.dashboard.state import Line, Picture
 from robo.dashboard.topics import Message, Topics
-from robo.errors import RoboError
+from robo.errors import InvalidName, RoboError
 from robo.wire import names
 from robo.wire.reports import Event
 
@@ -38,7 +38,18 @@ BEAT = 0.1
 """How often a page hears that the server lives, s."""
 MOST_KEYS = 100
 """That one page may watch."""
-_MOST_CHANNELS = 60_000
+_MOST_PAGES = 50
+_MOST_ASKED = 40
+"""Answers that one page may wait for, or have not read."""
+_MOST_STOPS = 4
+"""Of them emergency stops: they have threads that nothing else takes."""
+_MOST_ENCODINGS = 4
+"""Of one topic: more make no sense."""
+_LONGEST_KEY = 500
+_NUMBERS = 2**16
+"""Of channels, that there can be."""
+_FRAMES_PERIOD = 0.1
+"""How often a page is told where frames stand, s."""
 _PAST = 500
 """Lines and events for a page that is opened."""
 _MOST_LINEAR, _MOST_ANGULAR = 10.0, 20.0
@@ -58,6 +69,8 @@ class Page:
         self.watched: set[str] = set()
         self.channels: set[int] = set()
         """Of which it has been told what they are."""
+        self.asked = self.stops = 0
+        """What it waits for, and emergency stops among that."""
 
     def tell(self, kind: str, *, newest: str = "", urgent: bool = False, **what: object) -> None:
         """Tell it something; where it is the newest of something, in the place of what waits."""
@@ -72,7 +85,9 @@ class Page:
 class Hub:
     """Knows all pages."""
 
-    def __init__(self, session: zenoh.Session, topics: Topics, driver: Driver, calls: Executor, stops: Executor) -> None:
+    def __init__(
+        self, session: zenoh.Session, topics: Topics, driver: Driver, calls: Executor, stops: Executor
+    ) -> None:
         """
         Args:
             session: the network.
@@ -85,19 +100,34 @@ class Hub:
         self._calls, self._stops = calls, stops
         self._pages: set[Page] = set()
         self._numbers = itertools.count(1)
-        self._channels: dict[tuple[str, str], int] = {}
+        self._channels: dict[str, dict[str, int]] = {}
+        """The numbers of channels by topic and encoding, of topics that somebody watches."""
+        self._next_channel = itertools.cycle(range(_NUMBERS))
         self._frames = Frames()
+        self._moved: set[str] = set()
+        """Robots whose frames pages have not been told of."""
+        self._moved_told = 0.0
         self._picture: Picture | None = None
         self._lines: list[Line] = []
         self._events: list[Event] = []
         self._drivers: dict[str, str] = {}
         self._tasks: set[asyncio.Task[None]] = set()
 
+    @property
+    def is_full(self) -> bool:
+        """Whether no more pages fit."""
+        return len(self._pages) >= _MOST_PAGES
+
+    @property
+    def has_pages(self) -> bool:
+        """Whether anybody looks."""
+        return bool(self._pages)
+
     def join(self, right: Right) -> Page:
         """A page has been opened."""
         page = Page(next(self._numbers), right)
         page.tell("welcome", name=page.name, drives=right is Right.DRIVE)
-        if self._picture is not None:
+        if self._picture is not None and self._pages:  # else it is an old one, and a new one is on its way
             page.tell("picture", newest="picture", picture=self._picture)
         page.tell("lines", lines=self._lines)
         page.tell("events", events=self._events)
@@ -128,18 +158,21 @@ class Hub:
 
     def messages(self, messages: list[Message]) -> None:
         """What has come on topics that pages watch."""
-        moved: set[str] = set()
         for message in messages:
             if message.is_of_parts:
                 robot = message.key.rpartition("/")[0]
                 if self._frames.take(robot, message.payload):
-                    moved.add(robot)
+                    self._moved.add(robot)
             else:
                 self._deliver(message)
-        for robot in moved:
-            for page in self._pages:
-                if names.join(robot, "tf") in page.watched:
-                    self._tell_frames(page, robot)
+        now = time.monotonic()
+        if self._moved and now - self._moved_told >= _FRAMES_PERIOD:
+            self._moved_told = now
+            for robot in self._moved:
+                for page in self._pages:
+                    if names.join(robot, "tf") in page.watched:
+                        self._tell_frames(page, robot)
+            self._moved.clear()
 
     def beat(self) -> None:
         """Tell every page that the server lives, and who drives."""
@@ -150,7 +183,7 @@ class Hub:
             self._tell_all("drivers", newest="drivers", urgent=True, drivers=drivers)
         for page in self._pages:
             left = {"left_out": page.mailbox.left_out} if page.mailbox.left_out else {}
-            page.tell("beat", newest="beat", urgent=True, number=page.beats.next(now), time=time.time() * 1e3, **left)
+            page.tell("beat", newest="beat", urgent=True, number=page.beats.next(now), time=clock.now() / 1e6, **left)
 
     def ask(self, page: Page, asked: Request) -> None:
         """What a page asks for."""
@@ -164,29 +197,33 @@ class Hub:
             case Watch():
                 self._set_watched(page, asked.keys)
             case Take():
-                if not self._driver.take(asked.robot, page.name):
+                if _is_robot(asked.robot) and not self._driver.take(asked.robot, page.name):
                     self._tell_taken(page, asked.robot)
             case Drive():
                 self._drive(page, asked)
             case Release():
                 self._driver.leave(page.name)
+            case _:
+                self._do(page, asked)
+
+    def _work(self, asked: Call | Publish | Command | Parameters | Set) -> Callable[[], object]:
+        """What answers a page, and blocks."""
+        match asked:
             case Call():
-                stops = asked.service.rpartition("/")[2] == "emergency_stop"
-                work = partial(requests.call, self._session, asked.service, asked.type, asked.request)
-                self._do(page, asked.id, work, self._stops if stops else self._calls)
+                return partial(requests.call, self._session, asked.service, asked.type, asked.request)
             case Publish():
-                work = partial(requests.publish, self._session, asked.topic, asked.type, asked.message)
-                self._do(page, asked.id, work, self._calls)
+                return partial(requests.publish, self._session, asked.topic, asked.type, asked.message)
             case Command():
-                work = partial(requests.command, self._session, asked.robot, asked.verb, asked.node)
-                self._do(page, asked.id, work, self._calls)
+                return partial(requests.command, self._session, asked.robot, asked.verb, asked.node)
             case Parameters():
-                self._do(page, asked.id, partial(requests.all_parameters, self._session, asked.node), self._calls)
+                return partial(requests.all_parameters, self._session, asked.node)
             case Set():
-                work = partial(requests.set_parameters, self._session, asked.node, asked.values)
-                self._do(page, asked.id, work, self._calls)
+                return partial(requests.set_parameters, self._session, asked.node, asked.values)
 
     def _drive(self, page: Page, asked: Drive) -> None:
+        if not _is_robot(asked.robot):
+            page.tell("refused", newest="refused", urgent=True, reason="that is no name of a robot")
+            return
         age = page.beats.age(asked.heard, asked.since, time.monotonic())
         if age > MOST_AGE:
             page.tell("refused", newest="refused", urgent=True, reason=f"a command is {1e3 * min(age, 99):.0f} ms old")
@@ -204,49 +241,45 @@ class Hub:
     def _set_watched(self, page: Page, keys: list[str]) -> None:
         before = page.watched
         page.watched = {key for key in keys[:MOST_KEYS] if _is_key(key)}
-        self._watch()
         for gone in before - page.watched:
             page.mailbox.drop(gone)
         new = page.watched - before
         # Others may have looked at it before: what is latched comes once more.
-        self._topics.say_again(sorted(new))
+        self._watch(new)
         for key in new:
             if key.rpartition("/")[2] == "tf":
                 self._tell_frames(page, key.rpartition("/")[0])
 
-    def _watch(self) -> None:
-        self._topics.watch({key for page in self._pages for key in page.watched})
+    def _watch(self, again: Collection[str] = ()) -> None:
+        """Have what pages watch received, and forget what nobody does any more."""
+        wanted = {key for page in self._pages for key in page.watched}
+        self._topics.watch(wanted, again)
+        self._frames.keep({key.rpartition("/")[0] for key in wanted})
+        gone = {number for key in self._channels.keys() - wanted for number in self._channels.pop(key).values()}
+        for page in self._pages:
+            page.channels -= gone
 
     def _deliver(self, message: Message) -> None:
-        data: bytes | None = None
-        for page in self._pages:
-            if message.key not in page.watched:
-                continue
-            if data is None:
-                channel = self._channel(message)
-                if channel is None:
-                    return
-                data = protocol.frame(channel, message.published, message.arrived, message.payload)
+        lookers = [page for page in self._pages if message.key in page.watched]
+        channel = self._channel(message) if lookers else None
+        if channel is None:
+            return
+        data = protocol.frame(channel, message.published, message.arrived, message.payload)
+        for page in lookers:
             if channel not in page.channels:
                 page.channels.add(channel)
-                page.tell(
-                    "channel",
-                    newest=f"channel {channel}",
-                    urgent=True,
-                    number=channel,
-                    key=message.key,
-                    encoding=message.encoding,
-                )
+                about = {"number": channel, "key": message.key, "encoding": message.encoding}
+                page.tell("channel", newest=f"channel {channel}", urgent=True, **about)
             page.mailbox.put(message.key, data)
             page.wake.set()
 
     def _channel(self, message: Message) -> int | None:
-        name = (message.key, message.encoding)
-        found = self._channels.get(name)
-        if found is None:
-            if len(self._channels) >= _MOST_CHANNELS:
-                return None  # a stranger makes some up
-            found = self._channels[name] = len(self._channels)
+        """The number of a message's channel; None where a stranger makes some up."""
+        known = self._channels.setdefault(message.key, {})
+        found = known.get(message.encoding)
+        if found is None and len(known) < _MOST_ENCODINGS:
+            taken = {number for channels in self._channels.values() for number in channels.values()}
+            found = known[message.encoding] = next(number for number in self._next_channel if number not in taken)
         return found
 
     def _tell_frames(self, page: Page, robot: str) -> None:
@@ -263,25 +296,47 @@ class Hub:
                 page.mailbox.add(data)
             page.wake.set()
 
-    def _do(self, page: Page, number: int, work: Callable[[], object], executor: Executor) -> None:
-        task = asyncio.get_running_loop().create_task(self._done(page, number, work, executor))
+    def _do(self, page: Page, asked: Call | Publish | Command | Parameters | Set) -> None:
+        """Have something done that blocks, by a thread; the page is told what came of it."""
+        stops = isinstance(asked, Call) and asked.service.rpartition("/")[2] == "emergency_stop"
+        waiting, most = (page.stops, _MOST_STOPS) if stops else (page.asked + page.mailbox.urgent, _MOST_ASKED)
+        if waiting >= most:
+            reason = "it is being asked for already" if stops else "too much is asked for at once"
+            page.tell("refused", newest="refused too many", urgent=True, id=asked.id, reason=reason)
+            return
+        task = asyncio.get_running_loop().create_task(self._done(page, asked, self._stops if stops else self._calls))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    async def _done(self, page: Page, number: int, work: Callable[[], object], executor: Executor) -> None:
+    async def _done(self, page: Page, asked: Call | Publish | Command | Parameters | Set, executor: Executor) -> None:
+        stops = executor is self._stops
+        page.asked += not stops
+        page.stops += stops
+        number, name = asked.id, f"answer {asked.id}"
         try:
-            answer = await asyncio.get_running_loop().run_in_executor(executor, work)
+            answer = await asyncio.get_running_loop().run_in_executor(executor, self._work(asked))
+            page.tell("answer", newest=name, urgent=True, id=number, answer=answer)
         except (RoboError, zenoh.ZError) as error:
-            page.tell("refused", newest=f"answer {number}", urgent=True, id=number, reason=str(error))
+            page.tell("refused", newest=name, urgent=True, id=number, reason=str(error))
         except Exception as error:  # nobody has thought of it: the page that waits is told all the same
             reason = f"the dashboard has failed: {type(error).__name__}: {error}"
-            page.tell("refused", newest=f"answer {number}", urgent=True, id=number, reason=reason)
-        else:
-            page.tell("answer", newest=f"answer {number}", urgent=True, id=number, answer=answer)
+            page.tell("refused", newest=name, urgent=True, id=number, reason=reason)
+        finally:
+            page.asked -= not stops
+            page.stops -= stops
+
+
+def _is_robot(text: str) -> bool:
+    """Whether a text can be a robot's name: no pattern that would move several."""
+    try:
+        return names.normalize_namespace(text) == text
+    except InvalidName:
+        return False
 
 
 def _is_key(text: str) -> bool:
+    """Whether a text is the key of one topic."""
     try:
-        return "*" not in text and not text.startswith("@") and bool(zenoh.KeyExpr(text))
+        return len(text) <= _LONGEST_KEY and not set(text) & set("*$") and bool(zenoh.KeyExpr(text))
     except zenoh.ZError:
         return False

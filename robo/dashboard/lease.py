@@ -2,8 +2,6 @@
 
 import math
 
-import msgspec
-
 LEASE = 1.0
 """For how long somebody drives after a last word, s."""
 MOST_AGE = 0.25
@@ -12,19 +10,8 @@ SILENCE = 0.25
 """Without a command for so long the robot is told to stand, s."""
 ZEROS = 5
 """How often it is told so: one may get lost."""
-
-
-class Command(msgspec.Struct, frozen=True):
-    """What a driver wants."""
-
-    linear: float
-    """m/s, forwards."""
-    angular: float
-    """rad/s, to the left."""
-    heard: int
-    """The number of the newest beat that the browser had from the server."""
-    since: float
-    """How long ago that was, by the browser's own clock, s."""
+_AHEAD = 0.05
+"""So much may two clocks differ in how fast they run, between two beats, s."""
 
 
 class Lease:
@@ -98,6 +85,6 @@ class Beats:
         The way of the beat to the browser counts too, since nobody can tell it from the way back.
         """
         sent = self._sent.get(heard)
-        if sent is None or not since >= 0.0:
-            return math.inf
-        return now - sent - since
+        if sent is None or not 0.0 <= since <= now - sent + _AHEAD:
+            return math.inf  # nobody can have waited longer than the beat is old
+        return max(0.0, now - sent - since)

@@ -8,6 +8,10 @@ MOST_UNREAD = 262_144
 """Bytes that are on their way to a browser before it says that it has them: more would only make what follows old."""
 _MOST_LINES = 2_000
 """Of a channel of which all counts."""
+_MOST_LINES_SIZE = 2_000_000
+"""And what they may take together, bytes."""
+_MOST_SENT = 5_000
+"""Frames that a browser may leave without a word: some eight minutes of beats."""
 
 
 class Frame(NamedTuple):
@@ -29,6 +33,7 @@ class Mailbox:
         self._urgent: dict[Hashable, Frame] = {}
         self._newest: dict[Hashable, Frame] = {}
         self._lines: deque[Frame] = deque()
+        self._lines_size = 0
         self._sent: deque[int] = deque()
         self._unread = 0
         self.left_out = 0
@@ -46,8 +51,9 @@ class Mailbox:
     def add(self, data: bytes | str) -> None:
         """One of which all count: lines of the log, events."""
         self._lines.append(Frame(data))
-        if len(self._lines) > _MOST_LINES:
-            self._lines.popleft()
+        self._lines_size += len(data)
+        while len(self._lines) > 1 and (len(self._lines) > _MOST_LINES or self._lines_size > _MOST_LINES_SIZE):
+            self._lines_size -= self._lines.popleft().size
             self.left_out += 1
 
     def drop(self, channel: Hashable) -> None:
@@ -61,6 +67,7 @@ class Mailbox:
         if self._unread >= self._most_unread:
             return None
         if self._lines:
+            self._lines_size -= self._lines[0].size
             return self._taken(self._lines.popleft())
         if self._newest:
             return self._taken(self._newest.pop(next(iter(self._newest))))
@@ -70,6 +77,16 @@ class Mailbox:
         """The browser has dealt with so many frames more."""
         for _ in range(min(count, len(self._sent))):
             self._unread -= self._sent.popleft()
+
+    @property
+    def urgent(self) -> int:
+        """Frames that wait before all others."""
+        return len(self._urgent)
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the browser takes what it gets and never says so."""
+        return len(self._sent) > _MOST_SENT
 
     @property
     def unread(self) -> int:

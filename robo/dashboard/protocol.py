@@ -6,9 +6,10 @@ type and encoding a channel has is said once, as news.
 """
 
 import struct
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
+from msgspec import Meta
 
 _HEAD = struct.Struct("<Hdd")
 
@@ -26,7 +27,7 @@ class Watch(_Request, frozen=True):
 class Read(_Request, frozen=True):
     """It has dealt with so many frames more."""
 
-    count: int
+    count: Annotated[int, Meta(ge=0)]
 
 
 class Take(_Request, frozen=True):
@@ -36,13 +37,17 @@ class Take(_Request, frozen=True):
 
 
 class Drive(_Request, frozen=True):
-    """How the robot is to move; see `lease.Command`."""
+    """How the robot is to move."""
 
     robot: str
     linear: float
+    """m/s, forwards."""
     angular: float
+    """rad/s, to the left."""
     heard: int
+    """The number of the newest beat that the page had from the server."""
     since: float
+    """How long ago that was, by the page's own clock, s."""
 
 
 class Release(_Request, frozen=True):
@@ -95,7 +100,7 @@ Request = Watch | Read | Take | Drive | Release | Call | Publish | Command | Par
 DRIVERS = (Take, Drive, Call, Publish, Set)
 """For those alone who may drive; and of the commands all but `why`."""
 
-_requests = msgspec.json.Decoder(Request)
+_requests: msgspec.json.Decoder[Request] = msgspec.json.Decoder(Request)
 _encoder = msgspec.json.Encoder()
 
 

@@ -7,7 +7,7 @@ import msgspec
 import zenoh
 
 import robo_messages
-from robo.errors import TopicNotFound, UsageError
+from robo.errors import InvalidName, TopicNotFound, UsageError
 from robo.interfaces import catalogue
 from robo.interfaces.message_input import message_of
 from robo.node import services
@@ -23,6 +23,8 @@ _FIND = 0.5
 """How long it may take to find a node, s."""
 _PATIENCE = 1.0
 """How long to wait for somebody who listens, s."""
+_DRIVING = ("geometry/Twist", "geometry/TwistStamped")
+"""Types that move a robot."""
 
 
 def call(session: zenoh.Session, service: str, type_name: str, request: dict[str, Any]) -> object:
@@ -35,9 +37,11 @@ def call(session: zenoh.Session, service: str, type_name: str, request: dict[str
         request: by field.
 
     Raises:
+        InvalidName: the service has no such name.
         ServiceError: it refuses, or nobody answers.
         MessageError: the request is not one of its type.
     """
+    _check_name("service", service)
     type_name = type_name or offers.find_service(session, service, _FIND).type
     asked, _ = robo_messages.halves_of(type_name)
     payload = msgspec.msgpack.encode(_checked(asked, request))
@@ -52,9 +56,14 @@ def publish(session: zenoh.Session, topic: str, type_name: str, message: dict[st
     """Publish a message once.
 
     Raises:
+        InvalidName: the topic has no such name.
+        UsageError: that would be driving, which has a lease.
         MessageError: it is not one of its type.
         TopicNotFound: nobody listens.
     """
+    _check_name("topic", topic)
+    if type_name in _DRIVING:
+        raise UsageError(f"{topic}: a page drives by its joystick and keys, one at a time")
     payload = msgspec.msgpack.encode(_checked(type_name, message))
     sender = Sender(session, topic, type_name, QoS.DEFAULT, "/" + names.join(topic.rpartition("/")[0], "dashboard"))
     try:
@@ -97,6 +106,15 @@ def set_parameters(session: zenoh.Session, node: str, values: dict[str, Any]) ->
     if not values:
         raise UsageError("no parameter is said")
     parameters.set_all(session, _node(session, node), values)
+
+
+def _check_name(what: str, text: str) -> None:
+    """
+    Raises:
+        InvalidName: it is none of one topic or service: a pattern would reach those of several robots.
+    """
+    if not names.is_name(f"/{text}"):
+        raise InvalidName(f"{text!r} is no full name of a {what}")
 
 
 def _node(session: zenoh.Session, name: str) -> NodeToken:

@@ -3,48 +3,47 @@
 import asyncio
 import http
 import importlib
+import logging
 import math
+import threading
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs, quote, unquote, urlsplit
 
 import msgspec
 import zenoh
 
 from robo.dashboard import files, protocol
-from robo.dashboard.access import Doorkeeper, Right, Tokens, is_own_host, is_own_origin
+from robo.dashboard.access import Doorkeeper, Right, is_loopback, is_own_host, is_own_origin
 from robo.dashboard.driver import Driver
 from robo.dashboard.files import Answer
 from robo.dashboard.hub import BEAT, Hub, Page
+from robo.dashboard.place import Settings
 from robo.dashboard.state import State
 from robo.dashboard.topics import Topics
-from robo.errors import NetworkError, RunError
+from robo.errors import NetworkError, RunError, UsageError
+from robo.text.unreadable import UNREADABLE
+
+_SILENT = logging.getLogger("robo.dashboard.websockets")
+_SILENT.addHandler(logging.NullHandler())
+_SILENT.propagate = False
 
 SOCKET = "/socket"
-COOKIE = "robo_dashboard"
+COOKIE = "robo_dashboard_{port}"
+"""With the port: browsers send cookies to all ports of a host, and there may be several dashboards."""
 _MOST_REQUEST = 100_000
 """Of what a page says at once, bytes."""
-_CLOSED_TO = 4403
-"""The code by which a socket is closed to somebody without a right."""
+_STOPS = 32
+"""Emergency stops that may be on their way at once: those to robots that hang hold up no other one."""
+_HANDLING = 1.0
+"""For so long a thread waits until pages have been given what it has brought, s."""
 _SILENCE = 5.0
 """A page that says nothing for so long is gone, s: it acknowledges ten beats a second."""
-
-
-class Settings(msgspec.Struct, frozen=True):
-    """Where the page is, and who is let in."""
-
-    host: str = "127.0.0.1"
-    port: int = 8080
-    """0 for any that is free."""
-    tokens: Tokens = Tokens()
-    """Empty for no tokens, on this machine alone."""
-    names: tuple[str, ...] = ()
-    """By which the page may be called beside those of this machine; `*` for any."""
 
 
 class Dashboard:
@@ -58,11 +57,15 @@ class Dashboard:
 
         Raises:
             RunError: the library for the socket is not installed.
+            UsageError: others than this machine could open it without a token.
         """
+        if not (settings.tokens.drive or is_loopback(settings.host)):
+            raise UsageError(f"a page at {settings.host} needs a token")
         self._websockets = import_websockets()
         self._session = session
         self._settings = settings
         self._door = Doorkeeper(settings.tokens)
+        self._port = settings.port
 
     async def serve(self, ready: Callable[[int], object], over: Awaitable[object]) -> None:
         """Serve until `over`.
@@ -75,30 +78,23 @@ class Dashboard:
             NetworkError: the port cannot be had.
         """
         loop = asyncio.get_running_loop()
-        calls, stops = ThreadPoolExecutor(8, "robo-dashboard-call"), ThreadPoolExecutor(2, "robo-dashboard-stop")
+        calls, stops = ThreadPoolExecutor(8, "robo-dashboard-call"), ThreadPoolExecutor(_STOPS, "robo-dashboard-stop")
         driver = Driver(self._session)
-        hub: Hub
-
-        def on_loop(work: Callable[[Any], None]) -> Callable[[Any], None]:
-            return lambda what: loop.call_soon_threadsafe(work, what)  # type: ignore[func-returns-value]
-
-        topics = Topics(self._session, on_loop(lambda what: hub.messages(what)))
+        # What comes before there is a hub is for nobody.
+        topics = Topics(self._session, _by(loop, lambda what: hub.messages(what), waits=True))
         hub = Hub(self._session, topics, driver, calls, stops)
-        state: State | None = None
+        state = State(self._session, _by(loop, hub.looked), _by(loop, hub.lines), _by(loop, hub.events))
+        beats = loop.create_task(_every(BEAT, lambda: _beat(hub, state)))
         try:
-            state = State(self._session, on_loop(hub.looked), on_loop(hub.lines), on_loop(hub.events))
-            beats = loop.create_task(_every(BEAT, hub.beat))
-            try:
-                async with self._listening(partial(self._page, hub)) as server:
-                    ready(next(iter(server.sockets)).getsockname()[1])
-                    await over
-            finally:
-                beats.cancel()
+            async with self._listening(partial(self._page, hub, state)) as server:
+                self._port = next(iter(server.sockets)).getsockname()[1]
+                ready(self._port)
+                await over
         finally:
-            driver.close()
-            topics.close()
-            if state is not None:
-                await loop.run_in_executor(None, state.close)
+            beats.cancel()
+            # Robots first: they are to stand.
+            for end in (driver.close, topics.close, state.close):
+                await loop.run_in_executor(None, end)
             for pool in (calls, stops):
                 pool.shutdown(wait=False, cancel_futures=True)
 
@@ -116,6 +112,7 @@ class Dashboard:
             ping_interval=None,  # beats are acknowledged
             close_timeout=1.0,
             server_header=None,
+            logger=_SILENT,  # whoever knocks and goes is no fault
         )
         try:
             listening = await server
@@ -130,23 +127,29 @@ class Dashboard:
 
     def _answer(self, connection: Any, request: Any) -> Any:
         """A file; None for a socket that may be opened."""
-        url = urlsplit(request.path)
         host = request.headers.get("Host", "")
-        address = connection.remote_address[0]
-        if not is_own_host(host, self._settings.names):
-            return self._respond(files.text(http.HTTPStatus.MISDIRECTED_REQUEST, _WRONG_NAME.format(host=host)))
-        now = time.monotonic()
+        tokens = self._settings.tokens
+        try:
+            url = urlsplit(request.path)
+            given = parse_qs(url.query, max_num_fields=10).get("token", [""])[0]
+        except ValueError:
+            return self._respond(files.text(http.HTTPStatus.BAD_REQUEST, "that is no address of a page"))
+        if not is_own_host(host, self._settings.names, addresses=bool(tokens.drive)):
+            return self._respond(files.text(http.HTTPStatus.MISDIRECTED_REQUEST, _WRONG_NAME.format(host=host[:100])))
+        now, address = time.monotonic(), connection.remote_address[0]
         if (wait := self._door.wait(address, now)) > 0:
             retry = str(math.ceil(wait))
             words = f"too many wrong tokens: again in {retry} s"
             return self._respond(files.text(http.HTTPStatus.TOO_MANY_REQUESTS, words, Retry_After=retry))
-        given = parse_qs(url.query).get("token", [""])[0]
-        right = self._door.right(given or _cookie(request.headers), address, now)
+        name = COOKIE.format(port=self._port)
+        right = self._door.right(given or _cookie(request.headers, name), address, now)
         if right is Right.NONE:
             return self._respond(files.text(http.HTTPStatus.UNAUTHORIZED, _NO_TOKEN))
         if given:  # so that it does not stay in the address
-            cookie = f"{COOKIE}={given}; HttpOnly; SameSite=Strict; Path=/"
-            return self._respond(files.text(http.HTTPStatus.SEE_OTHER, "", Location="/", Set_Cookie=cookie))
+            # Without tokens any word is right, and none is to be remembered.
+            cookie = f"{name}={quote(given, safe='')}; HttpOnly; SameSite=Strict; Path=/"
+            told = {"Set_Cookie": cookie} if tokens.drive else {}
+            return self._respond(files.text(http.HTTPStatus.SEE_OTHER, "", Location="/", **told))
         if url.path != SOCKET:
             return self._respond(files.answer(url.path))
         if not is_own_origin(request.headers.get("Origin"), host):
@@ -160,9 +163,13 @@ class Dashboard:
         headers["Connection"] = "close"
         return self._websockets.Response(answer.status.value, answer.status.phrase, headers, answer.body)
 
-    async def _page(self, hub: Hub, connection: Any) -> None:
+    async def _page(self, hub: Hub, state: State, connection: Any) -> None:
+        if hub.is_full:
+            await connection.close(1013, "too many pages are open")
+            return
         page = hub.join(connection.robo_right)
-        sending = asyncio.get_running_loop().create_task(_send(page, connection))
+        state.attend(True)
+        sending = asyncio.get_running_loop().create_task(self._send(page, connection))
         try:
             while True:
                 async with asyncio.timeout(_SILENCE):
@@ -170,22 +177,47 @@ class Dashboard:
                 hub.ask(page, protocol.request(said))
         except (TimeoutError, self._websockets.ConnectionClosed):
             pass  # it is gone
-        except msgspec.MsgspecError as error:
+        except UNREADABLE as error:
             await connection.close(1007, f"that is no request: {error}"[:100])
         finally:
             hub.leave(page)
             sending.cancel()
 
+    async def _send(self, page: Page, connection: Any) -> None:
+        """Give a page what waits for it, as long as it takes it."""
+        with suppress(self._websockets.ConnectionClosed):
+            while not page.mailbox.is_lost:
+                frame = page.mailbox.take()
+                if frame is None:
+                    page.wake.clear()
+                    await page.wake.wait()
+                else:
+                    await connection.send(frame.data)
+            await connection.close(1008, "it never says what it has read")
 
-async def _send(page: Page, connection: Any) -> None:
-    """Give a page what waits for it, as long as it takes it."""
-    while True:
-        frame = page.mailbox.take()
-        if frame is None:
-            page.wake.clear()
-            await page.wake.wait()
-        else:
-            await connection.send(frame.data)
+
+def _by(loop: asyncio.AbstractEventLoop, work: Callable[[Any], None], *, waits: bool = False) -> Callable[[Any], None]:
+    """What has something done by the loop, for other threads; one that waits cannot bring more than is dealt with."""
+
+    def ask(what: Any) -> None:
+        done = threading.Event()
+
+        def do() -> None:
+            try:
+                work(what)
+            finally:
+                done.set()
+
+        loop.call_soon_threadsafe(do)
+        if waits:
+            done.wait(_HANDLING)
+
+    return ask
+
+
+def _beat(hub: Hub, state: State) -> None:
+    hub.beat()
+    state.attend(hub.has_pages)
 
 
 async def _every(period: float, work: Callable[[], None]) -> None:
@@ -194,13 +226,13 @@ async def _every(period: float, work: Callable[[], None]) -> None:
         await asyncio.sleep(period)
 
 
-def _cookie(headers: Any) -> str:
+def _cookie(headers: Any, name: str) -> str:
     """The token that a browser remembers; empty where it has none."""
-    try:
-        found = SimpleCookie(headers.get("Cookie", "")).get(COOKIE)
-    except CookieError:
-        return ""
-    return found.value if found is not None else ""
+    found = SimpleCookie()
+    with suppress(CookieError):
+        for line in headers.get_all("Cookie"):
+            found.load(line)
+    return unquote(found[name].value) if name in found else ""
 
 
 class Library(msgspec.Struct):

@@ -24,7 +24,15 @@ _PAST = LogsRequest(lines=300)
 """Of each robot's log, for a page that is opened."""
 _MOST_PAST = 1_000
 """Lines that are kept for pages that are opened later."""
-_SLOTS = 5_000
+_SLOTS = 1_000
+_MOST_LINES = 200
+"""Lines at one look: of a flood pages are told the newest, and how many were left out."""
+_LONGEST_LINE = 4_000
+"""Characters."""
+_MOST_NODES, _MOST_TOPICS, _MOST_ROBOTS = 1_000, 1_000, 100
+"""In a picture: more nobody reads, and strangers may make some up."""
+_OF_ROBOTS = ("odom", "cmd_vel", "safety_state")
+"""A namespace that has one of these topics is a robot, even within another one's."""
 _ALL = "**"
 
 
@@ -80,8 +88,11 @@ class Picture(msgspec.Struct, frozen=True):
     """One look at everything that runs."""
 
     robots: list[str]
+    """Their namespaces."""
     nodes: list[Node]
     topics: list[TopicRow]
+    left_out: int = 0
+    """Nodes and topics for which there was no room."""
 
 
 class State:
@@ -97,16 +108,17 @@ class State:
         """
         Args:
             session: the network.
-            looked: gets all that runs, once a second, by a thread.
+            looked: gets all that runs, once a second while somebody attends, by a thread.
             lines: gets new lines of logs, by another thread, those of the past first.
             events: gets new events, by the same.
         """
         self._session = session
         self._tell_look, self._tell_lines, self._tell_events = looked, lines, events
         self._over = threading.Event()
-        slots = zenoh.handlers.RingChannel(_SLOTS)
+        self._attended = threading.Event()
+        self._told_past: set[Line] = set()
         # Before the past is asked for, so that nothing falls between.
-        self._lines = session.declare_subscriber(log_key(_ALL), slots)
+        self._lines = session.declare_subscriber(log_key(_ALL), zenoh.handlers.RingChannel(_SLOTS))
         self._events = session.declare_subscriber(event_key(_ALL), zenoh.handlers.RingChannel(_SLOTS))
         self._threads = [
             threading.Thread(target=run, name=f"robo-dashboard-{name}", daemon=True)
@@ -115,25 +127,36 @@ class State:
         for thread in self._threads:
             thread.start()
 
+    def attend(self, somebody: bool) -> None:
+        """Whether anybody looks: else nobody is asked anything."""
+        if somebody:
+            self._attended.set()
+        else:
+            self._attended.clear()
+
     def close(self) -> None:
         """Look no more."""
         self._over.set()
+        self._attended.set()
         for thread in self._threads:
             thread.join()
         self._lines.undeclare()
         self._events.undeclare()
 
     def _look(self) -> None:
-        due = time.monotonic()
-        while not self._over.wait(max(0.0, due - time.monotonic())):
-            due = max(due + PERIOD, time.monotonic())
+        while not self._over.is_set():
+            self._attended.wait()
+            begin = time.monotonic()
             try:
                 processes = runs.processes(self._session, timeout=_TIMEOUT)
                 statuses = nodes.all_status(self._session, _TIMEOUT)
                 listed = topics.list_topics(self._session, _TIMEOUT, ())
-            except zenoh.ZError:
-                continue  # the router is away; pages see how old all is
-            self._tell_look(picture(processes, statuses, listed))
+            except (zenoh.ZError, RoboError):
+                pass  # the router is away; pages see how old all is
+            else:
+                if not self._over.is_set():
+                    self._tell_look(picture(processes, statuses, listed))
+            self._over.wait(max(_LOOK, begin + PERIOD - time.monotonic()))
 
     def _listen(self) -> None:
         self._tell_past()
@@ -143,15 +166,17 @@ class State:
                 record = read(sample, LogRecord)
                 if record is not None:
                     lines.append(line_of(_robot_of(str(sample.key_expr), log_key(_ALL)), record))
+            lines = [line for line in lines if line not in self._told_past]
+            self._told_past = set()
             if lines:
-                self._tell_lines(lines)
+                self._tell_lines(newest(lines))
             events: list[Event] = []
             while (sample := self._events.handler.try_recv()) is not None:
                 event = read(sample, Event)
                 if event is not None:
                     events.append(event)
             if events:
-                self._tell_events(events)
+                self._tell_events(events[-_MOST_LINES:])
 
     def _tell_past(self) -> None:
         try:
@@ -163,6 +188,7 @@ class State:
                 except RoboError:
                     continue  # it has just ended
                 lines += [line_of(robot, one) for one in said]
+            self._told_past = set(lines)  # some of them have come by the subscription as well
             self._tell_lines(sorted(lines, key=lambda line: line.time))
         except zenoh.ZError:
             return
@@ -186,13 +212,45 @@ def picture(
         TopicRow(one.key, one.type, one.publishers, one.subscribers, rates.get(one.key), dropped.get(one.key, 0))
         for one in listed
     ]
-    robots = sorted({one.robot for one in processes} | {_namespace(name) for name in statuses} - {""})
-    return Picture(robots, [rows[name] for name in sorted(rows)], found)
+    shown = [rows[name] for name in sorted(rows)]
+    robots = robots_of(shown, (row.key for row in found))
+    left_out = max(0, len(shown) - _MOST_NODES) + max(0, len(found) - _MOST_TOPICS)
+    return Picture(robots[:_MOST_ROBOTS], shown[:_MOST_NODES], found[:_MOST_TOPICS], left_out)
+
+
+def robots_of(rows: Iterable[Node], keys: Iterable[str]) -> list[str]:
+    """The robots among what runs: runs, or what a run has by robot, and namespaces of nodes that no run has.
+
+    A namespace within another one is part of that robot, but where it has odometry or is driven itself.
+    """
+    rows = list(rows)
+    runs = {row.robot for row in rows if row.robot}
+    spaces = {_namespace(row.node) for row in rows}
+    driven = {key.rpartition("/")[0] for key in keys if key.rpartition("/")[2] in _OF_ROBOTS} & spaces
+
+    def is_part(space: str, of: Iterable[str]) -> bool:
+        return any(one and space.startswith(f"{one}/") for one in of)
+
+    found = runs | {space for space in spaces if space in driven or not is_part(space, runs | spaces)}
+    # A run of several robots is none itself.
+    return sorted(one for one in found if one in spaces or not any(is_part(other, (one,)) for other in found))
+
+
+def newest(lines: list[Line]) -> list[Line]:
+    """As many lines as are shown at once; instead of what came before, how many those were."""
+    if len(lines) <= _MOST_LINES:
+        return lines
+    kept = lines[-_MOST_LINES:]
+    left = f"{len(lines) - len(kept)} lines or more were left out: they came too fast to be shown"
+    return [msgspec.structs.replace(kept[0], node="dashboard", level="WARN", message=left), *kept]
 
 
 def line_of(robot: str, record: LogRecord) -> Line:
     """A line of a log, as a page shows it."""
-    return Line(robot, record.time // 1_000_000, record.node, record.level or "", record.message)
+    message = record.message
+    if len(message) > _LONGEST_LINE:
+        message = f"{message[:_LONGEST_LINE]} … {len(message)} characters in all"
+    return Line(robot, record.time // 1_000_000, record.node[:_LONGEST_LINE], record.level or "", message)
 
 
 def _supervised(one: ProcessStatus) -> Node:

@@ -1,28 +1,39 @@
 """The topics that pages show: the newest message of each, as often as a page can be drawn.
 
-Nothing runs for a single message: Zenoh keeps the newest ones of each topic, and a thread looks.
+Nothing runs for a single message: Zenoh keeps the newest ones of each topic, and a thread looks. Whoever asks for
+topics never waits for the network: the same thread declares what is watched.
 """
 
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from typing import NamedTuple
 
 import zenoh
 
+from robo.dashboard import clock
 from robo.wire import codec
 from robo.wire.latched import kept
 
-PERIOD = 0.05
-"""How often somebody looks, s: of a quicker topic a page shows the newest one 20 times a second."""
+PERIOD = 0.025
+"""How often somebody looks, s: of a quicker topic a page shows the newest one 40 times a second."""
+MOST_PAYLOAD = 8_000_000
+"""A larger message is not shown: a page is told that it came, bytes."""
 _SLOTS = 64
 """Messages of a key that wait for a look. Transforms count all: each may be of other frames."""
+_FEW_SLOTS = 2
+"""Of all others the newest one counts; a key may have several publishers' encodings."""
 _LATCHED_WAIT = 0.5
 """For what latched publishers keep, s."""
 _OF_PARTS = "tf2/TFMessage"
 """Of this type the newest message is not all that holds."""
+_TRANSFORMS = ("tf", "tf_static")
+"""The topics that have this type."""
 _MOST_KEPT = 32
 """Of a latched topic: it may have as many publishers."""
+_LONGEST_ENCODING = 300
 
 
 class Message(NamedTuple):
@@ -33,8 +44,9 @@ class Message(NamedTuple):
     published: int | None
     """ns since the epoch, by the publisher's clock; None where it has not said."""
     arrived: int
-    """ns since the epoch, by this machine's clock."""
+    """ns since the epoch, by the server's time."""
     payload: bytes
+    """Empty where it is too large."""
 
     @property
     def is_of_parts(self) -> bool:
@@ -49,84 +61,115 @@ class Topics:
         """
         Args:
             session: the network.
-            deliver: gets what has come, by threads, some 20 times a second.
+            deliver: gets what has come, by threads, some 40 times a second; the next look is after it has returned.
         """
         self._session = session
         self._deliver = deliver
         self._lock = threading.Lock()
+        self._wanted: frozenset[str] = frozenset()
+        self._again: set[str] = set()
+        """Keys of which it is wanted what latched publishers said last."""
+        self._asked: set[str] = set()
+        """Those of them for which somebody is asking now."""
         self._ends: dict[str, zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]] = {}
-        self._heard: set[str] = set()
-        """Keys on which something has come since they are watched: what was said before is older."""
+        self._newest: dict[str, int] = {}
+        """When the newest message of a key was published that has come since it is watched, ns."""
         self._over = threading.Event()
+        self._askers = ThreadPoolExecutor(4, "robo-dashboard-latched")
         self._thread = threading.Thread(target=self._run, name="robo-dashboard-topics", daemon=True)
         self._thread.start()
 
-    def watch(self, keys: Iterable[str]) -> None:
-        """Receive these, and no others; of those that are new what latched publishers said last, too.
+    def watch(self, keys: Iterable[str], again: Collection[str] = ()) -> None:
+        """Receive these, and no others, from now on. Returns at once.
 
-        Raises:
-            zenoh.ZError: one is no key.
+        Args:
+            keys: of topics.
+            again: those of them of which is wanted what latched publishers said last, though it has come before:
+                somebody looks who has not heard it.
         """
-        wanted = {key: zenoh.KeyExpr(key) for key in keys}
         with self._lock:
-            gone, new = self._ends.keys() - wanted.keys(), wanted.keys() - self._ends.keys()
-            for key in gone:
-                self._ends.pop(key).undeclare()
-                self._heard.discard(key)
-            for key in new:
-                self._ends[key] = self._session.declare_subscriber(wanted[key], zenoh.handlers.RingChannel(_SLOTS))
-        self.say_again(sorted(new))
-
-    def say_again(self, keys: list[str]) -> None:
-        """What latched publishers said last is wanted: somebody looks who has not heard it."""
-        if keys:
-            threading.Thread(target=self._ask, args=(keys,), name="robo-dashboard-latched", daemon=True).start()
+            self._wanted = frozenset(keys)
+            self._again.update(again)
 
     def close(self) -> None:
         """Receive no more."""
         self._over.set()
         self._thread.join()
-        with self._lock:
-            for end in self._ends.values():
+        self._askers.shutdown(wait=False, cancel_futures=True)
+        for end in self._ends.values():
+            with suppress(zenoh.ZError):
                 end.undeclare()
-            self._ends.clear()
+        self._ends.clear()
 
     def _run(self) -> None:
         while not self._over.wait(PERIOD):
-            with self._lock:
-                handlers = [end.handler for end in self._ends.values()]
-            parts: list[Message] = []
-            newest: dict[str, Message] = {}
-            for handler in handlers:
-                while (sample := handler.try_recv()) is not None:
-                    message = _message(sample)
-                    if message is None:
-                        continue
-                    if message.is_of_parts:
-                        parts.append(message)
-                    else:
-                        newest[message.key] = message
-            if parts or newest:
-                self._heard.update(newest)
-                self._deliver([*parts, *newest.values()])
+            with suppress(zenoh.ZError):  # the network has been left; it is tried again
+                self._declare()
+            found = self._look()
+            if found:
+                self._deliver(found)
 
-    def _ask(self, keys: list[str]) -> None:
-        found: list[Message] = []
-        for key in keys:
-            try:
-                said = kept(self._session, key, _MOST_KEPT, _LATCHED_WAIT)
-            except zenoh.ZError:
-                return  # the network has been left
-            found += [one for one in map(_message, said) if one is not None]
-        fresh = [one for one in found if one.is_of_parts or one.key not in self._heard]
+    def _declare(self) -> None:
+        with self._lock:
+            wanted, again = self._wanted, self._again
+            self._again = set()
+        for key in self._ends.keys() - wanted:
+            self._newest.pop(key, None)
+            self._ends.pop(key).undeclare()
+        for key in wanted - self._ends.keys():
+            slots = _SLOTS if key.rpartition("/")[2] in _TRANSFORMS else _FEW_SLOTS
+            self._ends[key] = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(slots))
+            again.add(key)  # after that, so that nothing falls between
+        for key in again & wanted - self._asked:
+            self._asked.add(key)
+            self._askers.submit(self._ask, key)
+
+    def _look(self) -> list[Message]:
+        parts: list[Message] = []
+        newest: dict[str, Message] = {}
+        for end in self._ends.values():
+            while (sample := end.handler.try_recv()) is not None:
+                message = _message(sample)
+                if message is None:
+                    continue
+                if message.is_of_parts:
+                    parts.append(message)
+                else:
+                    newest[message.key] = message
+        for key, message in newest.items():
+            if message.published is not None:
+                self._newest[key] = min(message.published, time.time_ns())  # a stranger may say any time
+        return [*parts, *newest.values()]
+
+    def _ask(self, key: str) -> None:
+        """Deliver what latched publishers of a key said last, but for what is older than what has come since."""
+        try:
+            said = [_message(sample) for sample in kept(self._session, key, _MOST_KEPT, _LATCHED_WAIT)]
+        except zenoh.ZError:
+            return  # the network has been left
+        finally:
+            self._asked.discard(key)
+        found = [_latched(one) for one in said if one is not None]
+        newest = self._newest.get(key, 0)
+        fresh = [one for one in found if one.is_of_parts or one.published is None or one.published >= newest]
         if fresh and not self._over.is_set():
-            self._deliver(fresh)
+            self._deliver(sorted(fresh, key=lambda one: one.published or 0))
 
 
 def _message(sample: zenoh.Sample) -> Message | None:
     if sample.kind != zenoh.SampleKind.PUT:
         return None
+    encoding = str(sample.encoding)
+    if len(encoding) > _LONGEST_ENCODING:
+        return None
     stamp = codec.unpack_attachment(sample.attachment.to_bytes()) if sample.attachment is not None else None
     published = stamp.source_time if stamp is not None else None
-    payload = sample.payload.to_bytes()
-    return Message(str(sample.key_expr), str(sample.encoding), published, time.time_ns(), payload)
+    payload = sample.payload.to_bytes() if len(sample.payload) <= MOST_PAYLOAD else b""
+    return Message(str(sample.key_expr), encoding, published, clock.now(), payload)
+
+
+def _latched(message: Message) -> Message:
+    """What a publisher has kept: it is as old as the publisher says."""
+    if message.published is None:
+        return message
+    return message._replace(arrived=message.arrived - max(0, time.time_ns() - message.published))

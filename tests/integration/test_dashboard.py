@@ -13,8 +13,9 @@ import zenoh
 
 import robo_messages
 from robo.dashboard.access import Tokens
+from robo.dashboard.place import Settings
 from robo.dashboard.protocol import _HEAD
-from robo.dashboard.server import COOKIE, Dashboard, Settings
+from robo.dashboard.server import COOKIE, Dashboard
 from robo.samples.publishing import Sender
 from robo.samples.stream import Stream
 from robo.wire.qos import QoS
@@ -168,7 +169,7 @@ def test_without_a_token_there_is_nothing(guarded: Served) -> None:
     answer = guarded.get(f"/?token={TOKENS.drive}")
     assert (answer.status, answer.headers["Location"]) == (303, "/")
     assert "HttpOnly; SameSite=Strict" in answer.headers["Set-Cookie"]
-    assert guarded.get("/main.js", Cookie=f"{COOKIE}={TOKENS.drive}").status == 200
+    assert guarded.get("/main.js", Cookie=f"{COOKIE.format(port=guarded.port)}={TOKENS.drive}").status == 200
 
 
 def test_guesses_are_slowed_down(guarded: Served) -> None:
@@ -180,7 +181,7 @@ def test_guesses_are_slowed_down(guarded: Served) -> None:
 
 def test_who_may_only_look_moves_nothing(guarded: Served, other: zenoh.Session) -> None:
     stream = Stream(other, ["r1/cmd_vel_dashboard"])
-    with guarded.page(additional_headers={"Cookie": f"{COOKIE}={TOKENS.view}"}) as page:
+    with guarded.page(additional_headers={"Cookie": f"{COOKIE.format(port=guarded.port)}={TOKENS.view}"}) as page:
         assert not page.hears("welcome")["drives"]
         page.hears("beat")
         page.drive(0.5)

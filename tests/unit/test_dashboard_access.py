@@ -1,8 +1,11 @@
 """Who may look and who may drive."""
 
+from pathlib import Path
+
 import pytest
 
 from robo.dashboard.access import Doorkeeper, Right, Tokens, is_own_host, is_own_origin
+from robo.errors import UsageError
 
 TOKENS = Tokens(view="look-look-look", drive="drive-drive-drive")
 
@@ -44,8 +47,8 @@ def test_a_thousand_guesses_take_hours() -> None:
 
 def test_while_somebody_has_to_wait_the_right_token_is_no_better() -> None:
     door = Doorkeeper(TOKENS)
-    for _ in range(6):
-        door.right("guess", "1.2.3.4", 0.0)
+    for number in range(6):
+        door.right(f"guess {number}", "1.2.3.4", 0.0)
     assert door.wait("1.2.3.4", 0.0) == 1.0
     assert door.right("drive-drive-drive", "1.2.3.4", 0.5) is Right.NONE
     assert door.right("drive-drive-drive", "1.2.3.4", 1.1) is Right.DRIVE
@@ -63,7 +66,7 @@ def test_who_shows_nothing_does_not_guess() -> None:
 def test_many_addresses_fill_no_memory_and_wait_together() -> None:
     door = Doorkeeper(TOKENS)
     for number in range(2_000):
-        door.right("guess", f"address {number}", 0.0)
+        door.right(f"guess {number}", f"address {number}", 0.0)
     assert door.wait("another one", 0.0) > 0.0
     assert door.wait("address 0", 0.0) == 0.0
     assert door.wait("another one", 1_000.0) == 0.0
@@ -84,6 +87,38 @@ def test_many_addresses_fill_no_memory_and_wait_together() -> None:
 )
 def test_a_page_has_only_its_own_names(host: str, own: bool) -> None:
     assert is_own_host(host, ("r1.local",)) is own
+
+
+def test_a_page_that_tries_an_old_token_again_and_again_guesses_nothing() -> None:
+    door = Doorkeeper(TOKENS)
+    for _ in range(1000):
+        assert door.right("the token of yesterday", "1.2.3.4", 0.0) is Right.NONE
+    assert door.right("drive-drive-drive", "1.2.3.4", 0.0) is Right.DRIVE
+
+
+@pytest.mark.parametrize(("host", "own"), [("192.168.1.5:8080", True), ("[fe80::1%eth0]:8080", True), ("r1", False)])
+def test_an_address_in_numbers_is_no_foreign_name(host: str, own: bool) -> None:
+    assert is_own_host(host, addresses=True) is own
+    assert not is_own_host(host)
+
+
+def test_tokens_are_read_from_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "tokens"
+    file.write_text("drive-drive-drive\n\nlook-look-look\n")
+    assert Tokens.of("0.0.0.0", file) == TOKENS
+    file.write_text("drive-drive-drive")
+    assert Tokens.of("127.0.0.1", file) == Tokens(drive="drive-drive-drive")
+    for wrong in ("", "short", "1234567890123\n1234567890123\n1234567890123"):
+        file.write_text(wrong)
+        with pytest.raises(UsageError, match="first line is the token to drive"):
+            Tokens.of("0.0.0.0", file)
+    with pytest.raises(UsageError, match="No such file"):
+        Tokens.of("0.0.0.0", tmp_path / "none")
+
+
+def test_only_this_machine_needs_no_tokens() -> None:
+    assert Tokens.of("127.0.0.1", None) == Tokens()
+    assert Tokens.of("0.0.0.0", None).drive != ""
 
 
 def test_a_star_is_any_name() -> None:

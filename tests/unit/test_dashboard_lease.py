@@ -72,7 +72,7 @@ def test_the_age_of_a_word_counts_from_the_beat_that_was_heard_before_it() -> No
     assert beats.age(second, 0.0, 15.1) == pytest.approx(5.0), "held up for five seconds on its way"
 
 
-@pytest.mark.parametrize("since", [math.nan, -1.0, -math.inf])
+@pytest.mark.parametrize("since", [math.nan, -1.0, -math.inf, 5.0])
 def test_what_makes_no_sense_is_as_old_as_can_be(since: float) -> None:
     beats = Beats()
     assert beats.age(beats.next(0.0), since, 0.1) == math.inf

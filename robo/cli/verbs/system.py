@@ -67,9 +67,7 @@ def dashboard(
     token_file: Annotated[
         Path | None,
         typer.Option(
-            "--token-file",
-            metavar="FILE",
-            help="A line with the token to drive, and one to look; else they are made up.",
+            "--token-file", metavar="FILE", help="A line with the token to drive, one to look; else they are made up."
         ),
     ] = None,
     names: Annotated[

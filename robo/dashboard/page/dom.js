@@ -9,13 +9,24 @@ export function el(tag, attributes = {}, ...children) {
     else if (name === "class") made.className = value;
     else made.setAttribute(name, value === true ? "" : value);
   }
-  made.append(...children.filter((one) => one !== null && one !== undefined));
+  made.append(...children.filter((one) => one !== null && one !== undefined).map((one) => (typeof one === "string" ? plain(one) : one)));
   return made;
 }
 
 /** Set the text of an element, where it is another one: a screen reader reads only what changes. */
 export function say(element, words) {
-  if (element.textContent !== words) element.textContent = words;
+  const shown = plain(words);
+  if (element.textContent !== shown) element.textContent = shown;
+}
+
+/** Words as they are, but for what would make them look like others: codes of terminals, signs that turn the line. */
+export function plain(words) {
+  return words.replace(/[\u0000-\u0008\u000b-\u001f\u007f-\u009f\u200b-\u200f\u2028-\u202e\u2066-\u2069\ufeff]/g, escaped);
+}
+
+function escaped(sign) {
+  const code = sign.charCodeAt(0);
+  return code < 256 ? `\\x${code.toString(16).padStart(2, "0")}` : `\\u${code.toString(16).padStart(4, "0")}`;
 }
 
 /** Rows that stay where they are while their values change. `fill(row, item)` sets them; `make(item)` makes one. */
@@ -51,7 +62,8 @@ export class Rows {
 /** A number with as many digits as are of use. */
 export function number(value, digits = 2) {
   if (value === null || value === undefined) return "–";
-  return Number.isFinite(value) ? value.toFixed(digits) : String(value);
+  if (!Number.isFinite(value)) return String(value);
+  return Math.abs(value) < 1e9 ? value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1") : value.toExponential(digits);
 }
 
 /** How long ago something was, in words. */

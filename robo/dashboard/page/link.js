@@ -4,8 +4,14 @@ import { decode } from "./msgpack.js";
 
 /** Without a beat for so long the link is gone, ms. */
 export const LOST = 1000;
+/** After so long it is opened anew, whatever the browser still believes of it. */
+const HOPELESS = 3000;
 const AGAIN = [200, 500, 1000, 2000];
 const HEAD = 18;
+/** A server that has a request answers within six seconds. */
+const PATIENCE = 10_000;
+/** Beats by which it is known how far this clock is from the server's: some 30 s. */
+const BEATS = 300;
 
 class Link {
   constructor() {
@@ -17,31 +23,70 @@ class Link {
     this.tries = 0;
     this.beat = 0;
     this.beatAt = -Infinity;
+    this.offsets = [];
     this.offset = 0;
+    this.lag = 0;
     this.read = 0;
     this.name = "";
     this.drives = false;
     this.frames = 0;
+    this.failures = 0;
+    this.problem = "";
   }
 
   open() {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = new WebSocket(`${scheme}://${location.host}/socket`);
     socket.binaryType = "arraybuffer";
+    this.openedAt = performance.now();
     socket.onopen = () => {
+      if (this.socket !== socket) return;
       this.tries = 0;
+      this.problem = "";
+      this.read = 0;
       this.channels.clear();
       this.sendWatched();
     };
-    socket.onmessage = (event) => this.take(event.data);
-    socket.onclose = () => {
-      if (this.socket !== socket) return;
-      this.beatAt = -Infinity;
-      for (const { reject } of this.waiting.values()) reject(new Error("the link is gone"));
-      this.waiting.clear();
-      setTimeout(() => this.open(), AGAIN[Math.min(this.tries++, AGAIN.length - 1)]);
-    };
+    socket.onmessage = (event) => this.socket === socket && this.take(event.data);
+    socket.onclose = () => this.socket === socket && this.lose();
     this.socket = socket;
+  }
+
+  /** The link is gone: who waits is told, and it is opened once more. */
+  lose() {
+    this.socket = null;
+    this.beatAt = -Infinity;
+    for (const { reject } of this.waiting.values()) reject(new Error("the link is gone"));
+    this.waiting.clear();
+    const pause = AGAIN[Math.min(this.tries++, AGAIN.length - 1)];
+    setTimeout(() => this.open(), pause);
+    if (this.tries > 1) this.askWhy();
+  }
+
+  /** A socket that is refused does not say why; a file does. */
+  async askWhy() {
+    try {
+      const answer = await fetch("icon.svg", { cache: "no-store" });
+      this.problem = answer.ok ? "" : (await answer.text()).trim();
+    } catch (error) {
+      this.problem = ""; // nobody is there
+    }
+  }
+
+  /** See whether a socket that says nothing has to be given up. */
+  look() {
+    const since = Math.max(this.beatAt, this.openedAt ?? -Infinity);
+    if (this.socket && performance.now() - since > HOPELESS) {
+      const socket = this.socket;
+      this.lose();
+      socket.close();
+    }
+    const now = performance.now();
+    for (const [id, asked] of this.waiting) {
+      if (now - asked.at < PATIENCE) continue;
+      this.waiting.delete(id);
+      asked.reject(new Error("no answer"));
+    }
   }
 
   /** How long nothing has come, ms. */
@@ -49,8 +94,9 @@ class Link {
     return performance.now() - this.beatAt;
   }
 
+  /** Whether what comes is new: beats come, and have not been long on their way. */
   get isAlive() {
-    return this.silence < LOST;
+    return this.silence + this.lag < LOST;
   }
 
   /** The server's time of now, ms since the epoch: by it ages are told, whatever this machine's clock says. */
@@ -64,15 +110,20 @@ class Link {
     this.listeners.get(kind).push(listener);
   }
 
-  /** Have a function called with messages of a topic: (message, {published, arrived}). Returns what ends that. */
-  watch(key, listener) {
+  /**
+   * Have a function called with messages of a topic: (message, {type, arrived, …}). Returns what ends that.
+   * With `types` only messages of these come, and of those only what can be read; without it all, and undefined for
+   * what cannot.
+   */
+  watch(key, types, listener) {
+    const entry = { types, listener };
     if (!this.watched.has(key)) this.watched.set(key, new Set());
-    const listeners = this.watched.get(key);
-    listeners.add(listener);
+    const entries = this.watched.get(key);
+    entries.add(entry);
     this.watchSoon();
     return () => {
-      listeners.delete(listener);
-      if (listeners.size === 0 && this.watched.get(key) === listeners) this.watched.delete(key);
+      entries.delete(entry);
+      if (entries.size === 0 && this.watched.get(key) === entries) this.watched.delete(key);
       this.watchSoon();
     };
   }
@@ -102,7 +153,7 @@ class Link {
     return new Promise((resolve, reject) => {
       const id = ++this.number;
       if (!this.send({ ...request, id })) reject(new Error("there is no link"));
-      else this.waiting.set(id, { resolve, reject });
+      else this.waiting.set(id, { resolve, reject, at: performance.now() });
     });
   }
 
@@ -110,27 +161,31 @@ class Link {
     this.read++;
     if (!this.isReadDue) {
       this.isReadDue = true;
-      // After what came has been drawn: a browser that is slow gets less, and that newer.
-      requestAnimationFrameOrSoon(() => {
-        this.isReadDue = false;
-        this.send({ do: "read", count: this.read });
-        this.read = 0;
-      });
+      // After what came has been drawn: a browser that is slow gets less, and that newer. A page that nobody sees
+      // draws nothing, and its clocks hardly run.
+      if (document.visibilityState === "visible") {
+        requestAnimationFrame(() => this.acknowledge());
+        setTimeout(() => this.acknowledge(), 250);
+      } else queueMicrotask(() => this.acknowledge());
     }
     if (typeof data === "string") this.hear(JSON.parse(data));
     else this.deliver(data);
   }
 
+  acknowledge() {
+    this.isReadDue = false;
+    if (this.read === 0) return;
+    this.send({ do: "read", count: this.read });
+    this.read = 0;
+  }
+
   hear(news) {
-    if (news.kind === "beat") {
-      this.beat = news.number;
-      this.beatAt = performance.now();
-      this.offset = news.time - this.beatAt;
-    } else if (news.kind === "channel") {
-      this.channels.set(news.number, news);
-    } else if (news.kind === "welcome") {
+    if (news.kind === "beat") this.hearBeat(news);
+    else if (news.kind === "channel") this.channels.set(news.number, news);
+    else if (news.kind === "welcome") {
       this.name = news.name;
       this.drives = news.drives;
+      this.offsets = [];
     }
     const asked = news.id === undefined || news.id === null ? undefined : this.waiting.get(news.id);
     if (asked !== undefined) {
@@ -139,35 +194,56 @@ class Link {
       else asked.reject(new Error(news.reason));
       return;
     }
-    for (const listener of this.listeners.get(news.kind) ?? []) listener(news);
+    for (const listener of this.listeners.get(news.kind) ?? []) this.guarded(() => listener(news));
+  }
+
+  /** The beat that came the quickest tells the server's time; by it, how long another one was on its way. */
+  hearBeat({ number, time }) {
+    this.beat = number;
+    this.beatAt = performance.now();
+    const offset = time - this.beatAt;
+    this.offsets.push(offset);
+    if (this.offsets.length > BEATS) this.offsets.shift();
+    this.offset = Math.max(...this.offsets);
+    this.lag = this.offset - offset;
   }
 
   deliver(data) {
     this.frames++;
     const head = new DataView(data);
     const channel = this.channels.get(head.getUint16(0, true));
-    const listeners = channel && this.watched.get(channel.key);
-    if (!listeners) return;
+    const entries = channel && this.watched.get(channel.key);
+    if (!entries) return;
+    const type = channel.encoding.split(";")[1] ?? "";
     let message;
     try {
       message = decode(new Uint8Array(data, HEAD));
     } catch (error) {
-      message = undefined;
+      message = undefined; // who shows any message says so
     }
     const about = {
-      type: channel.encoding.split(";")[1] ?? "",
+      type,
       published: head.getFloat64(2, true),
       arrived: head.getFloat64(10, true),
       size: data.byteLength - HEAD,
     };
-    for (const listener of [...listeners]) listener(message, about);
+    for (const { types, listener } of [...entries]) {
+      if (types && (message === undefined || message === null || !types.includes(type))) continue;
+      this.guarded(() => listener(message, about));
+    }
+  }
+
+  /** A message may lie about its type: who cannot show it holds up nobody else. */
+  guarded(work) {
+    try {
+      work();
+    } catch (error) {
+      this.failures++;
+      this.failure = error;
+    }
   }
 }
 
-/** Before the next picture; soon where no pictures are drawn, since nobody looks. */
-function requestAnimationFrameOrSoon(work) {
-  if (document.visibilityState === "visible") requestAnimationFrame(work);
-  else setTimeout(work, 100);
-}
-
 export const link = new Link();
+setInterval(() => link.look(), 250);
+document.addEventListener("visibilitychange", () => link.acknowledge());

@@ -19,6 +19,12 @@ export const robot = {
     return this.picture.nodes.filter((node) => isWithin(node.node, this.name));
   },
 
+  /** Whether something of a run, or of a node of it, is of this robot, or of the run that it is part of. */
+  has(run, node) {
+    if (node && node.includes("/")) return isWithin(node, this.name ?? "");
+    return run === this.name || isWithin(run, this.name ?? "") || isWithin(this.name ?? "", run);
+  },
+
   get topics() {
     return this.picture.topics.filter((topic) => isWithin(topic.key, this.name));
   },
@@ -26,7 +32,7 @@ export const robot = {
   choose(name) {
     if (name === this.name) return;
     this.name = name;
-    location.hash = name ? encodeURIComponent(name) : "";
+    history.replaceState(null, "", name ? `#${encodeURIComponent(name)}` : "#");
     for (const listener of changed) listener(name);
   },
 
@@ -37,11 +43,11 @@ export const robot = {
   },
 
   /** Watch a topic of whichever robot is shown. */
-  watch(topic, listener) {
+  watch(topic, types, listener) {
     let end = () => {};
     this.onChange(() => {
       end();
-      end = link.watch(this.key(topic), listener);
+      end = link.watch(this.key(topic), types, listener);
     });
   },
 };
@@ -54,6 +60,19 @@ link.on("picture", ({ picture }) => {
   robot.picture = picture;
   robot.pictureAt = performance.now();
   robot.all = picture.robots;
-  const asked = decodeURIComponent(location.hash.slice(1));
-  if (robot.name === null && robot.all.length) robot.choose(robot.all.includes(asked) ? asked : robot.all[0]);
+  if (robot.name !== null) return;
+  // One that the address names is waited for: another one would be driven by mistake.
+  const asked = wanted();
+  if (asked) robot.choose(asked);
+  else if (robot.all.length) robot.choose(robot.all[0]);
 });
+window.addEventListener("hashchange", () => wanted() && robot.choose(wanted()));
+
+/** The robot that the page's address names; empty where it names none. */
+function wanted() {
+  try {
+    return decodeURIComponent(location.hash.slice(1));
+  } catch (error) {
+    return "";
+  }
+}

@@ -5,6 +5,8 @@ import { link } from "../link.js";
 import { robot } from "../robot.js";
 
 const STALE = 1500;
+/** Of what is said once a second. */
+const STATES_STALE = 3500;
 
 /** Fill the bar, and the alert below it. */
 export function bar(place, lost) {
@@ -40,43 +42,49 @@ export function bar(place, lost) {
   robot.onChange(() => {
     for (const name of Object.keys(seen)) seen[name] = null;
   });
-  robot.watch("odom", (message, { arrived }) => {
+  robot.watch("odom", ["nav/Odometry"], (message, { arrived }) => {
     const { linear, angular } = message.twist.twist;
     seen.odom = { arrived, text: `${number(linear.x)} m/s, ${number(angular.z)} rad/s` };
   });
-  robot.watch("safety_state", (message, { arrived }) => {
+  robot.watch("safety_state", ["diagnostic/DiagnosticStatus"], (message, { arrived }) => {
     const said = Object.fromEntries(message.values.map(({ key, value }) => [key, value]));
     seen.safety = { arrived, level: message.level, latched: said.reason === "emergency_stop", text: message.message };
   });
-  robot.watch("mux_state", (message, { arrived }) => {
+  robot.watch("mux_state", ["diagnostic/DiagnosticStatus"], (message, { arrived }) => {
     const said = Object.fromEntries(message.values.map(({ key, value }) => [key, value]));
-    seen.mux = { arrived, text: said.driver || "nobody" };
+    seen.mux = { arrived, text: said.reason === "locked" ? `nobody: ${message.message}` : said.driver || "nobody" };
   });
-  robot.watch("battery", (message, { arrived }) => {
+  robot.watch("battery", ["sensor/BatteryState"], (message, { arrived }) => {
     const share = Number.isFinite(message.percentage) ? ` ${Math.round(message.percentage * 100)} %` : "";
     seen.battery = { arrived, text: `${number(message.voltage, 1)} V${share}` };
   });
 
   setInterval(() => {
-    if (choice.options.length !== robot.all.length || [...choice.options].some((one, i) => one.value !== robot.all[i])) {
-      choice.replaceChildren(...robot.all.map((name) => el("option", { value: name }, name || "(no name)")));
+    const all = robot.name === null || robot.all.includes(robot.name) ? robot.all : [...robot.all, robot.name];
+    if (choice.options.length !== all.length || [...choice.options].some((one, i) => one.value !== all[i])) {
+      choice.replaceChildren(...all.map((name) => el("option", { value: name }, name || "(no name)")));
     }
     choice.value = robot.name ?? "";
     show(speed, seen.odom, STALE);
-    show(safety, seen.safety, Infinity);
+    show(safety, seen.safety, STATES_STALE);
     safety.dataset.level = seen.safety ? ["ok", "warn", "error", "stale"][seen.safety.level] ?? "" : "";
-    stop.classList.toggle("latched", Boolean(seen.safety?.latched));
+    const latched = Boolean(seen.safety?.latched);
+    stop.classList.toggle("latched", latched);
+    say(stop, latched ? "STOPPED" : "EMERGENCY STOP");
+    stop.setAttribute("aria-label", latched ? "Emergency stop: the robot is stopped" : "Emergency stop");
     reset.disabled = !link.drives || !seen.safety?.latched;
     stop.disabled = !link.drives;
-    show(driver, seen.mux, Infinity);
+    show(driver, seen.mux, STATES_STALE);
     show(battery, seen.battery, 10_000);
     battery.parentElement.hidden = seen.battery === null;
     const bad = robot.nodes.filter((node) => node.state !== "ready" || !["ok", null].includes(node.health));
     say(nodes, robot.nodes.length ? (bad.length ? `${bad.length} of ${robot.nodes.length} in trouble` : `${robot.nodes.length} well`) : "none");
     nodes.dataset.level = bad.length ? "warn" : "ok";
     const gone = link.isAlive
-      ? robot.name !== null && robot.nodes.length === 0 ? `nothing runs of ${robot.name}` : ""
-      : `No link to the server for ${age(Math.min(link.silence, performance.now()))}: what you see is old, and nothing can be driven.`;
+      ? robot.name !== null && robot.nodes.length === 0 ? `Nothing runs of ${robot.name}: what you see of it is old.` : ""
+      : link.problem
+        ? `The server lets nobody in with what this browser has: ${link.problem}.`
+        : `No link to the server for ${age(Math.min(link.silence + link.lag, performance.now()))}: what you see is old, and nothing can be driven.`;
     lost.hidden = !gone;
     say(lost, gone);
     document.body.classList.toggle("lost", !link.isAlive);

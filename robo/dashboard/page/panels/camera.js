@@ -5,6 +5,7 @@ import { link } from "../link.js";
 import { ageOf, panel } from "../panel.js";
 import { robot } from "../robot.js";
 
+const MOST_PIXELS = 2 ** 24;
 const TYPES = ["sensor/CompressedImage", "sensor/Image"];
 
 /** The panel of the camera. */
@@ -14,26 +15,36 @@ export function camera() {
   const told = el("p", { class: "told" }, "no camera");
   let at = null;
   let end = () => {};
+  let watched = "";
+  let drawn = 0;
+  let isSeen = false;
   let busy = false;
 
+  /** Watch a camera, while there is somebody to see it: pictures are large. */
   function choose(key) {
     end();
+    end = () => {};
+    watched = key;
     at = null;
     canvas.hidden = !key;
     say(told, key ? "" : "no camera");
-    if (!key) return;
-    end = link.watch(key, async (message, { arrived, type }) => {
-      if (busy || message === undefined) return; // the next one is newer
+    if (!key || !isSeen) return;
+    end = link.watch(key, TYPES, async (message, { arrived, type }) => {
+      if (busy) return; // the next one is newer
       busy = true;
       try {
         if (type === "sensor/CompressedImage") await compressed(canvas, message);
         else plain(canvas, message);
+        if (key !== watched) return;
         at = arrived;
+        drawn += 1;
+        canvas.dataset.drawn = String(drawn);
         say(told, "");
       } catch (error) {
         say(told, `no picture: ${error.message}`);
+      } finally {
+        busy = false;
       }
-      busy = false;
     });
   }
 
@@ -51,7 +62,20 @@ export function camera() {
     choice.replaceChildren();
     choose("");
   });
-  return panel("camera", "Camera", [choice, ageOf(() => at)], canvas, told);
+  const made = panel("camera", "Camera", [choice, ageOf(() => at)], canvas, told);
+  function see(inView) {
+    const seen = inView && document.visibilityState === "visible";
+    if (seen === isSeen) return;
+    isSeen = seen;
+    choose(choice.value);
+  }
+  let inView = false;
+  new IntersectionObserver((entries) => {
+    inView = entries.at(-1).isIntersecting;
+    see(inView);
+  }).observe(made);
+  document.addEventListener("visibilitychange", () => see(inView));
+  return made;
 }
 
 async function compressed(canvas, message) {
@@ -65,6 +89,7 @@ async function compressed(canvas, message) {
 function plain(canvas, { width, height, encoding, step, data }) {
   const channels = { rgb8: [0, 1, 2], bgr8: [2, 1, 0], rgba8: [0, 1, 2], bgra8: [2, 1, 0], mono8: [0, 0, 0] }[encoding];
   if (!channels) throw new Error(`pixels as ${encoding} are not shown`);
+  if (!(width > 0 && height > 0 && width * height <= MOST_PIXELS)) throw new Error(`${width} × ${height} pixels are not shown`);
   const size = { mono8: 1, rgba8: 4, bgra8: 4 }[encoding] ?? 3;
   if (data.length < step * height) throw new Error("it is cut");
   const pen = Object.assign(canvas, { width, height }).getContext("2d");

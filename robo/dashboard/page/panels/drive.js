@@ -7,12 +7,12 @@ import { robot } from "../robot.js";
 
 /** How often a command is said while a dead-man is held, ms. */
 const PERIOD = 50;
-/** How often it is said once more that the robot is to stand. */
-const ZEROS = 5;
 const KEYS = {
   ArrowUp: [1, 0], w: [1, 0], ArrowDown: [-1, 0], s: [-1, 0],
   ArrowLeft: [0, 1], a: [0, 1], ArrowRight: [0, -1], d: [0, -1],
 };
+
+const nameOf = (event) => (event.key.length === 1 ? event.key.toLowerCase() : event.key);
 
 /** The panel for driving. */
 export function drive() {
@@ -33,33 +33,35 @@ export function drive() {
   const made = panel("drive", "Drive", [], el("div", { class: "driving" }, pad, el("div", {}, fast.place, turn.place, told)));
 
   let wanted = null; // while a dead-man is held: parts of the full speed, forwards and to the left
-  let zeros = 0;
-  const held = new Set();
+  let pointer = null; // the one that holds the joystick
+  const held = new Set(); // keys that are down
 
+  /** Let go: the server has the robot stand, and says so to it several times. What is still down counts no more. */
   function stand() {
-    if (wanted === null) return;
-    wanted = null;
     held.clear();
-    zeros = ZEROS;
+    if (pointer !== null && pad.hasPointerCapture(pointer)) pad.releasePointerCapture(pointer);
+    pointer = null;
     knob.style.transform = "";
     pad.classList.remove("held");
-    tell();
+    if (wanted === null) return;
+    wanted = null;
+    link.send({ do: "release" });
   }
 
   function want(forwards, left) {
-    if (!link.drives || !link.isAlive) return;
+    if (!link.drives || !link.isAlive || document.visibilityState !== "visible") return stand();
     wanted = [forwards, left];
     pad.classList.add("held");
+    return undefined;
   }
 
   function tell() {
-    if (wanted === null && zeros === 0) return;
+    if (wanted === null) return;
     if (!link.isAlive) {
-      wanted = null;
-      zeros = 0;
+      stand(); // it takes a new grip to drive on
       return;
     }
-    const [forwards, left] = wanted ?? [0, 0];
+    const [forwards, left] = wanted;
     link.send({
       do: "drive",
       robot: robot.name ?? "",
@@ -68,9 +70,6 @@ export function drive() {
       heard: link.beat,
       since: link.silence / 1000,
     });
-    if (wanted !== null) return;
-    zeros -= 1;
-    if (zeros === 0) link.send({ do: "release" });
   }
 
   function drag(event) {
@@ -86,26 +85,33 @@ export function drive() {
   }
 
   pad.addEventListener("pointerdown", (event) => {
+    event.preventDefault();
+    if (event.button !== 0 || pointer !== null) return;
     pad.setPointerCapture(event.pointerId);
+    pointer = event.pointerId;
     pad.focus();
     drag(event);
-    event.preventDefault();
   });
   pad.addEventListener("pointermove", (event) => {
-    if (pad.hasPointerCapture(event.pointerId)) drag(event);
+    if (event.pointerId === pointer) drag(event);
   });
-  for (const end of ["pointerup", "pointercancel", "lostpointercapture", "blur"]) pad.addEventListener(end, stand);
+  for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
+    pad.addEventListener(end, (event) => event.pointerId === pointer && stand());
+  }
+  pad.addEventListener("blur", stand);
   pad.addEventListener("contextmenu", (event) => event.preventDefault());
 
   pad.addEventListener("keydown", (event) => {
-    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    const key = nameOf(event);
     if (!(key in KEYS) || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
+    if (event.repeat || pointer !== null) return; // one that was down when the robot was made to stand
     held.add(key);
     follow();
   });
-  pad.addEventListener("keyup", (event) => {
-    held.delete(event.key.length === 1 ? event.key.toLowerCase() : event.key);
+  // Wherever the key is let go, and with whatever else.
+  window.addEventListener("keyup", (event) => {
+    if (!held.delete(nameOf(event))) return;
     if (held.size) follow();
     else stand();
   });
@@ -129,13 +135,14 @@ export function drive() {
   link.on("refused", ({ reason }) => {
     refusal = reason;
     refusedAt = performance.now();
+    stand(); // it takes a new grip
   });
   let drivers = {};
   link.on("drivers", (news) => {
     drivers = news.drivers;
   });
   setInterval(() => {
-    const who = drivers[robot.name];
+    const who = drivers[robot.name ?? ""];
     const mine = who === link.name;
     pad.classList.toggle("locked", !link.drives || !link.isAlive || (who !== undefined && !mine));
     pad.setAttribute("aria-disabled", String(!link.drives || !link.isAlive));

@@ -13,8 +13,7 @@ export function events() {
   let all = [];
 
   function show() {
-    const name = (robot.name ?? "").split("/")[0];
-    list.replaceChildren(...all.filter((one) => one.robot.split("/")[0] === name).map(row));
+    list.replaceChildren(...all.filter((one) => robot.has(one.robot, one.node)).map(row));
     list.scrollTop = list.scrollHeight;
   }
 

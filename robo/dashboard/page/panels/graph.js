@@ -1,98 +1,135 @@
-// The graph: who says what to whom. Nodes in columns by how far they are from where data begins.
+// The graph: who says what to whom. Nodes and topics are boxes in columns of their own, so that no words overlap.
 
-import { el } from "../dom.js";
+import { el, plain } from "../dom.js";
 import { link } from "../link.js";
 import { panel } from "../panel.js";
 import { robot } from "../robot.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const QUIET = ["log", "parameter_events", "diagnostics"];
-const [WIDE, HIGH, ACROSS, DOWN] = [150, 26, 230, 44];
+const [HIGH, DOWN, GAP, EDGE] = [24, 34, 56, 10];
+/** How wide a sign is about, and how many of them are shown. */
+const SIGN = 7;
+const LONGEST = 28;
+/** More nobody can read. */
+const MOST = 150;
 
 /** The panel of the graph. */
 export function graph() {
-  const place = el("div", { class: "scroll", tabindex: 0 });
+  const all = el("input", { type: "checkbox", onchange: () => show() });
+  const place = el("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "Graph" });
   let before = "";
 
   function show() {
-    const arrows = arrowsOf(robot.topics);
-    const text = JSON.stringify(arrows);
+    const topics = robot.topics.filter((one) => isShown(one, all.checked)).slice(0, MOST);
+    const text = JSON.stringify(topics.map(({ key, publishers, subscribers }) => [key, publishers, subscribers]));
     if (text === before) return;
     before = text;
-    place.replaceChildren(picture(arrows));
+    place.replaceChildren(picture(topics));
   }
   link.on("picture", show);
   robot.onChange(show);
-  return panel("graph", "Graph", [], place);
+  return panel("graph", "Graph", [el("label", {}, all, "dead ends, too")], place);
 }
 
-function arrowsOf(topics) {
-  const found = [];
+function isShown(topic, withEnds) {
+  if (QUIET.includes(topic.key.split("/").at(-1))) return false;
+  return withEnds || (topic.publishers.length > 0 && topic.subscribers.length > 0);
+}
+
+/** Boxes by name, each with its successors: nodes by their full names, topics by their keys. */
+function boxesOf(topics) {
+  const boxes = new Map();
+  const of = (name, kind) => {
+    if (!boxes.has(name)) boxes.set(name, { name, kind, to: [], from: [] });
+    return boxes.get(name);
+  };
   for (const topic of topics) {
-    const name = topic.key.split("/").at(-1);
-    if (QUIET.includes(name)) continue;
-    for (const from of topic.publishers) {
-      for (const to of topic.subscribers) if (from !== to) found.push({ from, to, name });
+    const middle = of(` ${topic.key}`, "topic"); // no node is called so
+    const said = (from, to) => {
+      from.to.push(to);
+      to.from.push(from);
+    };
+    topic.publishers.forEach((name) => said(of(name, "node"), middle));
+    topic.subscribers.forEach((name) => said(middle, of(name, "node")));
+  }
+  return [...boxes.values()];
+}
+
+/** The column of each box: one more than the highest before it; arrows that lead back do not count. */
+function place(boxes) {
+  const open = new Set();
+  const visit = (box) => {
+    if (box.column !== undefined) return box.column;
+    if (open.has(box)) return -1;
+    open.add(box);
+    box.column = 1 + Math.max(-1, ...box.from.map(visit));
+    open.delete(box);
+    return box.column;
+  };
+  boxes.forEach(visit);
+  const columns = [];
+  for (const box of boxes) (columns[box.column] ??= []).push(box);
+  const filled = columns.filter(Boolean);
+  filled.forEach((column) => column.forEach((box, row) => { box.row = row; }));
+  // Each box near those that it hangs together with, a few times to and fro.
+  for (let turn = 0; turn < 6; turn++) {
+    const order = turn % 2 ? [...filled].reverse() : filled;
+    for (const column of order) {
+      for (const box of column) {
+        const near = turn % 2 ? box.to : box.from;
+        box.wish = near.length ? near.reduce((sum, one) => sum + one.row, 0) / near.length : box.row;
+      }
+      column.sort((a, b) => a.wish - b.wish).forEach((box, row) => { box.row = row; });
     }
   }
-  return found;
+  return filled;
 }
 
-/** The column of each node: one more than the highest before it; arrows that lead back do not count. */
-function columns(names, arrows) {
-  const column = new Map();
-  const open = new Set();
-  const of = (name) => {
-    if (column.has(name)) return column.get(name);
-    if (open.has(name)) return -1;
-    open.add(name);
-    const found = 1 + Math.max(-1, ...arrows.filter(({ to }) => to === name).map(({ from }) => of(from)));
-    open.delete(name);
-    column.set(name, found);
-    return found;
-  };
-  names.forEach(of);
-  return column;
-}
-
-function picture(arrows) {
-  const names = [...new Set(arrows.flatMap(({ from, to }) => [from, to]))].sort();
-  const column = columns(names, arrows);
-  const filled = [];
-  const at = new Map();
-  for (const name of names) {
-    const x = column.get(name);
-    filled[x] = (filled[x] ?? 0) + 1;
-    at.set(name, { x: 10 + x * ACROSS, y: 10 + (filled[x] - 1) * DOWN + (x % 2) * 16 });
+function picture(topics) {
+  const columns = place(boxesOf(topics));
+  const tallest = Math.max(1, ...columns.map((column) => column.length));
+  let x = EDGE;
+  for (const column of columns) {
+    for (const box of column) box.words = short(box.name);
+    const wide = Math.max(...column.map(({ words }) => words.length)) * SIGN + 16;
+    for (const box of column) {
+      Object.assign(box, { x, wide, y: EDGE + (box.row + (tallest - column.length) / 2) * DOWN });
+    }
+    x += wide + GAP;
   }
-  const width = 20 + Math.max(0, ...[...at.values()].map(({ x }) => x)) + WIDE;
-  const height = 20 + Math.max(0, ...[...at.values()].map(({ y }) => y)) + HIGH;
-  const said = arrows.map(({ from, to, name }) => `${from} says ${name} to ${to}`).join("; ");
-  const svg = svgOf("svg", { width, height, viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": said || "no topics" });
-  const pairs = new Map();
-  for (const { from, to, name } of arrows) {
-    const pair = `${from} ${to}`;
-    if (!pairs.has(pair)) pairs.set(pair, { from, to, names: [] });
-    pairs.get(pair).names.push(name);
-  }
-  for (const { from, to, names: topics } of pairs.values()) {
-    const [a, b] = [at.get(from), at.get(to)];
-    const [x1, y1, x2, y2] = [a.x + WIDE, a.y + HIGH / 2, b.x, b.y + HIGH / 2];
-    const back = x2 <= x1 ? 60 : 40;
-    const line = svgOf("path", { class: "arrow", d: `M${x1} ${y1} C${x1 + back} ${y1} ${x2 - back} ${y2} ${x2} ${y2}` });
+  const [width, height] = [Math.max(x - GAP + EDGE, 2 * EDGE), tallest * DOWN + EDGE];
+  const boxes = columns.flat();
+  const said = boxes.filter(({ kind }) => kind === "topic").map(inWords).join("; ");
+  const svg = svgOf("svg", { width, height, viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": plain(said) || "no topics" });
+  for (const from of boxes) for (const to of from.to) svg.append(arrow(from, to));
+  for (const box of boxes) {
     const title = svgOf("title", {});
-    title.textContent = topics.join(", ");
-    line.append(title);
-    const words = svgOf("text", { class: "topic", x: (x1 + x2) / 2, y: (y1 + y2) / 2 - 3 });
-    words.textContent = topics.length > 1 ? `${topics[0]} +${topics.length - 1}` : topics[0];
-    svg.append(line, words);
-  }
-  for (const [name, { x, y }] of at) {
-    const words = svgOf("text", { class: "node", x: x + WIDE / 2, y: y + HIGH / 2 + 4 });
-    words.textContent = name.split("/").at(-1);
-    svg.append(svgOf("rect", { x, y, width: WIDE, height: HIGH, rx: 5 }), words);
+    title.textContent = plain(box.kind === "topic" ? inWords(box) : box.name);
+    const words = svgOf("text", { x: box.x + box.wide / 2, y: box.y + HIGH / 2 + 4 });
+    words.textContent = plain(box.words);
+    const group = svgOf("g", { class: box.kind });
+    group.append(svgOf("rect", { x: box.x, y: box.y, width: box.wide, height: HIGH, rx: box.kind === "topic" ? HIGH / 2 : 4 }), words, title);
+    svg.append(group);
   }
   return svg;
+}
+
+function arrow(from, to) {
+  const [x1, y1, x2, y2] = [from.x + from.wide, from.y + HIGH / 2, to.x, to.y + HIGH / 2];
+  const bend = x2 > x1 ? (x2 - x1) / 2 : 60;
+  return svgOf("path", { class: "arrow", d: `M${x1} ${y1} C${x1 + bend} ${y1} ${x2 - bend} ${y2} ${x2} ${y2}` });
+}
+
+function inWords({ name, from, to }) {
+  const names = (some) => some.map((one) => short(one.name)).join(", ") || "nobody";
+  return `${short(name)}: from ${names(from)} to ${names(to)}`;
+}
+
+function short(name) {
+  const words = name.trim().replace(/^\//, "");
+  const own = robot.name && words.startsWith(`${robot.name}/`) ? words.slice(robot.name.length + 1) : words;
+  return own.length > LONGEST ? `…${own.slice(1 - LONGEST)}` : own;
 }
 
 function svgOf(tag, attributes) {

@@ -17,14 +17,14 @@ export function log() {
   let all = [];
 
   const isWanted = (line) =>
-    line.robot.split("/")[0] === (robot.name ?? "").split("/")[0] &&
-    (line.level === "" || LEVELS.indexOf(line.level) >= LEVELS.indexOf(level.value)) &&
+    robot.has(line.robot, "") &&
+    (LEVELS.indexOf(line.level) < 0 || LEVELS.indexOf(line.level) >= LEVELS.indexOf(level.value)) &&
     line.node.includes(node.value) &&
     line.message.toLowerCase().includes(words.value.toLowerCase());
 
   function add(lines) {
     const atEnd = list.scrollTop + list.clientHeight >= list.scrollHeight - 20;
-    list.append(...lines.filter(isWanted).map(row));
+    list.append(...lines.filter(isWanted).slice(-MOST).map(row));
     while (list.childElementCount > MOST) list.firstChild.remove();
     if (atEnd) list.scrollTop = list.scrollHeight;
   }

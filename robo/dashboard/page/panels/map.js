@@ -10,11 +10,18 @@ const STEP = 0.05;
 /** Kinds of markers, by ROS's numbers, that are drawn. */
 const LINE_STRIP = 4;
 const LINE_LIST = 5;
+const DELETE = 2;
+const DELETEALL = 3;
+/** Of what strangers may send, no more than can be drawn. */
+const MOST_POINTS = 20_000;
+const MOST_MARKERS = 500;
+const MOST_CELLS = 2 ** 24;
 
 /** The panel of the map. */
 export function map() {
   const canvas = el("canvas", { tabindex: 0, role: "img", "aria-label": "Map of the robot and what it sees" });
-  const where = el("p", { class: "told", role: "status" });
+  const where = el("p", { class: "told" });
+  const unplaced = el("p", { class: "told", role: "status" });
   const follow = el("input", { type: "checkbox", id: "follow", checked: true });
   const goal = el("input", { type: "checkbox", id: "goal" });
   const seen = { at: null };
@@ -30,7 +37,7 @@ export function map() {
       button("⟲", "Clear the trail", () => { things.trail = []; draw(); }),
     ],
     canvas,
-    where,
+    el("div", { class: "below" }, where, unplaced),
   );
 
   const view = { scale: 40, x: 0, y: 0 };
@@ -43,6 +50,8 @@ export function map() {
     requestAnimationFrame(() => {
       dirty = false;
       paint(canvas, view, things, follow.checked);
+      const lost = [...things.unplaced];
+      say(unplaced, lost.length ? `not drawn, no transform from ${lost.join(", ")}` : "");
       canvas.dataset.drawn = String(Number(canvas.dataset.drawn ?? 0) + 1);
     });
   }
@@ -57,10 +66,11 @@ export function map() {
     seen.at = null;
     draw();
   });
-  robot.watch("odom", (message, { arrived }) => {
+  robot.watch("odom", ["nav/Odometry"], (message, { arrived }) => {
     const { position, orientation } = message.pose.pose;
-    things.pose = { x: position.x, y: position.y, heading: yaw(orientation), frame: message.header.frame_id };
-    things.base = message.child_frame_id;
+    if (!Number.isFinite(position.x + position.y + yaw(orientation))) return;
+    things.pose = { x: position.x, y: position.y, heading: yaw(orientation), frame: message.header.frame_id || "odom" };
+    things.base = message.child_frame_id || "base_link";
     const last = things.trail.at(-1);
     if (!last || Math.hypot(last[0] - position.x, last[1] - position.y) > STEP) {
       things.trail.push([position.x, position.y]);
@@ -70,26 +80,26 @@ export function map() {
     say(where, `x ${number(position.x)} m, y ${number(position.y)} m, heading ${number((things.pose.heading * 180) / Math.PI, 0)}°`);
     draw();
   });
-  robot.watch("scan", (message) => {
+  robot.watch("scan", ["sensor/LaserScan"], (message) => {
     things.scan = message;
     draw();
   });
-  robot.watch("map", (message) => {
+  robot.watch("map", ["nav/OccupancyGrid"], (message) => {
     things.grid = grid(message);
     draw();
   });
   for (const topic of ["path", "plan", "waypoints"]) {
-    robot.watch(topic, (message) => {
-      things.paths[topic] = message;
+    robot.watch(topic, ["nav/Path"], (message) => {
+      things.paths[topic] = pathOf(message);
       draw();
     });
   }
-  robot.watch("safety_zones", (message) => {
-    things.zones = message.markers;
+  robot.watch("safety_zones", ["visualization/MarkerArray"], (message) => {
+    things.zones = marked(things.zones, message.markers);
     draw();
   });
-  robot.watch("tf", () => {});
-  robot.watch("tf_static", () => {});
+  robot.watch("tf", [], () => {});
+  robot.watch("tf_static", [], () => {});
   link.on("frames", (news) => {
     if (news.robot !== (robot.name ?? "")) return;
     things.frames = news.frames;
@@ -132,13 +142,15 @@ export function map() {
     event.preventDefault();
   });
   new ResizeObserver(draw).observe(canvas);
+  link.on("welcome", () => { goal.disabled = !link.drives; });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
 
   async function send(event) {
     const box = canvas.getBoundingClientRect();
     const x = view.x + (event.clientX - box.left - box.width / 2) / view.scale;
     const y = view.y - (event.clientY - box.top - box.height / 2) / view.scale;
-    const pose = { header: { frame_id: things.pose?.frame ?? "odom" }, pose: { position: { x, y, z: 0 } } };
+    const root = chain(things.pose?.frame ?? "odom", things)?.root ?? "odom";
+    const pose = { header: { frame_id: root }, pose: { position: { x, y, z: 0 } } };
     try {
       await link.ask({
         do: "publish",
@@ -146,9 +158,9 @@ export function map() {
         type: "nav/Path",
         message: { header: pose.header, poses: [pose] },
       });
-      say(where, `waypoint x ${number(x)} m, y ${number(y)} m is said`);
+      say(unplaced, `waypoint x ${number(x)} m, y ${number(y)} m is said`);
     } catch (error) {
-      say(where, `no waypoint: ${error.message}`);
+      say(unplaced, `no waypoint: ${error.message}`);
     }
   }
   return made;
@@ -159,26 +171,69 @@ function button(sign, name, onclick) {
 }
 
 function empty() {
-  return { pose: null, base: "base_link", trail: [], scan: null, grid: null, paths: {}, zones: [], frames: {} };
+  return { pose: null, base: "base_link", trail: [], scan: null, grid: null, paths: {}, unplaced: new Set(), zones: new Map(), frames: {} };
 }
 
 function yaw({ x, y, z, w }) {
   return Math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z));
 }
 
-/** Where a frame stands in the one in which the robot is shown, by transforms in the plane. */
-function placeOf(frame, things) {
+/** From a frame up to the one that stands in no other: where it stands in that, in the plane. */
+function chain(frame, things) {
   let at = { x: 0, y: 0, heading: 0 };
-  const home = things.pose?.frame ?? "odom";
-  for (let step = 0, name = frame; name !== home; step++) {
-    if (name === things.base && things.pose) return within(things.pose, at);
+  let name = frame;
+  for (let step = 0; step < 50; step++) {
     const found = things.frames[name];
-    if (!found || step > 50) return null;
-    const [x, y, z, w] = found.turned;
-    at = within({ x: found.at[0], y: found.at[1], heading: yaw({ x, y, z, w }) }, at);
-    name = found.parent;
+    if (name === things.base && things.pose) {
+      at = within(things.pose, at); // newer than its transform
+      name = things.pose.frame;
+    } else if (found) {
+      const [x, y, z, w] = found.turned;
+      at = within({ x: found.at[0], y: found.at[1], heading: yaw({ x, y, z, w }) }, at);
+      name = found.parent;
+    } else return { root: name, at };
   }
-  return at;
+  return null; // frames that stand in one another
+}
+
+/** Where a frame stands in the one that the map shows; null where that is not known. */
+function placeOf(frame, things) {
+  const home = chain(things.pose?.frame ?? "odom", things);
+  const found = frame ? chain(frame, things) : home;
+  return home !== null && found !== null && found.root === home.root ? found.at : null;
+}
+
+/** A path as points. */
+function pathOf({ header, poses }) {
+  const points = poses.slice(0, MOST_POINTS).map(({ pose }) => [pose.position.x, pose.position.y]);
+  return { frame: header.frame_id, points: points.filter(([x, y]) => Number.isFinite(x + y)) };
+}
+
+/** The markers that are there after some more have come. */
+function marked(before, markers) {
+  const all = new Map(before);
+  for (const marker of markers) {
+    const name = `${marker.ns}\n${marker.id}`;
+    if (marker.action === DELETEALL) {
+      for (const [other, one] of all) if (!marker.ns || one.ns === marker.ns) all.delete(other);
+    } else if (marker.action === DELETE) all.delete(name);
+    else if (all.size < MOST_MARKERS || all.has(name)) all.set(name, marker);
+  }
+  return all;
+}
+
+/** Draw in a frame of the robot's; nothing where it is not known where that stands. */
+function inFrame(pen, frame, things, paintIt) {
+  const at = placeOf(frame, things);
+  if (at === null) {
+    things.unplaced.add(frame);
+    return;
+  }
+  pen.save();
+  pen.translate(at.x, at.y);
+  pen.rotate(at.heading);
+  paintIt();
+  pen.restore();
 }
 
 function within(outer, inner) {
@@ -186,19 +241,24 @@ function within(outer, inner) {
   return { x: outer.x + c * inner.x - s * inner.y, y: outer.y + s * inner.x + c * inner.y, heading: outer.heading + inner.heading };
 }
 
-/** An occupancy grid as a picture. */
+/** An occupancy grid as a picture: free cells light, occupied ones dark, unknown ones hardly seen. */
 function grid(message) {
   const { width, height, resolution, origin } = message.info;
-  if (!width || !height) return null;
+  const cells = message.data;
+  if (!(width > 0 && height > 0 && resolution > 0 && width * height <= MOST_CELLS)) return null;
+  if (!ArrayBuffer.isView(cells) || cells.length < width * height) return null;
+  const shades = new Uint32Array(256);
+  for (let value = 0; value < 256; value++) {
+    const shade = 255 - Math.round(Math.min(value, 100) * 2.2);
+    shades[value] = value < 128 ? (0xff000000 | (shade << 16) | (shade << 8) | shade) >>> 0 : 0x30808080;
+  }
   const picture = new OffscreenCanvas(width, height);
   const pen = picture.getContext("2d");
   const image = pen.createImageData(width, height);
-  for (let i = 0; i < width * height; i++) {
-    const cell = (message.data[i] << 24) >> 24;
-    // Row 0 is the lowest.
-    const to = ((height - 1 - Math.floor(i / width)) * width + (i % width)) * 4;
-    const shade = cell < 0 ? 128 : 255 - cell * 2.55;
-    image.data.set([shade, shade, shade, cell < 0 ? 60 : 255], to);
+  const pixels = new Uint32Array(image.data.buffer);
+  for (let row = 0, from = 0; row < height; row++) {
+    const to = (height - 1 - row) * width; // row 0 is the lowest
+    for (let column = 0; column < width; column++) pixels[to + column] = shades[cells[from++]];
   }
   pen.putImageData(image, 0, 0);
   return { picture, width: width * resolution, height: height * resolution, origin, frame: message.header.frame_id };
@@ -211,7 +271,9 @@ function paint(canvas, view, things, following) {
     canvas.width = Math.round(box.width * ratio);
     canvas.height = Math.round(box.height * ratio);
   }
-  if (following && things.pose) [view.x, view.y] = [things.pose.x, things.pose.y];
+  things.unplaced = new Set();
+  const robotAt = things.pose ? placeOf(things.base, things) : null;
+  if (following && robotAt) [view.x, view.y] = [robotAt.x, robotAt.y];
   const color = colors(canvas);
   const pen = canvas.getContext("2d");
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
@@ -221,26 +283,28 @@ function paint(canvas, view, things, following) {
   pen.setTransform(ratio * view.scale, 0, 0, -ratio * view.scale,
     ratio * (box.width / 2 - view.x * view.scale), ratio * (box.height / 2 + view.y * view.scale));
   const hair = 1 / view.scale;
-  if (things.grid) {
-    const { picture, width, height, origin } = things.grid;
-    pen.save();
-    pen.translate(origin.position.x, origin.position.y);
-    pen.rotate(yaw(origin.orientation));
-    pen.scale(1, -1);
-    pen.imageSmoothingEnabled = false;
-    pen.drawImage(picture, 0, -height, width, height);
-    pen.restore();
-  }
+  if (things.grid) inFrame(pen, things.grid.frame, things, () => floor(pen, things.grid));
   for (const path of Object.values(things.paths)) {
-    const points = path.poses.map(({ pose }) => [pose.position.x, pose.position.y]);
-    trace(pen, points, color.path, 1.5 * hair);
-    pen.fillStyle = color.path;
-    for (const [x, y] of points.length <= 100 ? points : []) dot(pen, x, y, 3 * hair);
+    inFrame(pen, path.frame, things, () => {
+      trace(pen, path.points, color.path, 1.5 * hair);
+      pen.fillStyle = color.path;
+      for (const [x, y] of path.points.length <= 100 ? path.points : []) dot(pen, x, y, 3 * hair);
+    });
   }
-  trace(pen, things.trail, color.trail, 2 * hair);
-  for (const zone of things.zones) outline(pen, zone, things, color, hair);
-  if (things.scan) rays(pen, things, color, hair);
-  if (things.pose) body(pen, things.pose, color, hair);
+  inFrame(pen, things.pose?.frame ?? "", things, () => trace(pen, things.trail, color.trail, 2 * hair));
+  for (const zone of things.zones.values()) {
+    inFrame(pen, zone.header.frame_id, things, () => outline(pen, zone, color, hair));
+  }
+  if (things.scan) inFrame(pen, things.scan.header.frame_id, things, () => rays(pen, things.scan, color, hair));
+  if (robotAt) body(pen, robotAt, color, hair);
+}
+
+function floor(pen, { picture, width, height, origin }) {
+  pen.translate(origin.position.x, origin.position.y);
+  pen.rotate(yaw(origin.orientation));
+  pen.scale(1, -1);
+  pen.imageSmoothingEnabled = false;
+  pen.drawImage(picture, 0, -height, width, height);
 }
 
 function colors(canvas) {
@@ -287,42 +351,31 @@ function dot(pen, x, y, radius) {
   pen.fill();
 }
 
-function outline(pen, marker, things, color, hair) {
-  if (marker.action !== 0 || ![LINE_STRIP, LINE_LIST].includes(marker.type)) return;
-  const at = placeOf(marker.header.frame_id, things);
-  if (at === null) return;
+function outline(pen, marker, color, hair) {
+  if (![LINE_STRIP, LINE_LIST].includes(marker.type)) return;
   const { r, g, b, a } = marker.color;
-  pen.save();
-  pen.translate(at.x, at.y);
-  pen.rotate(at.heading);
   pen.translate(marker.pose.position.x, marker.pose.position.y);
   pen.rotate(yaw(marker.pose.orientation));
   pen.strokeStyle = a ? `rgba(${r * 255}, ${g * 255}, ${b * 255}, ${a})` : color.zone;
   pen.lineWidth = 1.5 * hair;
   pen.beginPath();
-  marker.points.forEach(({ x, y }, i) => {
+  marker.points.slice(0, MOST_POINTS).forEach(({ x, y }, i) => {
     if (i === 0 || (marker.type === LINE_LIST && i % 2 === 0)) pen.moveTo(x, y);
     else pen.lineTo(x, y);
   });
   pen.stroke();
-  pen.restore();
 }
 
-function rays(pen, things, color, hair) {
-  const { scan } = things;
-  const at = placeOf(scan.header.frame_id, things);
-  if (at === null) return;
-  pen.save();
-  pen.translate(at.x, at.y);
-  pen.rotate(at.heading);
+function rays(pen, scan, color, hair) {
   pen.fillStyle = color.scan;
   const size = 3 * hair;
-  scan.ranges.forEach((range, i) => {
-    if (!(range >= scan.range_min && range <= scan.range_max)) return;
+  const count = Math.min(scan.ranges.length, MOST_POINTS);
+  for (let i = 0; i < count; i++) {
+    const range = scan.ranges[i];
+    if (!(range >= scan.range_min && range <= scan.range_max)) continue;
     const angle = scan.angle_min + i * scan.angle_increment;
     pen.fillRect(range * Math.cos(angle) - size / 2, range * Math.sin(angle) - size / 2, size, size);
-  });
-  pen.restore();
+  }
 }
 
 function body(pen, pose, color, hair) {

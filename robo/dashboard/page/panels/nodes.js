@@ -60,10 +60,19 @@ export function nodes() {
 }
 
 function explained(one) {
-  const lines = [`${one.node}: ${one.state}${one.reason ? `, ${one.reason}` : ""}`];
-  for (const [name, value] of Object.entries(one)) {
-    if (["node", "state", "reason"].includes(name) || value === null || value === "" || (Array.isArray(value) && !value.length)) continue;
-    lines.push(`  ${name.replaceAll("_", " ")}: ${typeof value === "object" ? JSON.stringify(value) : value}`);
-  }
+  const { node, state, reason, trouble } = one.process;
+  const lines = [`${node}: ${state}${reason ? `, ${reason}` : ""}`];
+  if (trouble) lines.push(`  ${trouble}`);
+  for (const need of one.unmet_needs) lines.push(`  waits for ${need}`);
+  for (const input of one.inputs) lines.push(`  input ${words(input)}`);
+  for (const exit of one.exits) lines.push(`  ended: ${words(exit)}`);
+  if (one.callback_errors) lines.push(`  callbacks have failed ${one.callback_errors} times`);
+  if (one.next_start !== null) lines.push(`  is started again in ${number(one.next_start, 1)} s`);
   return lines.join("\n");
+}
+
+/** A part of an explanation in words: what is said of it, name by name. */
+function words(part) {
+  const said = Object.entries(part).filter(([, value]) => ![null, "", 0, false].includes(value) && !(Array.isArray(value) && !value.length));
+  return said.map(([name, value]) => `${name.replaceAll("_", " ")} ${typeof value === "number" ? number(value, Number.isInteger(value) ? 0 : 2) : Array.isArray(value) ? value.map(String).join(", ") : value}`).join(", ");
 }

@@ -12,6 +12,7 @@ export function parameters() {
   const list = el("div", { class: "fields scroll" });
   const told = el("p", { class: "told", role: "status" });
   let rows = new Map();
+  let uptime = 0;
 
   async function load() {
     if (!node.value) return;
@@ -21,9 +22,10 @@ export function parameters() {
       if (asked !== node.value) return;
       rows = new Map(found.map((one) => [one.name, row(asked, one)]));
       list.replaceChildren(...[...rows.values()].map((one) => one.place));
-      say(told, "");
+      say(told, found.length ? "" : "it has no parameters");
       filter();
     } catch (error) {
+      if (asked !== node.value) return;
       rows.clear();
       list.replaceChildren();
       say(told, error.message);
@@ -34,71 +36,95 @@ export function parameters() {
     for (const [name, { place }] of rows) place.hidden = !name.includes(words.value);
   }
 
-  robot.watch("parameter_events", (event) => {
+  // What others change, and what this page does: the node says it.
+  robot.watch("parameter_events", ["system/ParameterEvent"], (event) => {
     if (event.node !== node.value) return;
-    for (const { name, value } of event.changed_parameters ?? []) rows.get(name)?.show(plain(value));
+    for (const { name, value } of event.changed_parameters) rows.get(name)?.follow(value);
+    if (event.new_parameters.length || event.deleted_parameters.length) load();
   });
+  link.on("welcome", () => load());
   link.on("picture", () => {
-    const there = robot.nodes.filter((one) => one.state === "ready").map((one) => one.node);
-    if (there.join() === [...node.options].map((one) => one.value).join()) return;
+    const ready = robot.nodes.filter((one) => one.state === "ready");
+    const there = ready.map((one) => one.node);
+    // One that has begun anew has its values from the start.
+    const now = ready.find((one) => one.node === node.value)?.uptime ?? 0;
+    const isNew = now < uptime;
+    uptime = now;
+    if (there.join() === [...node.options].map((one) => one.value).join()) {
+      if (isNew) load();
+      return;
+    }
     const before = node.value;
     node.replaceChildren(...there.map((name) => el("option", { value: name }, name.split("/").at(-1))));
     node.value = there.includes(before) ? before : there[0] ?? "";
-    if (node.value !== before) load();
+    if (node.value !== before || isNew) load();
   });
   robot.onChange(() => {
     node.replaceChildren();
+    rows.clear();
     list.replaceChildren();
   });
   return panel("parameters", "Parameters", [node, words, el("button", { type: "button", onclick: load }, "Again")], told, list);
-}
-
-/** A value as ROS's ParameterValue says it, or as it is. */
-function plain(value) {
-  return value;
 }
 
 function row(node, one) {
   const id = `parameter-${one.name}`;
   const refusal = el("span", { class: "refusal", role: "alert" });
   const { minimum, maximum } = range(one.constraints);
-  const isNumber = ["int", "float"].includes(one.type);
-  const field = control(one, id, isNumber);
-  const slide = isNumber && minimum !== undefined && maximum !== undefined && maximum - minimum <= 1e4
+  const kind = kindOf(one);
+  const field = control(one, id, kind);
+  const slide = kind === "number" && minimum !== undefined && maximum !== undefined && maximum - minimum <= 1e4
     ? el("input", {
-        type: "range", min: minimum, max: maximum, step: one.type === "int" ? 1 : (maximum - minimum) / 200, value: one.value,
+        type: "range", min: minimum, max: maximum, step: one.constraints.step ?? (one.type === "int" ? 1 : "any"), value: one.value,
         disabled: one.read_only || !link.drives, "aria-label": `${one.name}, slider`,
-        oninput: () => { field.value = slide.value; },
+        oninput: () => { field.value = String(Number(Number(slide.value).toPrecision(3))); },
         onchange: () => set(),
       })
     : null;
   field.addEventListener("change", () => set());
 
+  let said = one.value;
+  let isAsking = false;
+
   function show(value) {
     if (field.type === "checkbox") field.checked = value;
-    else field.value = written(value, one.type);
+    else field.value = written(value, kind);
     if (slide) slide.value = value;
-    say(refusal, "");
   }
 
-  let said = one.value;
   async function set() {
     let value;
     try {
-      value = field.type === "checkbox" ? field.checked : read(field.value, one.type);
+      value = field.type === "checkbox" ? field.checked : read(field.value, kind);
     } catch (error) {
       say(refusal, error.message);
       return;
     }
+    isAsking = true;
     try {
       await link.ask({ do: "set", node, values: { [one.name]: value } });
       said = value;
-      show(value);
+      say(refusal, "");
     } catch (error) {
-      show(said);
       say(refusal, error.message);
     }
+    isAsking = false;
+    show(said);
   }
+
+  /** The node says that it has another value. Who is typing goes on, and is told. */
+  function follow(value) {
+    said = value;
+    if (isAsking) return;
+    const isTyping = document.activeElement === field && field.type !== "checkbox" && field.value !== shown;
+    if (isTyping) say(refusal, `somebody has set it to ${written(value, kind)}`);
+    else {
+      show(value);
+      say(refusal, "");
+    }
+  }
+  let shown = field.value;
+  field.addEventListener("focus", () => { shown = field.value; });
 
   const about = [one.unit, rangeText(one.constraints), one.read_only ? "read-only" : ""].filter(Boolean).join(", ");
   return {
@@ -109,26 +135,30 @@ function row(node, one) {
       el("small", {}, [one.description, about].filter(Boolean).join(" · ")),
       refusal,
     ),
-    show: (value) => {
-      said = value;
-      show(value);
-    },
+    follow,
   };
 }
 
-function control(one, id, isNumber) {
+function control(one, id, kind) {
   const disabled = one.read_only || !link.drives;
-  if (one.type === "bool") return el("input", { id, type: "checkbox", checked: one.value, disabled });
-  return el("input", { id, type: isNumber ? "number" : "text", step: one.type === "int" ? 1 : "any", value: written(one.value, one.type), disabled });
+  if (kind === "flag") return el("input", { id, type: "checkbox", checked: one.value, disabled });
+  return el("input", { id, type: kind === "number" ? "number" : "text", step: one.type === "int" ? 1 : "any", value: written(one.value, kind), disabled });
 }
 
-function written(value, type) {
-  return type === "str" || typeof value === "number" ? String(value) : JSON.stringify(value);
+function written(value, kind) {
+  return kind === "text" ? String(value) : typeof value === "number" ? String(value) : JSON.stringify(value);
 }
 
-function read(text, type) {
-  if (type === "str") return text;
-  if (type === "int" || type === "float") {
+/** How a parameter is shown and read: numbers, words, or as JSON what is a list, a map, or may be of several types. */
+function kindOf({ type, value }) {
+  if (type === "int" || type === "float") return "number";
+  if (type === "bool") return "flag";
+  return type === "str" || typeof value === "string" ? "text" : "data";
+}
+
+function read(text, kind) {
+  if (kind === "text") return text;
+  if (kind === "number") {
     if (text.trim() === "" || !Number.isFinite(Number(text))) throw new Error("that is no number");
     return Number(text);
   }

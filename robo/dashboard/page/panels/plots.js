@@ -6,7 +6,9 @@ import { link } from "../link.js";
 import { panel } from "../panel.js";
 import { robot } from "../robot.js";
 
-const MOST_POINTS = 20 * 300;
+/** Five minutes of forty a second. */
+const MOST_POINTS = 40 * 300;
+const MOST_CURVES = 12;
 const FIRST = [["odom", "twist.twist.linear.x"], ["odom", "twist.twist.angular.z"]];
 
 /** The panel of plots. */
@@ -32,21 +34,21 @@ export function plots() {
     end();
     field.replaceChildren();
     if (!topic.value) return;
-    end = link.watch(robot.key(topic.value), (message) => {
-      if (message === undefined) return;
+    end = link.watch(robot.key(topic.value), undefined, (message) => {
+      if (message === undefined || message === null) return;
       end();
       field.replaceChildren(...numbers(message).map((name) => el("option", {}, name)));
     });
   }
 
   function draw(topicName, fieldName) {
-    if (!topicName || !fieldName || curves.some((one) => one.topic === topicName && one.field === fieldName)) return;
+    if (!topicName || !fieldName || curves.length >= MOST_CURVES || curves.some((one) => one.topic === topicName && one.field === fieldName)) return;
     const value = el("output", {}, "–");
     const canvas = el("canvas", { role: "img", "aria-label": `Curve of ${topicName} ${fieldName}` });
     const curve = { topic: topicName, field: fieldName, points: [], canvas, value };
     const remove = el("button", { type: "button", "aria-label": `Remove ${topicName} ${fieldName}`, onclick: () => drop(curve) }, "×");
     curve.place = el("figure", {}, el("figcaption", {}, `${topicName} ${fieldName} `, value, remove), canvas);
-    curve.end = link.watch(robot.key(topicName), (message, { arrived }) => {
+    curve.end = link.watch(robot.key(topicName), undefined, (message, { arrived }) => {
       const now = message === undefined ? undefined : part(message, fieldName);
       if (typeof now !== "number") return;
       curve.points.push([arrived, now]);

@@ -6,17 +6,21 @@ import { link } from "../link.js";
 import { ageOf, panel } from "../panel.js";
 import { robot } from "../robot.js";
 
+const MOST = 200;
+
 /** The panel of topics. */
 export function topics() {
   const body = el("tbody");
   const head = ["Topic", "Type", "Rate", "Lost", "Ends"].map((name) => el("th", { scope: "col" }, name));
   const text = el("pre", { class: "scroll message", tabindex: 0, "aria-label": "Last message" });
   const title = el("h3", {}, "choose a topic");
+  const search = el("input", { type: "search", placeholder: "search", "aria-label": "Search topics", oninput: () => list() });
+  const left = el("span", { class: "age" });
   let chosen = null;
   let at = null;
   let end = () => {};
   const made = panel(
-    "topics", "Topics", [],
+    "topics", "Topics", [left, search],
     el("div", { class: "scroll", tabindex: 0 }, el("table", {}, el("thead", {}, el("tr", {}, ...head)), body)),
     el("div", { class: "head" }, title, ageOf(() => at)),
     text,
@@ -46,24 +50,35 @@ export function topics() {
     say(title, short(key));
     say(text, "");
     let due = 0;
-    end = link.watch(key, (message, { arrived, type, size }) => {
+    end = link.watch(key, undefined, (message, { arrived, type, size }) => {
       at = arrived;
       if (performance.now() < due) return;
       due = performance.now() + 200; // nobody reads faster
-      say(text, message === undefined ? `${size} bytes of ${type || "an unknown type"}` : shown(message).trimStart());
+      say(text, message === undefined ? unread(size, type) : shown(message).trimStart());
     });
-    rows.show(robot.topics);
+    list();
   }
 
-  link.on("picture", () => rows.show(robot.topics));
+  function list() {
+    const words = search.value.toLowerCase();
+    const wanted = robot.topics.filter((one) => `${one.key} ${one.type}`.toLowerCase().includes(words));
+    rows.show(wanted.slice(0, MOST));
+    say(left, wanted.length > MOST ? `${wanted.length - MOST} more: search for one` : "");
+  }
+
+  link.on("picture", list);
   robot.onChange(() => {
     end();
     chosen = at = null;
     say(title, "choose a topic");
     say(text, "");
-    rows.show(robot.topics);
+    list();
   });
   return made;
+}
+
+function unread(size, type) {
+  return size ? `${size} bytes of ${type || "an unknown type"} that cannot be read` : "a message of more than 8 MB, which is not shown";
 }
 
 function short(key) {
