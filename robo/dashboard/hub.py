@@ -48,8 +48,6 @@ _MOST_ENCODINGS = 4
 _LONGEST_KEY = 500
 _NUMBERS = 2**16
 """Of channels, that there can be."""
-_FRAMES_PERIOD = 0.1
-"""How often a page is told where frames stand, s."""
 _PAST = 500
 """Lines and events for a page that is opened."""
 _MOST_LINEAR, _MOST_ANGULAR = 10.0, 20.0
@@ -106,7 +104,6 @@ class Hub:
         self._frames = Frames()
         self._moved: set[str] = set()
         """Robots whose frames pages have not been told of."""
-        self._moved_told = 0.0
         self._picture: Picture | None = None
         self._lines: list[Line] = []
         self._events: list[Event] = []
@@ -165,17 +162,9 @@ class Hub:
                     self._moved.add(robot)
             else:
                 self._deliver(message)
-        now = time.monotonic()
-        if self._moved and now - self._moved_told >= _FRAMES_PERIOD:
-            self._moved_told = now
-            for robot in self._moved:
-                for page in self._pages:
-                    if names.join(robot, "tf") in page.watched:
-                        self._tell_frames(page, robot)
-            self._moved.clear()
 
     def beat(self) -> None:
-        """Tell every page that the server lives, and who drives."""
+        """Tell every page that the server lives, who drives, and where frames stand that have moved."""
         now = time.monotonic()
         drivers = self._driver.drivers()
         if drivers != self._drivers:
@@ -184,6 +173,12 @@ class Hub:
         for page in self._pages:
             left = {"left_out": page.mailbox.left_out} if page.mailbox.left_out else {}
             page.tell("beat", newest="beat", urgent=True, number=page.beats.next(now), time=clock.now() / 1e6, **left)
+
+        for robot in self._moved:
+            for page in self._pages:
+                if names.join(robot, "tf") in page.watched:
+                    self._tell_frames(page, robot)
+        self._moved.clear()
 
     def ask(self, page: Page, asked: Request) -> None:
         """What a page asks for."""
@@ -302,16 +297,17 @@ class Hub:
         waiting, most = (page.stops, _MOST_STOPS) if stops else (page.asked + page.mailbox.urgent, _MOST_ASKED)
         if waiting >= most:
             reason = "it is being asked for already" if stops else "too much is asked for at once"
-            page.tell("refused", newest="refused too many", urgent=True, id=asked.id, reason=reason)
+            if page.mailbox.urgent < 2 * _MOST_ASKED:  # beyond that it reads nothing anyway
+                page.tell("refused", newest=f"answer {asked.id}", urgent=True, id=asked.id, reason=reason)
             return
+        page.asked += not stops
+        page.stops += stops
         task = asyncio.get_running_loop().create_task(self._done(page, asked, self._stops if stops else self._calls))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
     async def _done(self, page: Page, asked: Call | Publish | Command | Parameters | Set, executor: Executor) -> None:
         stops = executor is self._stops
-        page.asked += not stops
-        page.stops += stops
         number, name = asked.id, f"answer {asked.id}"
         try:
             answer = await asyncio.get_running_loop().run_in_executor(executor, self._work(asked))

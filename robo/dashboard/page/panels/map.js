@@ -356,7 +356,7 @@ function outline(pen, marker, color, hair) {
   const { r, g, b, a } = marker.color;
   pen.translate(marker.pose.position.x, marker.pose.position.y);
   pen.rotate(yaw(marker.pose.orientation));
-  pen.strokeStyle = a ? `rgba(${r * 255}, ${g * 255}, ${b * 255}, ${a})` : color.zone;
+  pen.strokeStyle = marker.ns === "footprint" ? color.body : a ? `rgba(${r * 255}, ${g * 255}, ${b * 255}, ${a})` : color.zone;
   pen.lineWidth = 1.5 * hair;
   pen.beginPath();
   marker.points.slice(0, MOST_POINTS).forEach(({ x, y }, i) => {
