@@ -15,6 +15,7 @@ from robo_services.bag_player import BagPlayer
 from robo_services.calibrate_base import CalibrateBase
 from robo_services.camera import Camera
 from robo_services.carmen_player import CarmenPlayer
+from robo_services.dashboard import Dashboard
 from robo_services.diagnostic_aggregator import DiagnosticAggregator
 from robo_services.diff_drive_controller import DiffDriveController
 from robo_services.diff_drive_sim import DiffDriveSim
@@ -46,6 +47,7 @@ SHIPPED = [
     CalibrateBase,
     Camera,
     CarmenPlayer,
+    Dashboard,
     DiagnosticAggregator,
     DiffDriveController,
     DiffDriveSim,
@@ -71,7 +73,14 @@ SHIPPED = [
     WaypointFollower,
 ]
 
-EXTRAS = {Camera: "av", LdLidar: "serial", MujocoSim: "mujoco", NmeaGps: "pynmea2", SerialBase: "serial"}
+EXTRAS = {
+    Camera: "av",
+    Dashboard: "websockets",
+    LdLidar: "serial",
+    MujocoSim: "mujoco",
+    NmeaGps: "pynmea2",
+    SerialBase: "serial",
+}
 """What nodes need that may not be installed."""
 
 

@@ -54,6 +54,7 @@ def modules_after(code: str) -> set[str]:
         "import robo_services.nmea_gps, robo.process.node",
         "import robo_services.mujoco_sim, robo.process.node",
         "import robo_services.recorder, robo.process.node",
+        "import robo_services.dashboard, robo.process.node",
         "import robo.process.router",
     ],
 )
@@ -119,6 +120,7 @@ ALWAYS_HEAVY = {"numpy", "asyncio", "pytest"}
 
 
 MAY_LOAD = {
+    "dashboard": {"asyncio", "yaml"},
     "node": {"yaml"},
     "param": {"yaml"},
     "service": {"yaml"},

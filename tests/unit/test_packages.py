@@ -291,6 +291,7 @@ def test_robo_announces_the_nodes_that_ship() -> None:
         "calibrate_base",
         "camera",
         "carmen_player",
+        "dashboard",
         "diagnostic_aggregator",
         "diff_drive_controller",
         "diff_drive_sim",

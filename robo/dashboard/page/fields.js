@@ -49,3 +49,17 @@ export function shown(value, indent = "") {
 function plain(value) {
   return typeof value === "number" && !Number.isInteger(value) ? String(Number(value.toPrecision(6))) : String(value);
 }
+
+/** Units of numbers by what their names end in, as ROS's messages have them: the first that fits. */
+const UNITS = [
+  [/(^|\.)(sec)$/, "s"], [/(^|\.)nanosec$/, "ns"], [/orientation|rotation|covariance/, ""],
+  [/acceleration/, "m/s²"], [/angular(_velocity)?\.[xyz]$/, "rad/s"], [/linear(_velocity)?\.[xyz]$/, "m/s"],
+  [/angle/, "rad"], [/range/, "m"], [/(position|translation|point|origin)\.[xyz]$/, "m"],
+  [/voltage$/, "V"], [/current$/, "A"], [/temperature$/, "°C"], [/(scan_time|time_increment)$/, "s"],
+];
+
+/** The unit of a number of a message; empty where it has none, or it is not known. */
+export function unit(type, name) {
+  if (["geometry/Point", "geometry/PointStamped"].includes(type) && /(^|\.)[xyz]$/.test(name)) return "m";
+  return UNITS.find(([pattern]) => pattern.test(name))?.[1] ?? "";
+}

@@ -30,6 +30,11 @@ from robo.wire.reports import Setting
 MEMORY = "/var/lib/robo"
 """What a node keeps over restarts of its container: a volume without a name, which is as old as the container."""
 
+DASHBOARD = "robo_services.dashboard"
+DASHBOARD_PORT = 8080
+"""Of the page within its container; on the machine it is the same, or what a variable says."""
+DASHBOARD_PORT_VARIABLE = "ROBO_DASHBOARD_PORT"
+
 GRACE = 3.0
 """How long a process has between the first signal and SIGKILL where its manifest grants it no longer, s."""
 
@@ -92,6 +97,8 @@ class Services:
             command = self._words(process.command(), process, baggage)
             service["entrypoint"] = list(_INIT)
         service["command"] = command
+        if process.service == DASHBOARD:
+            service["ports"] = [f"127.0.0.1:${{{DASHBOARD_PORT_VARIABLE}:-{DASHBOARD_PORT}}}:{DASHBOARD_PORT}"]
         health = self._health_command(process, baggage)
         service["environment"] = self._environment(process)
         if baggage.configs:
@@ -153,6 +160,9 @@ class Services:
         for old, new in process.remap.items():
             command += ["-r", f"{old}:={new}"]
         command += ["--no-autostart"] if not process.autostart else []
+        if process.service == DASHBOARD:
+            # Within its container it listens to all, so that the machine's own port leads to it.
+            command += ["-p", "host:=0.0.0.0", "-p", f"port:={DASHBOARD_PORT}"]
         return [self._names.shown(word) for word in (*command, *process.args)]
 
     def _environment(self, process: ProcessPlan) -> dict[str, str]:

@@ -5,6 +5,8 @@ import { link } from "../link.js";
 import { robot } from "../robot.js";
 
 const STALE = 1500;
+/** Inputs of the reference robot's mux by which people drive. */
+const MANUAL = ["joystick", "keyboard", "dashboard"];
 /** Of what is said once a second. */
 const STATES_STALE = 3500;
 
@@ -17,6 +19,7 @@ export function bar(place, lost) {
     facts.append(el("div", {}, el("dt", {}, name), value));
     return value;
   };
+  const mode = fact("Mode");
   const speed = fact("Speed");
   const safety = fact("Safety");
   const driver = fact("Drives");
@@ -25,6 +28,9 @@ export function bar(place, lost) {
   const told = el("p", { class: "told", role: "status" });
   const stop = el("button", { id: "stop", type: "button", onclick: () => call("emergency_stop") }, "EMERGENCY STOP");
   const reset = el("button", { id: "reset", type: "button", onclick: () => call("reset_emergency_stop") }, "Reset stop");
+  const alarm = el("span");
+  const since = el("span", { "aria-hidden": "true" }); // else a reader would say it all again at each second
+  lost.append(alarm, since);
   place.append(choice, facts, told, el("div", { class: "stops" }, stop, reset));
 
   const seen = { odom: null, safety: null, mux: null, battery: null };
@@ -52,7 +58,7 @@ export function bar(place, lost) {
   });
   robot.watch("mux_state", ["diagnostic/DiagnosticStatus"], (message, { arrived }) => {
     const said = Object.fromEntries(message.values.map(({ key, value }) => [key, value]));
-    seen.mux = { arrived, text: said.reason === "locked" ? `nobody: ${message.message}` : said.driver || "nobody" };
+    seen.mux = { arrived, driver: said.driver, text: said.reason === "locked" ? `nobody: ${message.message}` : said.driver || "nobody" };
   });
   robot.watch("battery", ["sensor/BatteryState"], (message, { arrived }) => {
     const share = Number.isFinite(message.percentage) ? ` ${Math.round(message.percentage * 100)} %` : "";
@@ -74,6 +80,7 @@ export function bar(place, lost) {
     stop.setAttribute("aria-label", latched ? "Emergency stop: the robot is stopped" : "Emergency stop");
     reset.disabled = !link.drives || !seen.safety?.latched;
     stop.disabled = !link.drives;
+    say(mode, latched ? "stopped" : seen.mux === null ? "–" : MANUAL.includes(seen.mux.driver) ? "manual" : seen.mux.driver ? "autonomous" : "idle");
     show(driver, seen.mux, STATES_STALE);
     show(battery, seen.battery, 10_000);
     battery.parentElement.hidden = seen.battery === null;
@@ -84,9 +91,10 @@ export function bar(place, lost) {
       ? robot.name !== null && robot.nodes.length === 0 ? `Nothing runs of ${robot.name}: what you see of it is old.` : ""
       : link.problem
         ? `The server lets nobody in with what this browser has: ${link.problem}.`
-        : `No link to the server for ${age(Math.min(link.silence + link.lag, performance.now()))}: what you see is old, and nothing can be driven.`;
+        : "No link to the server: what you see is old, and nothing can be driven.";
     lost.hidden = !gone;
-    say(lost, gone);
+    say(alarm, gone);
+    say(since, gone && !link.isAlive ? ` ${age(Math.min(link.silence + link.lag, performance.now()))}` : "");
     document.body.classList.toggle("lost", !link.isAlive);
   }, 100);
 }

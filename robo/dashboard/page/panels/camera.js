@@ -10,7 +10,7 @@ const TYPES = ["sensor/CompressedImage", "sensor/Image"];
 
 /** The panel of the camera. */
 export function camera() {
-  const choice = el("select", { "aria-label": "Camera", onchange: () => choose(choice.value) });
+  const choice = el("select", { "aria-label": "Camera", hidden: true, onchange: () => choose(choice.value) });
   const canvas = el("canvas", { role: "img", "aria-label": "Picture of the camera" });
   const told = el("p", { class: "told" }, "no camera");
   let at = null;

@@ -1,7 +1,7 @@
 // Curves of any numbers of messages over time; several at once, with a pause.
 
 import { el, number, say } from "../dom.js";
-import { numbers, part } from "../fields.js";
+import { numbers, part, unit } from "../fields.js";
 import { link } from "../link.js";
 import { panel } from "../panel.js";
 import { robot } from "../robot.js";
@@ -48,7 +48,8 @@ export function plots() {
     const curve = { topic: topicName, field: fieldName, points: [], canvas, value };
     const remove = el("button", { type: "button", "aria-label": `Remove ${topicName} ${fieldName}`, onclick: () => drop(curve) }, "×");
     curve.place = el("figure", {}, el("figcaption", {}, `${topicName} ${fieldName} `, value, remove), canvas);
-    curve.end = link.watch(robot.key(topicName), undefined, (message, { arrived }) => {
+    curve.end = link.watch(robot.key(topicName), undefined, (message, { arrived, type }) => {
+      curve.unit = unit(type, fieldName);
       const now = message === undefined ? undefined : part(message, fieldName);
       if (typeof now !== "number") return;
       curve.points.push([arrived, now]);
@@ -85,7 +86,7 @@ export function plots() {
   return made;
 }
 
-function paint({ canvas, points, value }, now, span) {
+function paint({ canvas, points, value, unit: of }, now, span) {
   const box = canvas.getBoundingClientRect();
   if (!box.width) return;
   const ratio = devicePixelRatio;
@@ -98,7 +99,8 @@ function paint({ canvas, points, value }, now, span) {
   const style = getComputedStyle(canvas);
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, box.width, box.height);
-  say(value, shown.length ? number(shown.at(-1)[1], 3) : "nothing in this range");
+  const words = (v) => (of ? `${number(v, 3)} ${of}` : number(v, 3));
+  say(value, shown.length ? words(shown.at(-1)[1]) : "nothing in this range");
   if (!shown.length) return;
   let low = Infinity;
   let high = -Infinity;
@@ -112,8 +114,11 @@ function paint({ canvas, points, value }, now, span) {
   const y = (v) => box.height - ((v - low) / (high - low)) * box.height;
   pen.fillStyle = pen.strokeStyle = style.getPropertyValue("--text");
   pen.font = "11px system-ui, sans-serif";
-  pen.fillText(number(high, 3), 4, 12);
-  pen.fillText(number(low, 3), 4, box.height - 4);
+  pen.fillText(words(high), 4, 12);
+  pen.fillText(words(low), 4, box.height - 4);
+  pen.textAlign = "right";
+  pen.fillText(`last ${span / 1000} s`, box.width - 4, box.height - 4);
+  pen.textAlign = "left";
   pen.strokeStyle = style.getPropertyValue("--trail");
   pen.lineWidth = 1.5;
   pen.beginPath();
