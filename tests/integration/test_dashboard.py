@@ -198,7 +198,7 @@ def test_who_may_only_look_moves_nothing(guarded: Served, other: zenoh.Session) 
 
 def twists(stream: Stream, count: int) -> list[float]:
     """The next commands."""
-    found = []
+    found: list[float] = []
     while len(found) < count:
         arrival = stream.get()
         assert arrival is not None

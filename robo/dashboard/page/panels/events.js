@@ -9,12 +9,13 @@ const MOST = 300;
 
 /** The panel of events. */
 export function events() {
-  const list = el("ol", { class: "lines scroll", tabindex: 0, role: "log", "aria-label": "Events" });
+  const list = el("ol", { class: "lines" });
+  const scroll = el("div", { class: "scroll", tabindex: 0, role: "log", "aria-label": "Lines of events" }, list);
   let all = [];
 
   function show() {
     list.replaceChildren(...all.filter((one) => robot.has(one.robot, one.node)).map(row));
-    list.scrollTop = list.scrollHeight;
+    scroll.scrollTop = scroll.scrollHeight;
   }
 
   let first = true;
@@ -25,7 +26,7 @@ export function events() {
     show();
   });
   robot.onChange(show);
-  return panel("events", "Events", [], list);
+  return panel("events", "Events", [], scroll);
 }
 
 function row(event) {

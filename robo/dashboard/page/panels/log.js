@@ -13,7 +13,8 @@ export function log() {
   const level = el("select", { "aria-label": "Level and above", onchange: show }, ...LEVELS.map((name) => el("option", { selected: name === "INFO" }, name)));
   const node = el("input", { type: "search", placeholder: "node", "aria-label": "Node", oninput: show });
   const words = el("input", { type: "search", placeholder: "words", "aria-label": "Words", oninput: show });
-  const list = el("ol", { class: "lines scroll", tabindex: 0, role: "log", "aria-label": "Lines of the log" });
+  const list = el("ol", { class: "lines" });
+  const scroll = el("div", { class: "scroll", tabindex: 0, role: "log", "aria-label": "Lines of the log" }, list);
   let all = [];
 
   const isWanted = (line) =>
@@ -23,10 +24,10 @@ export function log() {
     line.message.toLowerCase().includes(words.value.toLowerCase());
 
   function add(lines) {
-    const atEnd = list.scrollTop + list.clientHeight >= list.scrollHeight - 20;
+    const atEnd = scroll.scrollTop + scroll.clientHeight >= scroll.scrollHeight - 20;
     list.append(...lines.filter(isWanted).slice(-MOST).map(row));
     while (list.childElementCount > MOST) list.firstChild.remove();
-    if (atEnd) list.scrollTop = list.scrollHeight;
+    if (atEnd) scroll.scrollTop = scroll.scrollHeight;
   }
 
   function show() {
@@ -48,7 +49,7 @@ export function log() {
     add(lines);
   });
   robot.onChange(show);
-  return panel("log", "Log", [level, node, words], list);
+  return panel("log", "Log", [level, node, words], scroll);
 }
 
 function row(line) {

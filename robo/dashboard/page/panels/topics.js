@@ -12,7 +12,7 @@ const MOST = 200;
 export function topics() {
   const body = el("tbody");
   const head = ["Topic", "Type", "Rate", "Lost", "Ends"].map((name) => el("th", { scope: "col" }, name));
-  const text = el("pre", { class: "scroll message", tabindex: 0, "aria-label": "Last message" });
+  const text = el("pre", { class: "scroll message", tabindex: 0, role: "region", "aria-label": "Last message" });
   const title = el("h3", {}, "choose a topic");
   const search = el("input", { type: "search", placeholder: "search", "aria-label": "Search topics", oninput: () => list() });
   const left = el("span", { class: "age" });
@@ -21,7 +21,7 @@ export function topics() {
   let end = () => {};
   const made = panel(
     "topics", "Topics", [left, search],
-    el("div", { class: "scroll", tabindex: 0 }, el("table", {}, el("thead", {}, el("tr", {}, ...head)), body)),
+    el("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "All topics" }, el("table", {}, el("thead", {}, el("tr", {}, ...head)), body)),
     el("div", { class: "head" }, title, ageOf(() => at)),
     text,
   );
