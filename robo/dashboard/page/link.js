@@ -8,6 +8,9 @@ export const LOST = 1000;
 const HOPELESS = 3000;
 const AGAIN = [200, 500, 1000, 2000];
 const HEAD = 18;
+/** What has been read is said together, ms; sooner where it is so much, bytes: the server waits for that. */
+const TOGETHER = 50;
+const MUCH = 50_000;
 /** A server that has a request answers within six seconds. */
 const PATIENCE = 10_000;
 /** Beats by which it is known how far this clock is from the server's: some 30 s. */
@@ -27,6 +30,7 @@ class Link {
     this.offset = 0;
     this.lag = 0;
     this.read = 0;
+    this.unread = 0;
     this.name = "";
     this.drives = false;
     this.frames = 0;
@@ -161,19 +165,25 @@ class Link {
     this.read++;
     if (!this.isReadDue) {
       this.isReadDue = true;
-      // After what came has been drawn: a browser that is slow gets less, and that newer. A page that nobody sees
-      // draws nothing, and its clocks hardly run.
+      // Some at once, and after they have been drawn: a browser that is slow gets less, and that newer. A page that
+      // nobody sees draws nothing, and its clocks hardly run.
       if (document.visibilityState === "visible") {
-        requestAnimationFrame(() => this.acknowledge());
-        setTimeout(() => this.acknowledge(), 250);
+        setTimeout(() => requestAnimationFrame(() => this.acknowledge()), TOGETHER);
+        setTimeout(() => this.acknowledge(), 5 * TOGETHER);
       } else queueMicrotask(() => this.acknowledge());
+    }
+    this.unread += data.length ?? data.byteLength;
+    if (this.unread > MUCH && !this.isSoon && document.visibilityState === "visible") {
+      this.isSoon = true;
+      requestAnimationFrame(() => this.acknowledge());
     }
     if (typeof data === "string") this.hear(JSON.parse(data));
     else this.deliver(data);
   }
 
   acknowledge() {
-    this.isReadDue = false;
+    this.isReadDue = this.isSoon = false;
+    this.unread = 0;
     if (this.read === 0) return;
     this.send({ do: "read", count: this.read });
     this.read = 0;

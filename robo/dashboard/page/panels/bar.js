@@ -26,7 +26,9 @@ export function bar(place, lost) {
   const battery = fact("Battery");
   const nodes = fact("Nodes");
   const told = el("p", { class: "told", role: "status" });
-  const stop = el("button", { id: "stop", type: "button", onclick: () => call("emergency_stop") }, "EMERGENCY STOP");
+  const stop = el("button", { id: "stop", type: "button", onclick: (event) => event.detail === 0 && press() }, "EMERGENCY STOP");
+  // When it is pressed, not when it is let go; a click without a pointer is the keyboard's, or a reader's.
+  stop.addEventListener("pointerdown", (event) => event.button === 0 && press());
   const reset = el("button", { id: "reset", type: "button", onclick: () => call("reset_emergency_stop") }, "Reset stop");
   const alarm = el("span");
   const since = el("span", { "aria-hidden": "true" }); // else a reader would say it all again at each second
@@ -34,6 +36,10 @@ export function bar(place, lost) {
   place.append(choice, facts, told, el("div", { class: "stops" }, stop, reset));
 
   const seen = { odom: null, safety: null, mux: null, battery: null };
+
+  function press() {
+    if (!stop.disabled) call("emergency_stop");
+  }
 
   async function call(service) {
     const begin = performance.now();

@@ -5,6 +5,8 @@ import { link } from "../link.js";
 import { ageOf, panel } from "../panel.js";
 import { robot } from "../robot.js";
 
+/** At most so often it is drawn, ms: there are other things to do. */
+const FRAME = 50;
 const TRAIL = 4000;
 const STEP = 0.05;
 /** Kinds of markers, by ROS's numbers, that are drawn. */
@@ -43,17 +45,20 @@ export function map() {
   const view = { scale: 40, x: 0, y: 0 };
   let things = empty();
   let dirty = false;
+  let drawnAt = -Infinity;
 
   function draw() {
     if (dirty) return;
     dirty = true;
-    requestAnimationFrame(() => {
+    const wait = Math.max(0, drawnAt + FRAME - performance.now());
+    setTimeout(() => requestAnimationFrame(() => {
       dirty = false;
+      drawnAt = performance.now();
       paint(canvas, view, things, follow.checked);
       const lost = [...things.unplaced];
       say(unplaced, lost.length ? `not drawn, no transform from ${lost.join(", ")}` : "");
       canvas.dataset.drawn = String(Number(canvas.dataset.drawn ?? 0) + 1);
-    });
+    }), wait);
   }
 
   function zoom(factor) {
@@ -369,13 +374,15 @@ function outline(pen, marker, color, hair) {
 function rays(pen, scan, color, hair) {
   pen.fillStyle = color.scan;
   const size = 3 * hair;
+  pen.beginPath();
   const count = Math.min(scan.ranges.length, MOST_POINTS);
   for (let i = 0; i < count; i++) {
     const range = scan.ranges[i];
     if (!(range >= scan.range_min && range <= scan.range_max)) continue;
     const angle = scan.angle_min + i * scan.angle_increment;
-    pen.fillRect(range * Math.cos(angle) - size / 2, range * Math.sin(angle) - size / 2, size, size);
+    pen.rect(range * Math.cos(angle) - size / 2, range * Math.sin(angle) - size / 2, size, size);
   }
+  pen.fill();
 }
 
 function body(pen, pose, color, hair) {

@@ -80,7 +80,7 @@ export function plots() {
 
   function paintAll() {
     for (const curve of curves) paint(curve, paused ?? link.now, Number(span.value) * 1000);
-    setTimeout(() => requestAnimationFrame(paintAll), 50);
+    setTimeout(() => requestAnimationFrame(paintAll), 100);
   }
   requestAnimationFrame(paintAll);
   return made;
@@ -116,9 +116,6 @@ function paint({ canvas, points, value, unit: of }, now, span) {
   pen.font = "11px system-ui, sans-serif";
   pen.fillText(words(high), 4, 12);
   pen.fillText(words(low), 4, box.height - 4);
-  pen.textAlign = "right";
-  pen.fillText(`last ${span / 1000} s`, box.width - 4, box.height - 4);
-  pen.textAlign = "left";
   pen.strokeStyle = style.getPropertyValue("--trail");
   pen.lineWidth = 1.5;
   pen.beginPath();

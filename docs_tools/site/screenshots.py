@@ -1,0 +1,102 @@
+"""The pictures of the dashboard in docs/images, made by a browser: `python -m docs_tools.site.screenshots`.
+
+They are committed, as the other ones; made again where the page has changed, and then looked at. Needs the extra
+dashboard, playwright, chromium, and half a minute.
+"""
+
+import importlib
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+from docs_tools.site.images import FOLDER, ROOT
+
+DRIVES = 20.0
+"""For so long the robot drives before it is pictured: it has a trail, and curves, s."""
+
+
+class Shot(NamedTuple):
+    """A picture."""
+
+    name: str
+    width: int
+    height: int
+    scheme: str
+    whole: bool
+    """All of the page, or what is seen of it at once."""
+
+
+SHOTS = (
+    Shot("dashboard", 1360, 860, "light", True),
+    Shot("dashboard_dark", 1360, 860, "dark", False),
+    Shot("dashboard_phone", 844, 390, "light", False),
+)
+
+
+def main() -> None:
+    """Make them all."""
+    sync_api = importlib.import_module("playwright.sync_api")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+    with tempfile.TemporaryDirectory() as folder:
+        environment = {**os.environ, "ROBO_LOG_DIR": folder}
+        up = ["up", str(ROOT / "launch" / "simulation.yaml"), "robot_name:=r1", "--listen", endpoint]
+        served = ["dashboard", "--connect", endpoint, "--listen", "127.0.0.1:0", "--json"]
+        with (
+            _running(up, "is ready", environment),
+            _running(served, "}", environment) as said,
+            sync_api.sync_playwright() as playwright,
+        ):
+            address = json.loads(said)["drive"]
+            browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+            pages = [(shot, _open(browser, address, shot)) for shot in SHOTS]
+            time.sleep(DRIVES)
+            for shot, page in pages:
+                file = FOLDER / f"{shot.name}.png"
+                page.screenshot(path=file, full_page=shot.whole)
+                print(f"{file.relative_to(ROOT)}: {file.stat().st_size / 1e3:.0f} kB")
+            browser.close()
+
+
+def _open(browser: Any, address: str, shot: Shot) -> Any:
+    """The page, with panels that show something."""
+    size = {"width": shot.width, "height": shot.height}
+    page = browser.new_context(viewport=size, color_scheme=shot.scheme).new_page()
+    page.goto(address)
+    page.wait_for_selector("#map canvas[data-drawn]")
+    page.wait_for_selector("#parameters .field input")
+    page.select_option("#parameters select", label="velocity_smoother")
+    page.click("#topics button.link:text-is('current_position')")
+    page.evaluate("scrollTo(0, 0)")
+    return page
+
+
+@contextmanager
+def _running(words: Sequence[str], until: str, environment: dict[str, str]) -> Iterator[str]:
+    """A command of robo's that runs meanwhile; what it has printed until a line with some words."""
+    command = [sys.executable, "-m", "robo", *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stdout is not None
+        said = ""
+        try:
+            while until not in said:
+                line = process.stdout.readline()
+                if not line:
+                    sys.exit(f"robo {words[0]} has ended")
+                said += line
+            yield said
+        finally:
+            process.terminate()
+
+
+if __name__ == "__main__":
+    main()
