@@ -149,7 +149,7 @@ def picture(number: int) -> bytes:
 def camera(session: zenoh.Session) -> Iterator[None]:
     """Somebody who sends pictures."""
     sender = Sender(session, WATCHED[2], "sensor/CompressedImage", QoS.DEFAULT, "/r1/camera")
-    pictures = [robo_messages.encode(CompressedImage(format="png", data=picture(n))) for n in range(4)]
+    pictures = [robo_messages.encode(CompressedImage(format="png", data=memoryview(picture(n)))) for n in range(4)]
     over = threading.Event()
 
     def run() -> None:

@@ -189,7 +189,7 @@ INTERRUPTED = (130, -signal.SIGINT)
 _ENDLESS = (
     (r"robo up\b", r" -d\b|--dry-run|--show-args"),
     (r"robo (router|keeper|top)\b", r"--print-config|--once"),
-    (r"robo run\b", ""),
+    (r"robo (run|dashboard)\b", ""),
     (r"robo topic (echo|hz|bw|delay|loss|plot)\b", r"--once|--count|--duration"),
     (r"robo topic pub\b.* -r\b", r"--times"),
     (r"robo topic pub\b.* --latched", ""),

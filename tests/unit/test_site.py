@@ -81,8 +81,11 @@ def test_what_is_wrong_with_a_site_is_found(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("image", sorted((ROOT / "docs" / "images").iterdir()), ids=lambda image: image.name)
 def test_a_picture_is_small_and_fetches_nothing(image: Path) -> None:
-    text = image.read_text(encoding="utf-8")
-    assert len(text) < 150_000
+    data = image.read_bytes()
+    assert len(data) < 150_000
+    if image.suffix == ".png":
+        return
+    text = data.decode()
     assert not re.search(r"""(url\(|href=|src=)["']?(https?:)?//""", text)
 
 

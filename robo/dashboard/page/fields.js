@@ -26,24 +26,30 @@ export function part(message, name) {
   return typeof value === "boolean" ? Number(value) : value;
 }
 
-/** A message as lines of text, with long lists cut. */
-export function shown(value, indent = "") {
+/** A message as lines of text, with units where they are known, and with long lists cut. */
+export function shown(value, type = "", name = "", indent = "") {
   if (ArrayBuffer.isView(value)) return `${value.byteLength} bytes`;
   if (Array.isArray(value)) {
+    const left = value.length > LONGEST_LIST ? value.length : 0;
     if (value.every((item) => typeof item !== "object" || item === null)) {
       const some = value.slice(0, LONGEST_LIST).map(plain).join(", ");
-      return value.length > LONGEST_LIST ? `[${some}, … ${value.length} in all]` : `[${some}]`;
+      return withUnit(left ? `[${some}, … ${left} in all]` : `[${some}]`, value[0], type, name);
     }
-    const some = value.slice(0, LONGEST_LIST).map((item) => `\n${indent}- ${shown(item, `${indent}  `).trimStart()}`).join("");
-    return value.length > LONGEST_LIST ? `${some}\n${indent}… ${value.length} in all` : some;
+    const some = value.slice(0, LONGEST_LIST).map((item) => `\n${indent}- ${shown(item, type, name, `${indent}  `).trimStart()}`).join("");
+    return left ? `${some}\n${indent}… ${left} in all` : some;
   }
   if (value && typeof value === "object") {
-    return Object.entries(value).map(([name, item]) => {
-      const text = shown(item, `${indent}  `);
-      return `\n${indent}${name}:${text.startsWith("\n") ? "" : " "}${text}`;
+    return Object.entries(value).map(([key, item]) => {
+      const text = shown(item, type, name ? `${name}.${key}` : key, `${indent}  `);
+      return `\n${indent}${key}:${text.startsWith("\n") ? "" : " "}${text}`;
     }).join("");
   }
-  return plain(value);
+  return withUnit(plain(value), value, type, name);
+}
+
+function withUnit(text, value, type, name) {
+  const of = typeof value === "number" ? unit(type, name) : "";
+  return of ? `${text} ${of}` : text;
 }
 
 function plain(value) {

@@ -9,6 +9,8 @@ import { robot } from "../robot.js";
 /** Five minutes of forty a second. */
 const MOST_POINTS = 40 * 300;
 const MOST_CURVES = 12;
+/** Room for numbers beside a curve, pixels. */
+const LEFT = 84;
 const FIRST = [["odom", "twist.twist.linear.x"], ["odom", "twist.twist.angular.z"]];
 
 /** The panel of plots. */
@@ -110,7 +112,7 @@ function paint({ canvas, points, value, unit: of }, now, span) {
   }
   const room = Math.max((high - low) * 0.1, 1e-3);
   [low, high] = [low - room, high + room];
-  const x = (at) => ((at - now + span) / span) * box.width;
+  const x = (at) => LEFT + ((at - now + span) / span) * (box.width - LEFT);
   const y = (v) => box.height - ((v - low) / (high - low)) * box.height;
   pen.fillStyle = pen.strokeStyle = style.getPropertyValue("--text");
   pen.font = "11px system-ui, sans-serif";

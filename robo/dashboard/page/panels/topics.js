@@ -54,7 +54,7 @@ export function topics() {
       at = arrived;
       if (performance.now() < due) return;
       due = performance.now() + 200; // nobody reads faster
-      say(text, message === undefined ? unread(size, type) : shown(message).trimStart());
+      say(text, message === undefined ? unread(size, type) : shown(message, type).trimStart());
     });
     list();
   }
