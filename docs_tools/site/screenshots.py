@@ -91,8 +91,16 @@ _COLOURS = """async (url) => {
     const pixels = new Uint32Array(pen.getImageData(0, 0, picture.width, picture.height).data.buffer);
     const counts = new Map();
     for (const one of pixels) counts.set(one, (counts.get(one) ?? 0) + 1);
+    const kinds = new Map(); // of colours that are much the same the commonest
+    for (const [one, count] of counts) {
+        const kind = one & 0xf0f0f0;
+        const known = kinds.get(kind) ?? { most: 0, all: 0 };
+        known.all += count;
+        if (count > known.most) Object.assign(known, { one, most: count });
+        kinds.set(kind, known);
+    }
     const parts = (one) => [one & 255, (one >> 8) & 255, (one >> 16) & 255];
-    const kept = [...counts].sort((a, b) => b[1] - a[1]).slice(0, MOST).map(([one]) => parts(one));
+    const kept = [...kinds.values()].sort((a, b) => b.all - a.all).slice(0, MOST).map(({ one }) => parts(one));
     const near = new Map();
     const nearest = (one) => {
         const [r, g, b] = parts(one);
@@ -112,7 +120,7 @@ _COLOURS = """async (url) => {
     return { width: picture.width, height: picture.height, colours: kept.flat(), places: btoa(places) };
 }"""
 """The commonest colours of a picture, and for each pixel the nearest of them."""
-_MOST_COLOURS = 64
+_MOST_COLOURS = 200
 
 
 def _small(browser: Any, png: bytes) -> bytes:

@@ -336,6 +336,17 @@ def test_a_cut_of_five_seconds_stops_the_robot_until_somebody_grips_anew(
         driven.has_stood()
 
 
+def test_a_robot_brings_its_dashboard_along(chromium: Any, launch: Launch) -> None:
+    robot = launch("robot.yaml", demo="none", dashboard=True, options=["-p", "dashboard.port:=0"])
+    address = robot.wait_for_line("the dashboard is at").rpartition(" ")[2]
+    with closing(Driven(robot)) as driven, opened(chromium, address) as page:
+        says(page, "#nodes td", "dashboard")
+        hold_keys(page)
+        driven.has_driven()
+        page.keyboard.up("ArrowUp")
+        driven.has_stood()
+
+
 def test_the_emergency_stop_holds_until_it_is_reset(chromium: Any, served: Served, driven: Driven) -> None:
     with opened(chromium, served.address) as page:
         grip(page)

@@ -66,3 +66,20 @@ def test_a_channel_that_nobody_looks_at_is_dropped() -> None:
     box.drop("scan")
     box.drop("scan")
     assert taken(box) == []
+
+
+def test_lines_that_wait_take_bounded_memory_however_long_they_are() -> None:
+    box = Mailbox()
+    for _ in range(100):
+        box.add("x" * 1_000_000)
+    assert len(taken(box)) == 1, "what is on its way is bounded as well"
+    assert box.left_out == 98
+
+
+def test_a_browser_that_never_says_what_it_has_read_is_lost() -> None:
+    box = Mailbox()
+    for number in range(5_001):
+        assert not box.is_lost
+        box.put("beat", str(number), urgent=True)
+        taken(box)
+    assert box.is_lost

@@ -1,0 +1,64 @@
+"""What pages are told of robots."""
+
+import pytest
+
+import robo_messages
+from robo.dashboard.frames import Frames
+from robo.dashboard.place import Settings
+from robo.dashboard.state import Line, Node, newest, robots_of
+from robo_messages import TFMessage, TransformStamped
+
+
+def node(name: str, robot: str = "") -> Node:
+    return Node(name, robot, "", "ready", "", None, "", None, None, None, None, None, "", "")
+
+
+@pytest.mark.parametrize(
+    ("nodes", "topics", "robots"),
+    [
+        ([("/r1/base", "r1")], ["r1/odom"], ["r1"]),
+        ([("/r1/base", "r1"), ("/r1/arm/joint", "r1")], ["r1/odom"], ["r1"]),
+        ([("/fleet/r1/base", "fleet"), ("/fleet/r2/base", "fleet")], ["fleet/r1/odom", "fleet/r2/odom"], ["fleet/r1", "fleet/r2"]),
+        ([("/a/b/c/base", "a/b/c")], [], ["a/b/c"]),
+        ([("/r1/base", "r1"), ("/r2/base", ""), ("/r2/arm/joint", "")], [], ["r1", "r2"]),
+        ([("/base", "")], ["odom"], [""]),
+        ([("/r1/base", "r1")], ["made_up/odom"], ["r1"]),
+        ([], [], []),
+    ],
+)  # fmt: skip
+def test_robots_are_found_by_runs_and_namespaces(
+    nodes: list[tuple[str, str]], topics: list[str], robots: list[str]
+) -> None:
+    assert robots_of([node(*one) for one in nodes], topics) == robots
+
+
+def test_of_a_flood_of_lines_the_newest_are_shown_and_the_rest_is_counted() -> None:
+    lines = [Line("r1", number, "base", "INFO", str(number)) for number in range(1_000)]
+    shown = newest(lines)
+    assert shown[0].message.startswith("800 lines or more were left out")
+    assert [line.message for line in shown[1:]] == [str(number) for number in range(800, 1_000)]
+    assert newest(lines[:10]) == lines[:10]
+
+
+def told(frames: Frames, robot: str, *names: str) -> None:
+    transforms = [TransformStamped(child_frame_id=name) for name in names]
+    assert frames.take(robot, robo_messages.encode(TFMessage(transforms)))
+
+
+def test_a_robot_that_makes_up_frames_hides_no_other_one() -> None:
+    frames = Frames()
+    told(frames, "r1", *(f"frame_{number}" for number in range(2_000)), "x" * 1_000)
+    told(frames, "r2", "base_link")
+    assert len(frames.of("r1")) == 500
+    assert list(frames.of("r2")) == ["base_link"]
+    frames.keep({"r2"})
+    assert frames.of("r1") == {}
+    assert not frames.take("r2", b"\xc1")
+
+
+def test_addresses_are_ones_that_can_be_opened() -> None:
+    assert Settings.of("127.0.0.1", 0, None, []).addresses(1234) == {"drive": "http://127.0.0.1:1234/"}
+    assert Settings.of("::1", 0, None, []).addresses(1234) == {"drive": "http://[::1]:1234/"}
+    found = Settings.of("0.0.0.0", 0, None, ["r1.local"]).addresses(1234)
+    assert all(address.startswith("http://r1.local:1234/?token=") for address in found.values())
+    assert len(set(found.values())) == 2
