@@ -221,7 +221,8 @@ class Hub:
             return
         age = page.beats.age(asked.heard, asked.since, time.monotonic())
         if age > MOST_AGE:
-            page.tell("refused", newest="refused", urgent=True, reason=f"a command is {1e3 * min(age, 99):.0f} ms old")
+            reason = f"a command is {1e3 * min(age, 99):.0f} ms old"
+            page.tell("refused", newest="refused", urgent=True, reason=reason, late=True)
             return
         if not (abs(asked.linear) <= _MOST_LINEAR and abs(asked.angular) <= _MOST_ANGULAR):  # NaN neither
             page.tell("refused", newest="refused", urgent=True, reason="so fast drives no robot")

@@ -18,7 +18,7 @@ def node(name: str, robot: str = "") -> Node:
     [
         ([("/r1/base", "r1")], ["r1/odom"], ["r1"]),
         ([("/r1/base", "r1"), ("/r1/arm/joint", "r1")], ["r1/odom"], ["r1"]),
-        ([("/fleet/r1/base", "fleet"), ("/fleet/r2/base", "fleet")], ["fleet/r1/odom", "fleet/r2/odom"], ["fleet/r1", "fleet/r2"]),
+        ([("/f/r1/base", "f"), ("/f/r2/base", "f")], ["f/r1/odom", "f/r2/odom"], ["f/r1", "f/r2"]),
         ([("/a/b/c/base", "a/b/c")], [], ["a/b/c"]),
         ([("/r1/base", "r1"), ("/r2/base", ""), ("/r2/arm/joint", "")], [], ["r1", "r2"]),
         ([("/base", "")], ["odom"], [""]),

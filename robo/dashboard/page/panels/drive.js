@@ -132,10 +132,10 @@ export function drive() {
 
   let refusal = "";
   let refusedAt = -Infinity;
-  link.on("refused", ({ reason }) => {
+  link.on("refused", ({ reason, late }) => {
     refusal = reason;
     refusedAt = performance.now();
-    stand(); // it takes a new grip
+    if (!late) stand(); // it takes a new grip; a command that came late does not, the next one is newer
   });
   let drivers = {};
   link.on("drivers", (news) => {
