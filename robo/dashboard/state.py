@@ -1,5 +1,6 @@
 """What all pages are told of robots: nodes, topics, events, lines of their logs."""
 
+import logging
 import threading
 import time
 from collections import deque
@@ -34,6 +35,7 @@ _MOST_NODES, _MOST_TOPICS, _MOST_ROBOTS = 1_000, 1_000, 100
 _OF_ROBOTS = ("odom", "cmd_vel", "safety_state")
 """A namespace that has one of these topics is a robot, even within another one's."""
 _ALL = "**"
+_logger = logging.getLogger("robo.dashboard")
 
 
 class Node(msgspec.Struct, frozen=True):
@@ -153,6 +155,8 @@ class State:
                 listed = topics.list_topics(self._session, _TIMEOUT, ())
             except (zenoh.ZError, RoboError):
                 pass  # the router is away; pages see how old all is
+            except Exception:  # nobody has thought of it: it is told, and looked at again
+                _logger.exception("the dashboard could not look at what runs")
             else:
                 if not self._over.is_set():
                     self._tell_look(picture(processes, statuses, listed))

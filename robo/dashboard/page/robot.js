@@ -8,7 +8,8 @@ export const robot = {
   name: null,
   all: [],
   picture: { robots: [], nodes: [], topics: [] },
-  pictureAt: -Infinity,
+  /** When it was told, ms by `link.now`; null before. */
+  pictureAt: null,
 
   key(topic) {
     return this.name ? `${this.name}/${topic}` : topic;
@@ -58,7 +59,7 @@ function isWithin(name, namespace) {
 
 link.on("picture", ({ picture }) => {
   robot.picture = picture;
-  robot.pictureAt = performance.now();
+  robot.pictureAt = link.now;
   robot.all = picture.robots;
   if (robot.name !== null) return;
   // One that the address names is waited for: another one would be driven by mistake.

@@ -2,7 +2,7 @@
 
 import { Rows, age, el, number, say, size } from "../dom.js";
 import { link } from "../link.js";
-import { panel } from "../panel.js";
+import { ageOf, panel } from "../panel.js";
 import { robot } from "../robot.js";
 
 /** The panel of nodes. */
@@ -10,7 +10,7 @@ export function nodes() {
   const body = el("tbody");
   const told = el("pre", { class: "told", role: "status" });
   const head = ["Node", "State", "Health", "CPU", "Memory", "Restarts", "Up", ""].map((name) => el("th", { scope: "col" }, name));
-  const made = panel("nodes", "Nodes", [], el("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "All nodes" }, el("table", {}, el("thead", {}, el("tr", {}, ...head)), body)), told);
+  const made = panel("nodes", "Nodes", [ageOf(() => robot.pictureAt, 3500)], el("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "All nodes" }, el("table", {}, el("thead", {}, el("tr", {}, ...head)), body)), told);
   const rows = new Rows(body, (node) => node.node, make, fill);
 
   function make(node) {

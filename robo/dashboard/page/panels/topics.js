@@ -20,7 +20,7 @@ export function topics() {
   let at = null;
   let end = () => {};
   const made = panel(
-    "topics", "Topics", [left, search],
+    "topics", "Topics", [left, ageOf(() => robot.pictureAt, 3500), search],
     el("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "All topics" }, el("table", {}, el("thead", {}, el("tr", {}, ...head)), body)),
     el("div", { class: "head" }, title, ageOf(() => at)),
     text,
