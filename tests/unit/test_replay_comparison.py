@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo import bag
-from robo.bag.look.fields import unequal
+from robo.bag.look.fields import number, unequal
 from robo.bag.publishers import Publishers, publishers_of
 from robo.bag.regression import comparing
 from robo.bag.regression import report as replay_report
@@ -222,7 +222,7 @@ def test_stamps_are_one_value(tmp_path: Path) -> None:
     assert (field.first.expected, field.first.actual) == ("1700000000.999999999", "1700000001.000000001")
     (tmp_path / "t.yaml").write_text("topics: {'**': {fields: {stamp: 3.0e-9}}}")
     assert compared(then, now, some=load(tmp_path / "t.yaml")).same
-    assert comparing.number(Duration(1, 500_000_000)) == 1.5
+    assert number(Duration(1, 500_000_000)) == 1.5
 
 
 def test_missing_and_additional_messages_are_told_alone(tmp_path: Path) -> None:
