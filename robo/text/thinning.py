@@ -1,6 +1,7 @@
 """Long lines with as many points as a picture shows, and with all their peaks. Pure."""
 
 import math
+from itertools import zip_longest
 
 Point = tuple[float, float]
 """Time (s) and value."""
@@ -26,8 +27,8 @@ class Thinned:
         self.count += 1
         if not self._stretches or self._filled == self._each:
             if len(self._stretches) == self._most:
-                pairs = zip(self._stretches[::2], self._stretches[1::2], strict=False)
-                self._stretches = [_ends([*first, *second]) for first, second in pairs]
+                halves = self._stretches[::2], self._stretches[1::2]
+                self._stretches = [_ends([*first, *second]) for first, second in zip_longest(*halves, fillvalue=())]
                 self._each *= 2
             self._stretches.append([])
             self._filled = 0
