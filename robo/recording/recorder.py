@@ -104,8 +104,6 @@ class Recorder:
         """Not by `join`: one that Ctrl-C interrupts takes its thread for ended (CPython 3.11)."""
         self._news: deque[About] = deque()
         self._topics: dict[TopicInFile, int] = {}
-        self._numbers: dict[int, tuple[TopicInFile, int]] = {}
-        """The same by where a topic is in memory: whether it is equal takes longer to see."""
         self._left_out: Counter[str] = Counter()
         self._tally = Tally()
         wanted = TransformsOfOdometry(self._is_published, lambda topic: not selection.excludes(topic))
@@ -237,33 +235,27 @@ class Recorder:
         self._recording.malformed(*message)
 
     def _put(self, message: Converted) -> None:
-        known = self._numbers.get(id(message.topic))
-        if known is None:
-            known = self._new_topic(message.topic)
-            if known is None:
+        number = self._topics.get(message.topic)
+        if number is None:
+            number = self._new_topic(message.topic)
+            if number is None:
                 refused = Refused(message.topic.name, message.sequence, message.published, message.source)
                 self._conversion.refuse(refused, f"more than {_MOST_TOPICS:,} topics go into no recording")
                 return
         try:
             self._recording.write(
-                known[1], message.data, message.arrived, message.published, message.sequence, message.source
+                number, message.data, message.arrived, message.published, message.sequence, message.source
             )
         except DiskFull:
             self._tally.add(message)  # this one is still in
             raise
         self._tally.add(message)
 
-    def _new_topic(self, topic: TopicInFile) -> tuple[TopicInFile, int] | None:
-        number = self._topics.get(topic)
-        if number is None:
-            if len(self._topics) >= _MOST_TOPICS:
-                return None
-            number = self._topics[topic] = self._recording.topic(topic)
-        if len(self._numbers) >= _MOST_TOPICS:  # a publisher offers now this and now that
-            self._numbers.clear()
-        # It is kept, so that no other one gets its place in memory.
-        known = self._numbers[id(topic)] = topic, number
-        return known
+    def _new_topic(self, topic: TopicInFile) -> int | None:
+        if len(self._topics) >= _MOST_TOPICS:
+            return None
+        number = self._topics[topic] = self._recording.topic(topic)
+        return number
 
     def _is_published(self, topic: str) -> bool:
         return bool(self._intake.offers.of(topic).publishers)
