@@ -20,7 +20,7 @@ from robo.text import colours
 from robo.text.terminal import own
 
 if TYPE_CHECKING:
-    from robo.cli.verbs.packages import ReplayRequest
+    from robo.cli.replay_words import ReplayWords
 
 _COLOURS = {
     "SAME:": colours.GREEN,
@@ -40,7 +40,7 @@ class _Line(msgspec.Struct):
     mistake: str | None = None
 
 
-def run_replay_test(request: ReplayRequest) -> int:
+def run_replay_test(request: ReplayWords) -> int:
     """Replay, and print the report.
 
     Returns:
