@@ -1,19 +1,10 @@
 """Somebody types `robo bag play`, and presses keys while it goes on; the terminal is as it was afterwards."""
 
-import fcntl
 import json
-import os
-import pty
 import re
-import select
 import signal
-import struct
-import subprocess
-import sys
-import termios
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import psutil
@@ -30,9 +21,10 @@ from robo.testing import Launch
 from robo_messages import LaserScan, String, Twist
 from tests import bags
 from tests.bags import MS, START
-from tests.e2e.test_teleop import ALONE, SHELL
+from tests.e2e.test_teleop import ALONE
 from tests.plain import hear, samples
 from tests.support import INTERRUPTED, PATIENCE, eventually, robo, run_robo
+from tests.typist import Typist
 
 pytestmark = pytest.mark.timeout(180)
 
@@ -238,72 +230,24 @@ def test_a_cut_recording_is_played_as_far_as_it_goes(session: zenoh.Session, end
     assert len(samples(heard, count)) == count
 
 
-class Typist:
-    """Somebody at a terminal in which a recording is played, under a shell with job control."""
+class Listener(Typist):
+    """Somebody at a terminal in which a recording is played."""
 
     def __init__(self, *words: str) -> None:
-        self._leader, follower = pty.openpty()
-        fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 140, 0, 0))
-        self.mode = termios.tcgetattr(follower)
-        self._follower = follower
-        self.shell = subprocess.Popen(
-            [sys.executable, "-c", SHELL, sys.executable, "-m", "robo", "bag", "play", *words],
-            stdin=follower, stdout=follower, stderr=follower, start_new_session=True, env={**ALONE, "TERM": "xterm"},
-        )  # fmt: skip
-        self._data = b""
-        self._changed = threading.Condition()
-        self._over = threading.Event()
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-
-    def _read(self) -> None:
-        while not self._over.is_set():
-            if select.select([self._leader], [], [], 0.05)[0]:
-                with suppress(OSError):
-                    data = os.read(self._leader, 65536)
-                    with self._changed:
-                        self._data += data
-                        self._changed.notify_all()
+        super().__init__(["-m", "robo", "bag", "play", *words], ALONE, columns=140)
 
     @property
     def line(self) -> str:
         """What stands in the line that is drawn anew."""
-        return self._data.decode(errors="replace").rpartition("\x1b[K")[2]
-
-    @property
-    def output(self) -> str:
-        return self._data.decode(errors="replace")
-
-    @property
-    def player(self) -> psutil.Process:
-        (found,) = psutil.Process(self.shell.pid).children()
-        return found
+        return self.output.rpartition("\x1b[K")[2]
 
     def sees(self, pattern: str) -> None:
-        with self._changed:
-            assert self._changed.wait_for(lambda: re.search(pattern, self.line), PATIENCE), self.output[-2000:]
-
-    def type(self, keys: bytes) -> None:
-        os.write(self._leader, keys)
-
-    def has_its_mode_back(self) -> bool:
-        return termios.tcgetattr(self._follower) == self.mode
-
-    def close(self) -> None:
-        with suppress(psutil.Error):
-            for process in psutil.Process(self.shell.pid).children(recursive=True):
-                process.kill()
-        self.shell.kill()
-        self.shell.wait(PATIENCE)
-        self._over.set()
-        self._reader.join(PATIENCE)
-        os.close(self._leader)
-        os.close(self._follower)
+        self.wait_until(lambda: re.search(pattern, self.line))
 
 
 @contextmanager
-def typist(*words: str) -> Iterator[Typist]:
-    made = Typist(*words)
+def typist(*words: str) -> Iterator[Listener]:
+    made = Listener(*words)
     try:
         yield made
     finally:
@@ -362,7 +306,7 @@ def test_however_it_is_left_the_terminal_is_as_it_was(
     path = commands(tmp_path / "long.mcap", 30_000)
     with typist(str(path), "--connect", endpoint) as person:
         person.sees("playing +0\\.[1-9]")
-        player = person.player
+        player = person.program
         if how == "Ctrl-C":
             person.type(b"\x03")
             assert person.shell.wait(PATIENCE) == 130
@@ -403,7 +347,7 @@ def test_a_terminal_that_goes_takes_the_player_along(session: zenoh.Session, end
     path = commands(tmp_path / "long.mcap", 30_000)
     with typist(str(path), "--connect", endpoint) as person:
         person.sees("playing +0\\.[1-9]")
-        player = person.player
+        player = person.program
         player.send_signal(signal.SIGHUP)
         player.wait(PATIENCE)
         assert "stopped: " in person.output

@@ -1,19 +1,12 @@
 """Somebody sits at a terminal and drives the simulated robot by keys; whatever ends it, the robot stands."""
 
-import fcntl
-import os
-import pty
 import re
-import select
 import shutil
-import struct
 import subprocess
 import sys
-import termios
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import psutil
@@ -22,6 +15,7 @@ import pytest
 from robo.testing import Launch, Robot
 from robo_messages import Odometry, Trigger
 from tests.support import PATIENCE, eventually, plain_environment, run_robo
+from tests.typist import Typist
 
 pytestmark = pytest.mark.timeout(180)
 
@@ -64,22 +58,6 @@ class Loud(TeleopKeyboard):
 ALONE = plain_environment() | {"ROBO_MODE": "client"}
 """As a router, which a node is by itself, it would meet the robots of other tests at robo's usual port."""
 
-SHELL = """\
-import fcntl, os, signal, sys, termios
-
-fcntl.ioctl(0, termios.TIOCSCTTY, 0)
-job = os.fork()
-if not job:
-    os.setpgid(0, 0)
-    signal.signal(signal.SIGTTOU, signal.SIG_IGN)
-    os.tcsetpgrp(0, os.getpid())
-    signal.signal(signal.SIGTTOU, signal.SIG_DFL)
-    os.execv(sys.argv[1], sys.argv[1:])
-signal.signal(signal.SIGHUP, signal.SIG_IGN)
-sys.exit(os.waitstatus_to_exitcode(os.waitpid(job, 0)[1]))
-"""
-"""What a shell does to run one job in the foreground of its terminal, whose keys then send signals to it."""
-
 
 @pytest.fixture(scope="module")
 def robot(module_launch: Launch, tmp_path_factory: pytest.TempPathFactory) -> Robot:
@@ -88,44 +66,12 @@ def robot(module_launch: Launch, tmp_path_factory: pytest.TempPathFactory) -> Ro
     return module_launch("desk.yaml", folder=folder)
 
 
-class Typist:
-    """A node that runs in a terminal, and somebody at the keys of it."""
+class Driver(Typist):
+    """A node that runs in a terminal, and somebody who drives by its keys."""
 
     def __init__(self, robot: Robot, service: Sequence[str], cwd: Path | None, columns: int) -> None:
-        self._leader, follower = pty.openpty()
-        fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
-        self.mode = termios.tcgetattr(follower)
         words = ["-m", "robo", "run", *service, "--robot-name", "r1", "--connect", robot.endpoint]
-        self.shell = subprocess.Popen(
-            [sys.executable, "-c", SHELL, sys.executable, *words, "-r", "cmd_vel:=cmd_vel_key"],
-            stdin=follower, stdout=follower, stderr=follower, start_new_session=True, cwd=cwd,
-            env={**ALONE, "TERM": "xterm"},
-        )  # fmt: skip
-        self._follower = follower  # else the terminal's mode goes with the process
-        self._changed = threading.Condition()
-        self._data = b""
-        self._over = threading.Event()
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-
-    def _read(self) -> None:
-        while not self._over.is_set():
-            if select.select([self._leader], [], [], 0.05)[0]:
-                with suppress(OSError):
-                    data = os.read(self._leader, 65536)
-                    with self._changed:
-                        self._data += data
-                        self._changed.notify_all()
-
-    @property
-    def node(self) -> psutil.Process:
-        """The node's process."""
-        (found,) = psutil.Process(self.shell.pid).children()
-        return found
-
-    @property
-    def output(self) -> str:
-        return self._data.decode(errors="replace").replace("\r\n", "\n")
+        super().__init__([*words, "-r", "cmd_vel:=cmd_vel_key"], ALONE, columns, cwd)
 
     @property
     def screen(self) -> str:
@@ -133,13 +79,7 @@ class Typist:
         return re.sub("\x1b\\[[0-9;?]*[a-zA-Z]", "", self.output.rpartition("\x1b[H")[2])
 
     def sees(self, text: str) -> None:
-        with self._changed:
-            assert self._changed.wait_for(lambda: text in self.screen, PATIENCE), self.output[-3000:]
-
-    def type(self, keys: bytes) -> float:
-        """Returns when."""
-        os.write(self._leader, keys)
-        return time.time()
+        self.wait_until(lambda: text in self.screen)
 
     def hold(self, key: bytes, seconds: float, delay: float = 0.4, period: float = 0.033) -> float:
         """Hold a key down, as a terminal tells of it. Returns when it was heard last."""
@@ -150,25 +90,6 @@ class Typist:
             time.sleep(period)
         return last
 
-    def has_its_mode_back(self) -> bool:
-        return termios.tcgetattr(self._follower) == self.mode
-
-    def hang_up(self) -> None:
-        """Close the terminal."""
-        self._over.set()
-        self._reader.join()
-        os.close(self._follower)
-        os.close(self._leader)
-        self._leader = -1
-
-    def close(self) -> None:
-        if self.shell.poll() is None:
-            with suppress(psutil.Error, ValueError):  # it has just ended
-                self.node.kill()
-        self.shell.wait(PATIENCE)
-        if self._leader >= 0:
-            self.hang_up()
-
 
 @contextmanager
 def at_the_keys(
@@ -177,14 +98,14 @@ def at_the_keys(
     service: Sequence[str] = (),
     cwd: Path | None = None,
     columns: int = 80,
-) -> Iterator[Typist]:
+) -> Iterator[Driver]:
     """The node in a terminal, ready for keys; the robot stands at its start.
 
     A key that is hit once does not end by itself while a test looks at what ends it.
     """
     robot.call("reset", Trigger.Request())
     words = [*(service or ("robo_services", "teleop_keyboard")), "-p", f"first_key_timeout:={first_key_timeout}"]
-    typist = Typist(robot, words, cwd, columns)
+    typist = Driver(robot, words, cwd, columns)
     try:
         typist.sees("nearest   ")
         typist.sees("robot     0.00 m/s")
@@ -277,16 +198,16 @@ def test_a_narrow_terminal(robot: Robot) -> None:
         assert max(map(len, typist.screen.splitlines())) <= 40
 
 
-def interrupt(typist: Typist) -> None:
+def interrupt(typist: Driver) -> None:
     typist.type(b"\x03")
 
 
-def quit_it(typist: Typist) -> None:
+def quit_it(typist: Driver) -> None:
     typist.type(b"q")
 
 
-def terminate(typist: Typist) -> None:
-    typist.node.terminate()
+def terminate(typist: Driver) -> None:
+    typist.program.terminate()
 
 
 @pytest.mark.parametrize("end", [interrupt, quit_it, terminate])
@@ -326,10 +247,10 @@ def test_ctrl_z_leaves_the_robot_standing_and_keys_typed_meanwhile_are_old(robot
             robot.clear()
             moment = typist.type(b"\x1a")
             assert stopped_after(robot, moment) < 0.1 + BRAKING + SLACK
-            eventually(lambda: typist.node.status() == psutil.STATUS_STOPPED, "it is suspended")
+            eventually(lambda: typist.program.status() == psutil.STATUS_STOPPED, "it is suspended")
             assert typist.has_its_mode_back()
             typist.type(20 * b"w")
-            typist.node.resume()
+            typist.program.resume()
             eventually(lambda: not typist.has_its_mode_back(), "keys come at once again")
             stays(robot)
             typist.sees("stand, no key is held")
@@ -341,11 +262,11 @@ def test_what_was_typed_while_it_stood_still_is_old(robot: Robot) -> None:
     with at_the_keys(robot) as typist:
         typist.type(b"w")
         drives(robot)
-        typist.node.suspend()
+        typist.program.suspend()
         robot.clear()
         stands(robot)  # by the timeout of the monitor
         typist.type(20 * b"w")
-        typist.node.resume()
+        typist.program.resume()
         stays(robot)
         typist.type(b"w")
         drives(robot)
