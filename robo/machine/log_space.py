@@ -14,6 +14,7 @@ import msgspec
 from robo.environment import LOG_LIMIT_VARIABLE
 from robo.errors import UsageError
 from robo.machine.log_files import RunInfo
+from robo.text.files import size_of
 from robo.text.unreadable import UNREADABLE
 from robo.wire.run_id import supervisor_lives
 
@@ -64,7 +65,7 @@ def make_room(base: Path, most: int, own: Path | None = None) -> None:
         for file in sorted(own.glob("*.jsonl.*"), key=_modified):
             if over <= 0:
                 break
-            over -= _size(file)
+            over -= size_of(file)
             with suppress(OSError):
                 file.unlink()
 
@@ -97,15 +98,8 @@ def kept_runs(base: Path, now: Callable[[], float] = time.time) -> list[KeptRun]
             continue  # cut short, or being removed
         fresh = now() - max(map(_modified, files), default=0.0) < _AT_REST
         lives = supervisor_lives(info.run, unknown=fresh)
-        found.append(KeptRun(file.parent, info, sum(map(_size, files)), lives))
+        found.append(KeptRun(file.parent, info, sum(map(size_of, files)), lives))
     return found
-
-
-def _size(file: Path) -> int:
-    try:
-        return file.stat().st_size
-    except OSError:
-        return 0  # it is just going
 
 
 def _modified(file: Path) -> float:

@@ -27,6 +27,7 @@ from robo.wire.goals import GoalState, id_text, new_goal_id, state_of
 from robo.wire.keys import ActionPart, EndpointToken, action_key
 from robo.wire.long_query import Gone, LongQuery
 from robo.wire.queries import Fault
+from robo.wire.targets import OF_ONE
 from robo_messages import Message
 from robo_messages.action import UUID, CancelGoal, GoalInfo
 
@@ -200,7 +201,7 @@ class ActionCaller(Generic[G, R, F]):
             attachment=codec.pack_attachment(next(self._numbers), time.time_ns()),
             encoding=codec.encoding_of(type(request)),
             timeout=timeout,
-            **queries.OF_ONE,
+            **OF_ONE,
         )
 
 

@@ -13,6 +13,7 @@ from robo.node.async_loop import Loop
 from robo.wire import queries
 from robo.wire.qos import Priority, zenoh_priority
 from robo.wire.queries import Fault
+from robo.wire.targets import OF_ONE
 
 T = TypeVar("T")
 
@@ -69,7 +70,7 @@ async def first_answer(
         encoding=encoding,
         timeout=timeout,
         priority=zenoh_priority(priority),
-        **queries.OF_ONE,
+        **OF_ONE,
     )
     return await answer
 

@@ -23,6 +23,7 @@ from robo.wire.codec import Decoder, Malformed
 from robo.wire.keys import EndpointToken
 from robo.wire.qos import DEFAULT_TIMEOUT, KEEP_ALL, Priority, QoS, zenoh_priority
 from robo.wire.queries import Fault, QueryLoop
+from robo.wire.targets import OF_ONE
 from robo_messages import Message
 
 Q = TypeVar("Q", bound=Message)
@@ -109,7 +110,7 @@ class Presence:
         """Whether nobody is to wait any more: the node is told to stop."""
         self._querier = session.declare_querier(
             key,
-            **queries.OF_ONE,
+            **OF_ONE,
         )
         with ExitStack() as made:
             made.callback(self._querier.undeclare)
@@ -291,7 +292,7 @@ def ask(
         encoding=encoding,
         timeout=timeout,
         priority=zenoh_priority(priority),
-        **queries.OF_ONE,
+        **OF_ONE,
     )
     return _understood(key, queries.first_answer(replies), timeout, granted, begin)
 

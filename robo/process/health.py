@@ -15,6 +15,7 @@ from robo.wire.keys import PREFIX, control_key, status_key
 from robo.wire.network import Network
 from robo.wire.reports import ProcessStatus, Request
 from robo.wire.session import close_session, open_session
+from robo.wire.targets import OF_ALL
 
 EXAMPLES = """examples:
   robo health
@@ -103,8 +104,7 @@ def _told(session: zenoh.Session, robot: str, timeout: float) -> list[ProcessSta
         control_key(robot, "ps"),
         payload=msgspec.msgpack.encode(Request()),
         timeout=timeout,
-        target=zenoh.QueryTarget.ALL,
-        consolidation=zenoh.ConsolidationMode.NONE,
+        **OF_ALL,
     ):
         if reply.ok is not None:
             with suppress(*UNREADABLE):

@@ -9,6 +9,7 @@ import msgspec
 import zenoh
 
 from robo.bag.of_robot import PARAMETERS, ROBOTS
+from robo.bag.publishers import GRAPH
 from robo.text import graph
 from robo.text.brief import brief
 from robo.text.paths import nested
@@ -64,7 +65,7 @@ def look(session: zenoh.Session, manifests: Manifests = no_manifests, timeout: f
     nodes = [token for token in tokens if isinstance(token, NodeToken)]
     attachments = [
         Attachment(PARAMETERS, parameters_yaml(_parameters(session, timeout)).encode(), "text/yaml"),
-        Attachment("graph.json", msgspec.json.format(msgspec.json.encode(graph_of(tokens))), "application/json"),
+        Attachment(GRAPH, msgspec.json.format(msgspec.json.encode(graph_of(tokens))), "application/json"),
     ]
     for name, text in manifests({token.run for token in nodes if token.run}).items():
         attachments.append(Attachment(f"manifests/{name}", text, "text/yaml"))

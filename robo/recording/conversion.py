@@ -11,6 +11,7 @@ from robo.bag.write.writer import MOST_MESSAGE
 from robo.recording.forms import Form, form_of
 from robo.recording.senders import Senders
 from robo.text.brief import brief
+from robo.text.once import Once
 from robo.wire.codec import Malformed, unpack_attachment
 from robo.wire.keys import source_id
 from robo.wire.qos import QoS
@@ -96,11 +97,10 @@ class Conversion:
         """
         self.malformed: Counter[str] = Counter()
         """Messages that could not be written down, by topic."""
-        self._tell = tell
+        self._tell_once = Once(tell, _MOST_FORMS)
         self._offer_of = offer_of
         self._refused = refused
         self._forms: dict[tuple[str, str], Form] = {}
-        self._told: set[str] = set()
         self._senders = Senders(lambda key: offer_of(key).publishers)
 
     def convert(self, came: Came) -> Converted | None:
@@ -144,7 +144,8 @@ class Conversion:
             message = Refused(_OTHERS, None, message.published, None)
         self.malformed[message.key] += 1
         self._refused(message)
-        self._once(f"{key} malformed", f"{key}: a message cannot be written down, and is counted: {reason}")
+        told = brief(f"{key}: a message cannot be written down, and is counted: {reason}")
+        self._tell_once(told, f"{key} malformed")
 
     def _new_form(self, key: str, encoding: str) -> Form:
         offer = self._offer_of(key)
@@ -153,10 +154,6 @@ class Conversion:
             del self._forms[next(iter(self._forms))]
         self._forms[key, encoding] = form
         if form.unknown:
-            self._once(f"{key} is recorded as bytes", f"{key} is recorded as the bytes that came: {form.unknown}")
+            told = brief(f"{key} is recorded as the bytes that came: {form.unknown}")
+            self._tell_once(told, f"{key} is recorded as bytes")
         return form
-
-    def _once(self, what: str, text: str) -> None:
-        if what not in self._told and len(self._told) < _MOST_FORMS:
-            self._told.add(what)
-            self._tell(brief(text))

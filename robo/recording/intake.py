@@ -24,6 +24,7 @@ from robo.wire import keys
 from robo.wire.keys import EndpointToken
 from robo.wire.latched import ASK_TIMEOUT, kept
 from robo.wire.qos import KEEP_ALL
+from robo.wire.targets import OF_ALL
 
 MOST_BYTES = 256_000_000
 """What may wait to be written down."""
@@ -217,10 +218,9 @@ class Intake:
         self._session.get(
             keys.latched_key(key, KEEP_ALL, whole=whole),
             handler,
-            target=zenoh.QueryTarget.ALL,
-            consolidation=zenoh.ConsolidationMode.NONE,
             accept_replies=zenoh.ReplyKeyExpr.ANY,
             timeout=ASK_TIMEOUT,
+            **OF_ALL,
         )
 
 

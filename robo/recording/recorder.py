@@ -20,6 +20,7 @@ from robo.recording.odometry import TransformsOfOdometry
 from robo.recording.selection import Selection
 from robo.recording.tally import Tally, TopicFigures
 from robo.text.brief import brief
+from robo.text.files import size_of
 
 PERIOD = 0.05
 """How often what has come is written down, s."""
@@ -140,7 +141,9 @@ class Recorder:
             files = self._recording.files
             missing = self._selection.missing([*self._tally.came, *malformed])
             left_out = sum(self._left_out.values())
-        return Status(list(map(str, files)), duration, _size(files), figures, left_out, missing, self._ended)
+        return Status(
+            list(map(str, files)), duration, sum(map(size_of, files)), figures, left_out, missing, self._ended
+        )
 
     def split(self) -> None:
         """Go on in another file.
@@ -275,11 +278,3 @@ def _why(error: BaseException) -> str:
     if isinstance(error, BagError | zenoh.ZError):
         return str(error)
     return brief(f"the recording has failed: {type(error).__name__}: {error}")
-
-
-def _size(files: list[Path]) -> int:
-    size = 0
-    for file in files:
-        with suppress(OSError):  # the oldest is just being deleted
-            size += file.stat().st_size
-    return size

@@ -78,6 +78,14 @@ def open_regular(path: str | Path) -> BinaryIO:
     return file
 
 
+def size_of(path: Path) -> int:
+    """Of a file, bytes; 0 where it is just gone."""
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
+
+
 def _refuse_others(mode: int) -> None:
     if not stat.S_ISREG(mode):
         raise UnreadableFile(f"it is {_KINDS.get(stat.S_IFMT(mode), 'something else')}, not a file")

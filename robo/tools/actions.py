@@ -18,6 +18,7 @@ from robo.wire.goals import GoalState, id_of, id_text, new_goal_id, state_of
 from robo.wire.keys import action_key
 from robo.wire.long_query import Gone, LongQuery
 from robo.wire.queries import Fault
+from robo.wire.targets import OF_ONE
 from robo_messages.action import UUID, CancelGoal
 
 T = TypeVar("T")
@@ -78,7 +79,7 @@ def ask(
         payload=msgspec.msgpack.encode(request),
         encoding=codec.MSGPACK,
         timeout=timeout,
-        **queries.OF_ONE,
+        **OF_ONE,
     )
     answer = queries.first_answer(answers)
     if isinstance(answer, Fault):

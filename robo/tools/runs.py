@@ -26,6 +26,7 @@ from robo.wire.reports import (
     Request,
     Site,
 )
+from robo.wire.targets import OF_ALL
 
 T = TypeVar("T")
 
@@ -301,7 +302,6 @@ def _get(session: zenoh.Session, key: str, asked: Request, timeout: float) -> It
         key,
         payload=msgspec.msgpack.encode(asked),
         timeout=timeout,
-        target=zenoh.QueryTarget.ALL,
-        consolidation=zenoh.ConsolidationMode.NONE,
+        **OF_ALL,
     )
     yield from replies

@@ -17,6 +17,7 @@ import zenoh
 from robo.wire import codec, keys
 from robo.wire.keys import EndpointToken
 from robo.wire.qos import KEEP_ALL
+from robo.wire.targets import OF_ALL
 
 ASK_TIMEOUT = 2.0
 """How long an answer may take, s. Meanwhile a publisher's newer messages wait behind what it has kept."""
@@ -94,11 +95,7 @@ def kept(session: zenoh.Session, key: str, depth: int, timeout: float = ASK_TIME
             yield reply.ok
 
 
-_OF_ALL: dict[str, Any] = {
-    "target": zenoh.QueryTarget.ALL,
-    "consolidation": zenoh.ConsolidationMode.NONE,
-    "accept_replies": zenoh.ReplyKeyExpr.ANY,
-}
+_OF_ALL: dict[str, Any] = {**OF_ALL, "accept_replies": zenoh.ReplyKeyExpr.ANY}
 
 
 class LatchedSubscriber:

@@ -14,6 +14,7 @@ import zenoh
 
 from robo.wire import queries
 from robo.wire.queries import Fault
+from robo.wire.targets import OF_ONE
 
 LONGEST = 3600.0
 """How long one question stays open, s; then it is asked again."""
@@ -138,6 +139,6 @@ class LongQuery:
             payload=self._payload,
             encoding=self._encoding,
             timeout=LONGEST,
-            **queries.OF_ONE,
+            **OF_ONE,
         )
         return asked

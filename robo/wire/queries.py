@@ -9,7 +9,6 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
-from typing import Any
 
 import msgspec
 import zenoh
@@ -169,10 +168,6 @@ _ERRORS: dict[str, type[RoboError]] = {
     name: kind for name, kind in vars(errors).items() if isinstance(kind, type) and issubclass(kind, RoboError)
 }
 del _ERRORS[RoboError.__name__]  # it says no more than a RunError, which the tools' callers wait for
-
-
-OF_ONE: dict[str, Any] = {"target": zenoh.QueryTarget.ALL_COMPLETE, "consolidation": zenoh.ConsolidationMode.NONE}
-"""Of a query for one answer: from all that say they have it, the first as it comes."""
 
 
 def first_answer(replies: Iterable[zenoh.Reply]) -> zenoh.Sample | Fault | None:

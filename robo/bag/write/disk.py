@@ -11,6 +11,7 @@ from robo.bag.options import Options
 from robo.bag.write import ros2_folder
 from robo.bag.write.ros2_folder import FileOf, TopicKey, TopicOf
 from robo.errors import BagError
+from robo.text.files import size_of
 
 _METADATA = "metadata.yaml"
 
@@ -77,7 +78,7 @@ class Disk:
     @property
     def data_size(self) -> int:
         """Of all files, without what each begins with, bytes."""
-        return sum(map(_size, self.files)) - sum(self._heads.values())
+        return sum(map(size_of, self.files)) - sum(self._heads.values())
 
     def open_next(self) -> io.FileIO:
         """The next file, empty.
@@ -224,13 +225,6 @@ def _sync_folder(folder: Path) -> None:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
-
-
-def _size(path: Path) -> int:
-    try:
-        return path.stat().st_size
-    except OSError:
-        return 0  # somebody has taken it
 
 
 def _error(error: OSError | ValueError, path: Path) -> BagError:

@@ -17,6 +17,7 @@ from robo.bridges.foxglove.offered import Numbers, Offer, Topic, offer
 from robo.bridges.foxglove.playback import Place, Playback
 from robo.bridges.foxglove.presence import Presence
 from robo.bridges.foxglove.watches import ParameterWatch
+from robo.text.once import Once
 
 _SETTLE = 0.1
 """Nodes come and go together: it is looked so long after the first of them, s."""
@@ -28,8 +29,8 @@ _MOST_BATCHES = 4
 """Of messages that wait for the event loop; more stay where only the newest are kept."""
 _END = 2.0
 """How long it may take to tell robots to stand whose drivers are gone, s."""
-_MOST_TOLD = 1_000
-"""Of what is told once."""
+_MOST_SOURCES = 1_000
+"""Publishers of one latched topic whose last message a viewer is known to have."""
 
 Tell = Callable[[str], None]
 
@@ -53,10 +54,9 @@ class Bridge:
         self.clients: set[Client] = set()
         self.offer: Offer = offer((), numbers := Numbers())
         self.covers = covers
-        self._numbers, self._name, self._tell = numbers, name, tell
+        self._numbers, self._name, self._tell_once = numbers, name, Once(tell)
         self._loop = asyncio.get_running_loop()
         self._names = itertools.count(1)
-        self._told: set[str] = set()
         self._readers: dict[int, list[tuple[Client, int]]] = {}
         """Who wants a channel, and by which number."""
         self._session_id = secrets.token_hex(8)
@@ -178,7 +178,7 @@ class Bridge:
             if topic is not None and topic.latched:
                 if is_kept and delivery.number <= wanted.numbers.get(delivery.source, -1):
                     return  # it has come meanwhile
-                if len(wanted.numbers) < _MOST_TOLD:
+                if len(wanted.numbers) < _MOST_SOURCES:
                     wanted.numbers[delivery.source] = delivery.number
         client.put(number, delivery.time, delivery.data)
 
@@ -251,14 +251,6 @@ class Bridge:
     def _tell_unknown(self, client: Client, unknown: dict[str, str]) -> None:
         for name, why in unknown.items():
             client.status(protocol.INFO, f"{name}: {why}")
-
-    def _tell_once(self, text: str) -> bool:
-        """Tell whoever runs the bridge, once. Returns whether it is new."""
-        if text in self._told or len(self._told) >= _MOST_TOLD:
-            return False
-        self._told.add(text)
-        self._tell(text)
-        return True
 
     async def _beat(self) -> None:
         while True:

@@ -6,19 +6,21 @@ Nobody may answer any more: what is missing then is missing in the file, which i
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 import zenoh
 
 from robo.bag.mcap.file_writer import FileWriter
 from robo.bag.of_robot import ABOUT, PARAMETERS
+from robo.bag.publishers import GRAPH
 from robo.recording.about import Attachment, graph_of, parameters_yaml, words
 from robo.recording.flight.shelf import WORDS
 from robo.text.unreadable import UNREADABLE
 from robo.wire.explained import explained
 from robo.wire.keys import ALL_TOKENS, EndpointToken, NodeToken, control_key, parameters_key, parse_token
 from robo.wire.reports import MOST_LINES, Event, Explanation, LogRecord, LogsRequest, ProcessStatus, Request
+from robo.wire.targets import OF_ALL
 
 T = TypeVar("T")
 E = TypeVar("E", Event, LogRecord)
@@ -67,7 +69,7 @@ def attachments(evidence: Evidence, concerned: Sequence[str], tell: Tell) -> lis
         ("processes.json", json, lambda: _json([one.process for one in ordered])),
         ("events.jsonl", lines, lambda: _encoder.encode_lines(evidence.events)),
         (PARAMETERS, "text/yaml", lambda: _parameters(evidence)),
-        ("graph.json", json, lambda: _json(graph_of(evidence.tokens)) if evidence.tokens else b""),
+        (GRAPH, json, lambda: _json(graph_of(evidence.tokens)) if evidence.tokens else b""),
     ]
     found = []
     for name, kind, make in makers:
@@ -153,7 +155,7 @@ class Witnesses:
         key = parameters_key(self._namespace, "**", "get")
         done = threading.Event()
         handler = zenoh.handlers.Callback(self._take_parameters, done.set, indirect=False)
-        self._session.get(key, handler, timeout=_PATIENCE, **_OF_ALL)
+        self._session.get(key, handler, timeout=_PATIENCE, **OF_ALL)
         return done
 
     def testimony(self, since: int, timeout: float) -> Evidence:
@@ -218,7 +220,7 @@ class Witnesses:
             return ()
         payload = msgspec.msgpack.encode(asked)
         found: Iterable[zenoh.Reply] = self._session.get(
-            control_key(robot, verb), payload=payload, timeout=timeout, **_OF_ALL
+            control_key(robot, verb), payload=payload, timeout=timeout, **OF_ALL
         )
         return found
 
@@ -252,5 +254,3 @@ _PATIENCE = 2.0
 """With a node that does not answer, s."""
 
 _encoder = msgspec.json.Encoder()
-
-_OF_ALL: dict[str, Any] = {"target": zenoh.QueryTarget.ALL, "consolidation": zenoh.ConsolidationMode.NONE}

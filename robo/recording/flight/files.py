@@ -22,7 +22,6 @@ from robo_messages import Snapshot, Time
 
 _NICE = 10
 """Of the thread that writes a file: a robot has other things to do."""
-_MOST_TOLD = 1_000
 """Different things that are told once."""
 
 Held = tuple[Path | None, list[list[Path]]]
@@ -104,6 +103,7 @@ class FlightFiles:
         settings: Settings,
         witnesses: Witnesses,
         log: Log,
+        tell_once: Callable[[str], object],
         publish: Callable[[Snapshot], None],
     ) -> None:
         """
@@ -112,18 +112,19 @@ class FlightFiles:
             settings: how many may be where.
             witnesses: know what is written beside messages.
             log: where it is told.
+            tell_once: is told what is said once in a run.
             publish: is told each file.
         """
         self._recorder = recorder
         self._settings = settings
         self._witnesses = witnesses
         self._log = log
+        self._tell_once = tell_once
         self._publish = publish
         self._shelf = Shelf(settings.folder, recorder.namespace)
         self._shelf.remove_drafts()
         self._writing = threading.Lock()
         self._writers: list[threading.Thread] = []
-        self._told: set[str] = set()
         self.problem = ""
         """Why the last file could not be written; empty where it was."""
         self.count = 0
@@ -210,11 +211,6 @@ class FlightFiles:
                 self._log.warning("no file could be written: %s", job.problem)
         else:
             self.problem = ""
-
-    def _tell_once(self, text: str) -> None:
-        if text not in self._told and len(self._told) < _MOST_TOLD:
-            self._told.add(text)
-            self._log.warning("%s", text)
 
     def _write_file(self, job: Job, recordings: list[list[Path]], evidence: Evidence) -> None:
         window, settings = job.window.later(job.behind), self._settings

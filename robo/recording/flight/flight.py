@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 
 import msgspec
 import zenoh
@@ -22,6 +23,7 @@ from robo.recording.flight.left_behind import LeftBehind
 from robo.recording.flight.ring import Limits
 from robo.recording.flight.windows import CLOCKS_AGREE, Kind, Reason, Windows
 from robo.recording.selection import Selection
+from robo.text.once import Once
 from robo.text.unreadable import UNREADABLE
 from robo.wire.keys import event_key
 from robo.wire.reports import Event
@@ -82,7 +84,7 @@ class Flight:
         self._jobs: dict[int, Job] = {}
         self._lock = threading.Lock()
         """Around windows and jobs."""
-        self._told: set[str] = set()
+        self._tell_once = Once(partial(log.warning, "%s"))
         place = Place(settings.ring_bases, recorder.namespace, recorder.run)
         # A file may have to wait until the one before it is written.
         duration = settings.before + 2 * settings.after
@@ -90,7 +92,7 @@ class Flight:
         self.keeping = Keeping(place, limits, log, now)
         run = recorder.run if recorder.launched else ""
         self._witnesses = Witnesses(session, recorder.namespace, run)
-        self.files = FlightFiles(recorder, settings, self._witnesses, log, publish)
+        self.files = FlightFiles(recorder, settings, self._witnesses, log, self._tell_once, publish)
         self._left_behind = LeftBehind(self.files, place)
         self._intake = FlightIntake(session, selection, self._tell_once, self.keeping.forget, now)
         self._events = session.declare_subscriber(event_key("**"), zenoh.handlers.RingChannel(_MOST_EVENTS))
@@ -258,8 +260,3 @@ class Flight:
         with self._lock:
             window = self._windows.add(reason)
             return self._jobs.setdefault(id(window), Job(window, self._recorder.run)) if window is not None else None
-
-    def _tell_once(self, text: str) -> None:
-        if text not in self._told and len(self._told) < _MOST_EVENTS:
-            self._told.add(text)
-            self._log.warning("%s", text)

@@ -39,7 +39,7 @@ class FlightIntake(Intake):
         self,
         session: zenoh.Session,
         selection: Selection,
-        tell: Callable[[str], None],
+        tell: Callable[[str], object],
         replaced: Callable[[str, str], object],
         now: int,
     ) -> None:

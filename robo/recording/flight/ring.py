@@ -26,6 +26,7 @@ from robo.bag.read.files import files_of
 from robo.bag.write.disk import Free, free_room, second_name
 from robo.bag.write.writer import Recording
 from robo.errors import BagError, FlightRecorderError
+from robo.text.files import size_of
 
 _PARTS = 8
 """Into so many files a window is split; that much more than it is kept at most."""
@@ -135,7 +136,7 @@ class Ring:
 
     @property
     def _present(self) -> int:
-        return sum(_size(path) for path in self.recording.files)
+        return sum(size_of(path) for path in self.recording.files)
 
     def look(self, now: int) -> None:
         """Let go what is too old, or too much; to be called once a second. Times are ns since the epoch.
@@ -257,8 +258,8 @@ def _whole(path: Path) -> OldFile | None:
             mended.unlink(missing_ok=True)
             found = recover(path, mended)
             mended.replace(path)
-            return OldFile(path, found.end, _size(path)) if found.messages else _gone(path)
-        return OldFile(path, index.end, _size(path)) if any(index.counts.values()) else _gone(path)
+            return OldFile(path, found.end, size_of(path)) if found.messages else _gone(path)
+        return OldFile(path, index.end, size_of(path)) if any(index.counts.values()) else _gone(path)
     except (OSError, BagError):
         with suppress(OSError):
             mended.unlink()
@@ -314,13 +315,6 @@ def _linked(path: Path, link: Path) -> bool:
     except OSError:
         return False
     return True
-
-
-def _size(path: Path) -> int:
-    try:
-        return path.stat().st_size
-    except OSError:
-        return 0
 
 
 @contextmanager

@@ -11,6 +11,8 @@ from robo.bag.read.reader import Bag
 from robo.bag.types import nothing
 from robo.errors import BagError
 from robo.recording.flight.windows import names_of, to_go
+from robo.recording.naming import unused
+from robo.text.files import size_of
 
 WORDS = "flight_recorder"
 """What the metadata are called that tell of a file why it was written."""
@@ -44,10 +46,7 @@ class Shelf:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise BagError(f"the folder cannot be made: {error.strerror}", str(self.folder)) from None
-        path, number = self.folder / f"{name}.mcap", 1
-        while os.path.lexists(path):
-            number += 1
-            path = self.folder / f"{name}_{number}.mcap"
+        path = unused(self.folder / f"{name}.mcap")
         draft = path.with_name(f".{path.name}.{os.getpid()}.part")
         with suppress(OSError):
             draft.unlink()
@@ -63,7 +62,7 @@ class Shelf:
     def keep_newest(self, new: Path, most: int, most_size: int) -> list[Path]:
         """Delete the oldest files beyond a number and a size in bytes; which. `new` is the newest of them."""
         files = sorted(self.files(), key=lambda path: path == new)
-        gone = files[: to_go([(0, _size(path)) for path in files], most, most_size)]
+        gone = files[: to_go([(0, size_of(path)) for path in files], most, most_size)]
         for path in gone:
             with suppress(OSError):
                 path.unlink()
@@ -115,13 +114,6 @@ def _runs(pid: int) -> bool:
     except (OSError, OverflowError):
         return True
     return True
-
-
-def _size(path: Path) -> int:
-    try:
-        return path.stat().st_size
-    except OSError:
-        return 0
 
 
 def _modified(path: Path) -> int:
