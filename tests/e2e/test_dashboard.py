@@ -1,6 +1,5 @@
 """The page in a real browser: what it shows and asks for, and that a robot which it drives stands when it must."""
 
-import os
 import shutil
 import signal
 import sys
@@ -24,6 +23,7 @@ from robo.wire.network import Network
 from robo.wire.reports import LogRecord
 from robo.wire.session import close_session, open_session
 from robo_messages import Odometry, Twist
+from tests.npm import file_of
 from tests.support import PATIENCE, Running, eventually, plain_environment
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -38,8 +38,6 @@ COMMAND_TIMEOUT = 0.5
 """Of the reference base, s: so long after the last command it stands."""
 SLACK = 0.3
 """Braking, and what a busy machine takes for a look at the clock, s."""
-AXE = os.environ.get("ROBO_AXE", "")
-"""The file axe.min.js of npm's axe-core, where somebody has it."""
 LISTEN = ("--listen", "127.0.0.1:0", "--json")
 PANELS = ["Map", "Drive", "Nodes", "Log", "Plots", "Parameters", "Topics", "Camera", "Graph", "Events"]
 
@@ -207,16 +205,16 @@ def test_the_page_is_complete_and_asks_no_other_host(chromium: Any, served: Serv
     context.close()
 
 
-@pytest.mark.skipif(not AXE, reason="axe-core is not said: ROBO_AXE=…/axe-core/axe.min.js")
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_the_page_is_for_everybody(chromium: Any, served: Served, scheme: str) -> None:
+    axe = file_of("axe-core/axe.min.js").read_text(encoding="utf-8")
     context = chromium.new_context(color_scheme=scheme)
     page = context.new_page()
     page.goto(served.address)
     says(page, "#nodes td", "safety_monitor")
     page.wait_for_selector("#parameters .field input")
     page.wait_for_selector("#graph rect")
-    page.evaluate(Path(AXE).read_text(encoding="utf-8"))
+    page.evaluate(axe)
     found = page.evaluate("axe.run()")["violations"]
     serious = [(one["id"], one["nodes"][0]["html"]) for one in found if one["impact"] in ("serious", "critical")]
     assert serious == []

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ from typing import Any
 import pytest
 
 from tests.conftest import free_port
+from tests.npm import node_with
 from tests.support import Command, robo, run_robo
 
 viewers = pytest.importorskip("tests.viewers", reason="the extra foxglove is not installed")
@@ -21,18 +21,6 @@ pytestmark = pytest.mark.timeout(180)
 ROOT = Path(__file__).parents[2]
 CLIENT = ROOT / "tests" / "e2e" / "foxglove_client.cjs"
 PACKAGES = ("@foxglove/ws-protocol", "@foxglove/rosmsg", "@foxglove/rosmsg2-serialization", "ws")
-
-
-def node_client() -> str:
-    """The program that runs the client; skips where it or its packages are missing."""
-    node = shutil.which("node")
-    if node is None:
-        pytest.skip("node is not installed")
-    script = "".join(f"require.resolve('{name}');" for name in PACKAGES)
-    there = subprocess.run([node, "-e", script], cwd=ROOT, capture_output=True, check=False, timeout=60)
-    if there.returncode != 0:
-        pytest.skip(f"npm install --no-save {' '.join(PACKAGES)}: not all are there, nor in NODE_PATH")
-    return node
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +43,7 @@ def bridge(robot: str) -> Iterator[str]:
 
 @pytest.mark.parametrize("subprotocol", ["foxglove.websocket.v1", "foxglove.sdk.v1"])
 def test_an_independent_client_sees_and_drives_the_robot(bridge: str, subprotocol: str) -> None:
-    node = node_client()
+    node = node_with(PACKAGES)
     command = [node, str(CLIENT), bridge, "r1", subprotocol]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False, env=os.environ)
     assert done.returncode == 0, done.stdout + done.stderr
