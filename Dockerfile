@@ -15,8 +15,8 @@ COPY config config
 COPY logs logs
 COPY robo robo
 RUN pip wheel --quiet --no-cache-dir --no-deps --wheel-dir /wheels .
-# For example --build-arg EXTRAS=test
-ARG EXTRAS=""
+# For example --build-arg EXTRAS=dashboard,serial; the page of the Compose file's profile needs but 1 MB.
+ARG EXTRAS="dashboard"
 RUN python -m venv --without-pip /opt/robo \
  && pip --python /opt/robo/bin/python install --quiet --no-cache-dir "$(ls /wheels/*.whl)${EXTRAS:+[$EXTRAS]}"
 # One name for where packages stand, whatever Python's version: exported Compose files refer to it.
