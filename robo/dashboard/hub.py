@@ -10,7 +10,6 @@ from functools import partial
 import zenoh
 
 from robo.dashboard import clock, protocol, requests
-from robo.dashboard.access import Right
 from robo.dashboard.driver import Driver
 from robo.dashboard.frames import Frames
 from robo.dashboard.lease import MOST_AGE, Beats
@@ -31,6 +30,7 @@ from robo.dashboard.protocol import (
 from robo.dashboard.state import Line, Picture
 from robo.dashboard.topics import Message, Topics
 from robo.errors import InvalidName, RoboError
+from robo.web.access import Right
 from robo.wire import names
 from robo.wire.reports import Event
 

@@ -1,16 +1,14 @@
 """Where the page is, who is let in, and the addresses that people open."""
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
-from urllib.parse import quote
 
 import msgspec
 
-from robo.dashboard.access import Tokens
+from robo.web.access import Tokens
+from robo.web.place import addresses, shown_host
 
 PORT = 8080
-_ANYWHERE = ("0.0.0.0", "::")
 
 
 class Settings(msgspec.Struct, frozen=True):
@@ -31,9 +29,8 @@ class Settings(msgspec.Struct, frozen=True):
         Raises:
             UsageError: the file has no tokens.
         """
-        own = host if host not in _ANYWHERE else os.uname().nodename
         # The first name is the one that is shown.
-        known = tuple(dict.fromkeys([*names, own]))
+        known = tuple(dict.fromkeys([*names, shown_host(host)]))
         return cls(host, port, Tokens.of(host, token_file), known)
 
     def addresses(self, port: int) -> dict[str, str]:
@@ -42,9 +39,5 @@ class Settings(msgspec.Struct, frozen=True):
         Args:
             port: the one that was had.
         """
-        shown = self.host if self.host not in _ANYWHERE else self.names[0]
-        place = f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/"
-        if not self.tokens.drive:
-            return {"drive": place}
-        tokens = {"drive": self.tokens.drive, "view": self.tokens.view}
-        return {right: f"{place}?token={quote(token, safe='')}" for right, token in tokens.items() if token}
+        shown = self.names[0] if shown_host(self.host) != self.host else self.host
+        return addresses("http", shown, port, self.tokens)

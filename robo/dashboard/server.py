@@ -2,32 +2,31 @@
 
 import asyncio
 import http
-import importlib
 import logging
 import math
 import threading
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager, suppress
+from contextlib import AbstractAsyncContextManager, suppress
 from functools import partial
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs, quote, unquote, urlsplit
 
-import msgspec
 import zenoh
 
 from robo.dashboard import files, protocol
-from robo.dashboard.access import Doorkeeper, Right, is_loopback, is_own_host, is_own_origin
 from robo.dashboard.driver import Driver
 from robo.dashboard.files import Answer
 from robo.dashboard.hub import BEAT, Hub, Page
 from robo.dashboard.place import Settings
 from robo.dashboard.state import State
 from robo.dashboard.topics import Topics
-from robo.errors import NetworkError, RunError, UsageError
+from robo.errors import UsageError
 from robo.text.unreadable import UNREADABLE
+from robo.web.access import Doorkeeper, Right, is_loopback, is_own_host, is_own_origin
+from robo.web.sockets import import_websockets, listening
 
 _SILENT = logging.getLogger("robo.dashboard.websockets")
 _SILENT.addHandler(logging.NullHandler())
@@ -61,7 +60,7 @@ class Dashboard:
         """
         if not (settings.tokens.drive or is_loopback(settings.host)):
             raise UsageError(f"a page at {settings.host} needs a token")
-        self._websockets = import_websockets()
+        self._websockets = import_websockets("the dashboard", "dashboard")
         self._session = session
         self._settings = settings
         self._door = Doorkeeper(settings.tokens)
@@ -86,8 +85,7 @@ class Dashboard:
         state = State(self._session, _by(loop, hub.looked), _by(loop, hub.lines), _by(loop, hub.events))
         beats = loop.create_task(_every(BEAT, lambda: _beat(hub, state)))
         try:
-            async with self._listening(partial(self._page, hub, state)) as server:
-                self._port = next(iter(server.sockets)).getsockname()[1]
+            async with self._listening(partial(self._page, hub, state)) as self._port:
                 ready(self._port)
                 await over
         finally:
@@ -98,32 +96,20 @@ class Dashboard:
             for pool in (calls, stops):
                 pool.shutdown(wait=False, cancel_futures=True)
 
-    @asynccontextmanager
-    async def _listening(self, page: Callable[[Any], Awaitable[None]]) -> AsyncIterator[Any]:
+    def _listening(self, page: Callable[[Any], Awaitable[None]]) -> AbstractAsyncContextManager[int]:
         o = self._settings
-        server = self._websockets.serve(
-            page,
+        return listening(
+            self._websockets,
+            "the page",
             o.host,
             o.port,
+            page,
             process_request=self._answer,
-            compression=None,  # binary messages gain little, and cost much
             max_size=_MOST_REQUEST,
             write_limit=2**16,
             ping_interval=None,  # beats are acknowledged
-            close_timeout=1.0,
-            server_header=None,
             logger=_SILENT,  # whoever knocks and goes is no fault
         )
-        try:
-            listening = await server
-        except (OSError, OverflowError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise NetworkError(f"the page cannot be at {o.host}:{o.port}: {reason}") from None
-        try:
-            yield listening
-        finally:
-            listening.close()
-            await listening.wait_closed()
 
     def _answer(self, connection: Any, request: Any) -> Any:
         """A file; None for a socket that may be opened."""
@@ -233,32 +219,6 @@ def _cookie(headers: Any, name: str) -> str:
         for line in headers.get_all("Cookie"):
             found.load(line)
     return unquote(found[name].value) if name in found else ""
-
-
-class Library(msgspec.Struct):
-    """What is used of websockets."""
-
-    serve: Any
-    Headers: Any
-    Response: Any
-    ConnectionClosed: type[Exception]
-
-
-def import_websockets() -> Library:
-    """The library for sockets of pages.
-
-    Raises:
-        RunError: it is not installed; names the extra.
-    """
-    try:
-        server = importlib.import_module("websockets.asyncio.server")
-        structures = importlib.import_module("websockets.datastructures")
-        messages = importlib.import_module("websockets.http11")
-        exceptions = importlib.import_module("websockets.exceptions")
-    except ImportError:
-        text = "the dashboard needs websockets, which is not installed: pip install 'robo-zenoh[dashboard]'"
-        raise RunError(text) from None
-    return Library(server.serve, structures.Headers, messages.Response, exceptions.ConnectionClosed)
 
 
 _NO_TOKEN = "this page needs a token: open the address that `robo dashboard` has printed"

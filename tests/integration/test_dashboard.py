@@ -12,7 +12,6 @@ import pytest
 import zenoh
 
 import robo_messages
-from robo.dashboard.access import Tokens
 from robo.dashboard.place import Settings
 from robo.dashboard.protocol import _HEAD
 from robo.dashboard.server import COOKIE, Dashboard
@@ -20,6 +19,7 @@ from robo.dashboard.topics import MOST_PAYLOAD
 from robo.errors import UsageError
 from robo.samples.publishing import Sender
 from robo.samples.stream import Stream
+from robo.web.access import Tokens
 from robo.wire.qos import QoS
 from robo_messages import Point, String, TFMessage, Transform, TransformStamped, Twist
 from tests.support import eventually

@@ -14,10 +14,10 @@ from msgspec import Meta
 import robo
 import robo_messages
 from robo import Node, Publisher, ServiceError, service
-from robo.dashboard.access import Tokens
 from robo.interfaces import cdr
 from robo.samples.publishing import Sender
 from robo.samples.stream import Stream
+from robo.web.access import Tokens
 from robo.wire.qos import QoS
 from robo_messages import (
     Clock,

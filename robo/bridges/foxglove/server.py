@@ -5,9 +5,9 @@ import http
 import math
 import socket
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager, suppress
+from contextlib import AbstractAsyncContextManager, suppress
 from functools import partial
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -18,11 +18,10 @@ import zenoh
 from robo.bridges.foxglove import protocol
 from robo.bridges.foxglove.bridge import Bridge
 from robo.bridges.foxglove.client import Client
-from robo.bridges.foxglove.library import Library, import_websockets
 from robo.bridges.foxglove.protocol import Unreadable
 from robo.bridges.foxglove.requests import ask
-from robo.dashboard.access import Doorkeeper, Right, Tokens
-from robo.errors import NetworkError
+from robo.web.access import Doorkeeper, Right, Tokens, is_loopback
+from robo.web.sockets import import_websockets, listening
 
 _MOST_REQUEST = 16_000_000
 """Of what a client says at once, bytes: it may publish a picture."""
@@ -33,7 +32,6 @@ _SEND_BUFFER = 262_144
 """Of the system's, bytes: what waits there is sent however old it becomes, so that little is to wait there."""
 _PING, _SILENCE = 5.0, 15.0
 """How often a client is asked whether it is there, and how long it may take to say so, s."""
-_LOOPBACK = ("localhost", "127.0.0.1", "::1")
 VIEWERS = ("https://app.foxglove.dev", "file://")
 """Origins of pages that are viewers: Foxglove's web app, and programs that have their page with them."""
 
@@ -72,7 +70,7 @@ class Server:
         Raises:
             RunError: the library for the socket is not installed.
         """
-        self._websockets: Library = import_websockets()
+        self._websockets = import_websockets("the bridge", "foxglove")
         self._session, self._settings, self._tell, self._covers = session, settings, tell, covers
         self._door = Doorkeeper(settings.tokens)
         self._clients: set[Client] = set()
@@ -91,41 +89,29 @@ class Server:
         bridge = Bridge(self._session, self._settings.name, calls, self._tell, self._covers)
         self._clients = bridge.clients
         try:
-            async with self._listening(partial(self._connected, bridge)) as server:
-                ready(next(iter(server.sockets)).getsockname()[1])
+            async with self._listening(partial(self._connected, bridge)) as port:
+                ready(port)
                 await over
         finally:
             await bridge.close()
             calls.shutdown(wait=False, cancel_futures=True)
 
-    @asynccontextmanager
-    async def _listening(self, connected: Callable[[Any], Awaitable[None]]) -> AsyncIterator[Any]:
+    def _listening(self, connected: Callable[[Any], Awaitable[None]]) -> AbstractAsyncContextManager[int]:
         o = self._settings
-        server = self._websockets.serve(
-            connected,
+        return listening(
+            self._websockets,
+            "the bridge",
             o.host,
             o.port,
+            connected,
             subprotocols=list(protocol.SUBPROTOCOLS),
             process_request=self._judge,
-            compression=None,  # numbers gain little, and cost much
             max_size=_MOST_REQUEST,
             max_queue=_MOST_REQUESTS,
             write_limit=2**16,
             ping_interval=_PING,
             ping_timeout=_SILENCE,
-            close_timeout=1.0,
-            server_header=None,
         )
-        try:
-            listening = await server
-        except (OSError, OverflowError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise NetworkError(f"the bridge cannot be at {o.host}:{o.port}: {reason}; --listen says another") from None
-        try:
-            yield listening
-        finally:
-            listening.close()
-            await listening.wait_closed()
 
     def _judge(self, connection: Any, request: Any) -> Any:
         """What somebody gets who may not connect, or asks for no socket; None for who may."""
@@ -210,7 +196,7 @@ def is_viewer(origin: str | None, origins: tuple[str, ...] = ()) -> bool:
         host = said.hostname
     except ValueError:
         return False
-    return origin in VIEWERS or origin in origins or (said.scheme in ("http", "https") and host in _LOOPBACK)
+    return origin in VIEWERS or origin in origins or (said.scheme in ("http", "https") and is_loopback(host or ""))
 
 
 def _keep_little(connection: Any) -> None:

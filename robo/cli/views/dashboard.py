@@ -9,9 +9,10 @@ from pathlib import Path
 from robo.cli.connection import connect_to_robot
 from robo.cli.printing import print_json, print_line
 from robo.cli.reach import Reach
-from robo.dashboard.place import Settings
-from robo.dashboard.server import Dashboard, import_websockets
-from robo.errors import UsageError
+from robo.dashboard.place import PORT, Settings
+from robo.dashboard.server import Dashboard
+from robo.web.place import place
+from robo.web.sockets import import_websockets
 
 
 def serve(reach: Reach, *, listen: str, token_file: Path | None, names: Sequence[str], json: bool) -> None:
@@ -29,8 +30,8 @@ def serve(reach: Reach, *, listen: str, token_file: Path | None, names: Sequence
         RunError: the library for sockets is not installed.
         NetworkError: no robot runs there, or the port cannot be had.
     """
-    import_websockets()  # what is missing is told before anything is dialled
-    host, port = _place(listen)
+    import_websockets("the dashboard", "dashboard")  # what is missing is told before anything is dialled
+    host, port = place(listen, PORT)
     settings = Settings.of(host, port, token_file, names)
     with connect_to_robot(reach) as session:
         asyncio.run(_serve(Dashboard(session, settings), lambda port: _tell(settings, port, json=json)))
@@ -56,10 +57,3 @@ def _tell(settings: Settings, port: int, *, json: bool) -> None:
             print_line("  these words travel unencrypted: on a network of strangers put it behind a server with TLS")
         print_line("  Ctrl-C ends it")
     sys.stdout.flush()
-
-
-def _place(text: str) -> tuple[str, int]:
-    host, colon, port = text.rpartition(":")
-    if not colon or not port.isascii() or not port.isdigit() or int(port) > 65_535:
-        raise UsageError(f"--listen {text}: say HOST:PORT, such as 127.0.0.1:8080 or 0.0.0.0:8080")
-    return host.strip("[]") or "127.0.0.1", int(port)

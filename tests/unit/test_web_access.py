@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from robo.dashboard.access import Doorkeeper, Right, Tokens, is_own_host, is_own_origin
 from robo.errors import UsageError
+from robo.web.access import Doorkeeper, Right, Tokens, is_own_host, is_own_origin
 
 TOKENS = Tokens(view="look-look-look", drive="drive-drive-drive")
 
