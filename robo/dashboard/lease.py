@@ -58,6 +58,11 @@ class Lease:
             return True
         return False
 
+    @property
+    def stands(self) -> bool:
+        """Whether all has been said: it was told to stand, or never to move."""
+        return not (self._moves or self._zeros)
+
     def _stand(self) -> None:
         if self._moves:
             self._moves, self._zeros = False, ZEROS

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from robo.bridges.foxglove import protocol
 from robo.bridges.foxglove.calls import by_node, message_from, shown_parameter
+from robo.bridges.foxglove.drivers import Drivers
 from robo.bridges.foxglove.layouts import VIEWERS, layout_of
 from robo.bridges.foxglove.offered import Ends, Numbers, graph_changes, offer
 from robo.bridges.foxglove.outbox import MOST_BYTES_OF_ONE, MOST_OF_ONE, MOST_WORDS, Full, Outbox
@@ -19,6 +20,7 @@ from robo.bridges.foxglove.protocol import Call, Control, GetParameters, Publish
 from robo.bridges.foxglove.publications import type_of
 from robo.bridges.foxglove.server import is_viewer
 from robo.bridges.foxglove.trail import MOST_POSES, STEP, Trail
+from robo.dashboard.lease import ZEROS
 from robo.errors import MessageError, UsageError
 from robo.wire.keys import EndpointKind, EndpointToken
 from robo.wire.qos import QoS
@@ -209,6 +211,21 @@ def test_pages_of_viewers_and_of_this_machine_may_connect_and_no_others() -> Non
         assert not is_viewer(origin)
         assert is_viewer(origin, ("*",))
     assert is_viewer("http://viewer.example", ("http://viewer.example",))
+
+
+def test_one_viewer_drives_and_each_is_told_to_stand_once() -> None:
+    drivers = Drivers()
+    assert drivers.command("r1/cmd_vel", "one", 0.0) == ""
+    assert drivers.command("r1/cmd_vel", "two", 0.5) == "one"
+    assert not drivers.is_to_stand("r1/cmd_vel", "one", 0.1)
+    assert not drivers.is_over("r1/cmd_vel", "one")
+    assert [drivers.is_to_stand("r1/cmd_vel", "one", 0.6) for _ in range(ZEROS + 1)] == [True] * ZEROS + [False]
+    assert drivers.is_over("r1/cmd_vel", "one")
+    assert drivers.command("r1/cmd_vel", "two", 1.5) == ""
+    assert not drivers.is_to_stand("r1/cmd_vel", "one", 5.0), "that is another one's now"
+    drivers.forget("r1/cmd_vel")
+    drivers.leave("r1/cmd_vel", "two")
+    assert drivers.is_to_stand("r1/cmd_vel", "two", 1.5)
 
 
 @pytest.mark.parametrize("name", ["geometry_msgs/msg/Twist", "geometry_msgs/Twist", "geometry/Twist"])

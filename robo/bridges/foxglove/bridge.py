@@ -4,18 +4,22 @@ import asyncio
 import itertools
 import secrets
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Coroutine, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import partial
+from typing import Any, NamedTuple
 
 import zenoh
 
 from robo.bridges.foxglove import protocol
+from robo.bridges.foxglove.calls import all_parameters
 from robo.bridges.foxglove.client import Client
+from robo.bridges.foxglove.drivers import Drivers
 from robo.bridges.foxglove.feed import Delivery, Feed
-from robo.bridges.foxglove.offered import Numbers, Offer, Topic, offer
+from robo.bridges.foxglove.offered import Numbers, Offer, ServedService, Topic, offer
 from robo.bridges.foxglove.playback import Place, Playback
 from robo.bridges.foxglove.presence import Presence
+from robo.bridges.foxglove.publications import Publications
 from robo.bridges.foxglove.watches import ParameterWatch
 from robo.text.once import Once
 
@@ -29,28 +33,53 @@ _MOST_BATCHES = 4
 """Of messages that wait for the event loop; more stay where only the newest are kept."""
 _END = 2.0
 """How long it may take to tell robots to stand whose drivers are gone, s."""
+_MOST_SERVICES = 10_000
+"""That are remembered, of all that were there."""
 _MOST_SOURCES = 1_000
 """Publishers of one latched topic whose last message a viewer is known to have."""
 
 Tell = Callable[[str], None]
 
 
+class Pools(NamedTuple):
+    """What blocks is done here."""
+
+    calls: ThreadPoolExecutor
+    """What viewers ask for."""
+    stops: ThreadPoolExecutor
+    """Emergency stops: nothing else is in their way."""
+    own: ThreadPoolExecutor
+    """What the bridge does for all of them."""
+
+    @classmethod
+    def new(cls) -> "Pools":
+        """Threads begin when they are needed."""
+        words = ("call", 16), ("stop", 32), ("own", 8)
+        return cls(*(ThreadPoolExecutor(count, f"robo-foxglove-{word}") for word, count in words))
+
+    def close(self) -> None:
+        """What waits is not done."""
+        for pool in self:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
 class Bridge:
     """Knows all clients, and what there is for them."""
 
     def __init__(
-        self, session: zenoh.Session, name: str, calls: ThreadPoolExecutor, tell: Tell, covers: Callable[[str], bool]
+        self, session: zenoh.Session, name: str, pools: Pools, tell: Tell, covers: Callable[[str], bool]
     ) -> None:
         """
         Args:
             session: the network.
             name: that viewers show.
-            calls: does what blocks.
+            pools: do what blocks.
             tell: is told what whoever runs the bridge should know.
             covers: which topics and services are offered, by their keys.
         """
         self.session = session
-        self.calls = calls
+        self.pools = pools
+        self.drivers = Drivers()
         self.clients: set[Client] = set()
         self.offer: Offer = offer((), numbers := Numbers())
         self.covers = covers
@@ -64,6 +93,8 @@ class Bridge:
         self._place: Place | None = None
         self._nodes: frozenset[str] = frozenset()
         self._renewing: asyncio.TimerHandle | None = None
+        self._services: dict[int, ServedService] = {}
+        """All that there are and were."""
         self._tasks: set[asyncio.Task[None]] = set()
         self._leaving: set[Future[None]] = set()
         self._room = threading.Semaphore(_MOST_BATCHES)
@@ -74,12 +105,14 @@ class Bridge:
         self.feed = Feed(
             session, self._hand_over, self._soon(self._refused), self.presence.is_published, self.playback.now
         )
-        self._watch = ParameterWatch(session, self._soon(self._parameters_changed))
+        self._watch = ParameterWatch(session, self._soon(self._parameters_changed), covers)
         self._tasks.add(self._loop.create_task(self._beat()))
 
     def join(self, *, drives: bool, knows_playback: bool) -> Client:
         """A viewer has connected."""
-        client = Client(f"viewer {next(self._names)}", self.session, drives=drives, knows_playback=knows_playback)
+        name = f"viewer {next(self._names)}"
+        publications = Publications(self.session, name, self.drivers, self.covers)
+        client = Client(name, publications, drives=drives, knows_playback=knows_playback)
         client.say(self._info(client))
         client.offer(None, self.offer)
         self._tell_unknown(client, self.offer.unknown)
@@ -117,15 +150,19 @@ class Bridge:
         """A client that comes late gets what a latched topic has said last."""
 
         async def ask() -> None:
-            found = await self._loop.run_in_executor(self.calls, self.feed.kept, topic)
+            found = await self._loop.run_in_executor(self.pools.own, self.feed.kept, topic)
             for delivery in found:
                 self._give(client, number, delivery, is_kept=True)
 
         self.do(ask())
 
-    def do(self, work: "asyncio.Future[None] | object") -> None:
+    def service(self, number: int) -> ServedService | None:
+        """A service by its number, also one that was there: its node may just begin anew."""
+        return self._services.get(number)
+
+    def do(self, work: Coroutine[Any, Any, None]) -> None:
         """Have something done that is not waited for."""
-        task: asyncio.Task[None] = self._loop.create_task(work)  # type: ignore[arg-type]
+        task = self._loop.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
@@ -189,8 +226,9 @@ class Bridge:
     async def _renew(self) -> None:
         """Look at what there is, and tell everyone what has changed."""
         ends, nodes = self.presence.ends(), self.presence.nodes()
-        found = await self._loop.run_in_executor(self.calls, offer, ends, self._numbers, self.covers)
+        found = await self._loop.run_in_executor(self.pools.own, offer, ends, self._numbers, self.covers)
         before, self.offer = self.offer, found
+        self._services = (self._services if len(self._services) < _MOST_SERVICES else {}) | found.services
         self._renewing = None
         if (self.presence.ends(), self.presence.nodes()) != (ends, nodes):
             self._renew_soon()
@@ -266,9 +304,7 @@ class Bridge:
 
 async def tell_all_parameters(bridge: Bridge, client: Client, id_: str | None = None) -> None:
     """Tell a client the parameters of all nodes; `id_` is of its question, where it has asked."""
-    from robo.bridges.foxglove.calls import all_parameters
-
     work = partial(all_parameters, bridge.session, bridge.covers)
-    found = await asyncio.get_running_loop().run_in_executor(bridge.calls, work)
+    found = await asyncio.get_running_loop().run_in_executor(bridge.pools.calls, work)
     named = {"id": id_} if id_ is not None else {}
     client.say(protocol.word("parameterValues", parameters=found, **named))

@@ -48,9 +48,28 @@ def call(session: zenoh.Session, asked: Call, service: ServedService) -> bytes:
         said = answer.decode(sample.payload.to_bytes(), str(sample.encoding))
     except codec.Malformed as reason:
         raise MessageError(f"the answer of {service.key} cannot be read: {reason}") from None
+    return robo_messages.encode_json(said) if asked.encoding == "json" else cdr.encoder(response)(said)
+
+
+def refusal(asked: Call, service: ServedService, why: str) -> bytes | None:
+    """An answer that says that a service has not done what was asked, where its type can say so.
+
+    Args:
+        asked: the call.
+        service: that was called.
+        why: it has not.
+
+    Returns:
+        It, in the encoding of the request; None where the type has no `success` with a `message`.
+    """
+    type_ = catalogue.find_here(robo_messages.halves_of(service.type)[1])
+    kinds = {field.name: field.type for field in msgspec.structs.fields(type_)} if type_ is not None else {}
+    if type_ is None or (kinds.get("success"), kinds.get("message")) != (bool, str):
+        return None
+    said = type_(success=False, message=why)
     if asked.encoding == "json":
         return robo_messages.encode_json(said)
-    return cdr.encoder(response)(said)
+    return cdr.encoder(type_)(said) if asked.encoding == "cdr" else None
 
 
 def message_from(type_: type[Message], encoding: str, data: bytes) -> Message:
@@ -84,7 +103,7 @@ def all_parameters(
     key = parameters_key("", "**", "describe")
     for sample in samples(session.get(key, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE)):
         node = "/" + str(sample.key_expr).removesuffix("/parameters/describe")
-        if not covers(node):
+        if not covers(node.strip("/")):
             continue
         try:
             said = msgspec.msgpack.decode(sample.payload.to_bytes(), type=dict[str, Described])
@@ -94,17 +113,21 @@ def all_parameters(
     return sorted(found, key=lambda one: one.name)
 
 
-def some_parameters(session: zenoh.Session, wanted: Sequence[str]) -> tuple[list[Parameter], list[str]]:
+def some_parameters(
+    session: zenoh.Session, wanted: Sequence[str], covers: Callable[[str], bool] = lambda _: True
+) -> tuple[list[Parameter], list[str]]:
     """Parameters by name, and what is wrong with those that are not there.
 
     Args:
         session: the network.
         wanted: `/r1/safety_monitor.max_speed`.
+        covers: which nodes are asked at all, by their full names without a slash before them.
     """
     found: list[Parameter] = []
     wrong: list[str] = []
     for node, named in by_node(wanted).items():
         try:
+            _have_covered(node, covers)
             described = parameters.describe(session, _token(node), named)
         except (NodeUnreachable, ParameterError) as error:
             found += [Parameter(f"{node}.{name}") for name in named]
@@ -114,13 +137,16 @@ def some_parameters(session: zenoh.Session, wanted: Sequence[str]) -> tuple[list
     return found, wrong
 
 
-def set_parameters(session: zenoh.Session, changes: Iterable[Parameter]) -> list[str]:
-    """Set parameters, of each node all or none. Returns what was refused, and why."""
+def set_parameters(
+    session: zenoh.Session, changes: Iterable[Parameter], covers: Callable[[str], bool] = lambda _: True
+) -> list[str]:
+    """Set parameters, of each node that is covered all or none. Returns what was refused, and why."""
     wrong: list[str] = []
     values = {one.name: one.value for one in changes}
     for node, named in by_node(values).items():
         unset = [name for name in named if values[f"{node}.{name}"] in (None, msgspec.UNSET)]
         try:
+            _have_covered(node, covers)
             if unset:
                 raise ParameterError(f"{node}: {', '.join(unset)} cannot be removed")
             parameters.set_all(session, _token(node), {name: values[f"{node}.{name}"] for name in named})
@@ -146,6 +172,11 @@ def shown_parameter(node: str, name: str, value: Any, type_name: str = "") -> Pa
 
 def _shown(node: str, described: Iterable[Described]) -> list[Parameter]:
     return [shown_parameter(node, one.name, one.value, one.type) for one in described]
+
+
+def _have_covered(node: str, covers: Callable[[str], bool]) -> None:
+    if not covers(node.strip("/")):
+        raise ParameterError(f"{node} is not of the robot that this bridge is for")
 
 
 def _token(node: str) -> NodeToken:

@@ -1,20 +1,26 @@
 """One viewer that is connected: what it wants, and what it has been told. Used by the event loop."""
 
 import asyncio
+import time
 from collections.abc import Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
+from contextlib import suppress
 
 import msgspec
-import zenoh
 
 from robo.bridges.foxglove import protocol
 from robo.bridges.foxglove.offered import Ends, Offer, graph_changes
 from robo.bridges.foxglove.outbox import Full, Outbox
 from robo.bridges.foxglove.protocol import Parameter
 from robo.bridges.foxglove.publications import Publications
+from robo.bridges.foxglove.publishing import Publishing
 
 MOST_ASKED = 100
 """Calls and the like of one client that wait to be answered."""
+MOST_ASKED_BY_LOOKER = 4
+"""The same, of one who may look and not drive."""
+MOST_STOPS = 4
+"""Emergency stops of one client, which wait apart."""
 MOST_SUBSCRIPTIONS = 2_000
 
 
@@ -29,16 +35,17 @@ class Subscription(msgspec.Struct):
 class Client:
     """One that is connected."""
 
-    def __init__(self, name: str, session: zenoh.Session, *, drives: bool, knows_playback: bool) -> None:
+    def __init__(self, name: str, publications: Publications, *, drives: bool, knows_playback: bool) -> None:
         """
         Args:
             name: by which people know it.
-            session: the network.
+            publications: where it publishes.
             drives: whether it may do more than look.
             knows_playback: whether its protocol has that.
         """
         self.name = name
         self.drives = drives
+        self.most_asked = MOST_ASKED if drives else MOST_ASKED_BY_LOOKER
         self.knows_playback = knows_playback
         self.outbox = Outbox()
         self.wake = asyncio.Event()
@@ -48,20 +55,16 @@ class Client:
         self.watched: set[str] | None = set()
         """Parameters of which each change is wanted; None for all."""
         self.wants_all_parameters = False
-        self.asked = 0
-        """Calls and the like that are not answered yet."""
-        self.publications = Publications(session)
-        self._publishing: ThreadPoolExecutor | None = None
+        self.asked = self.stops = 0
+        """Calls and the like that are not answered yet, and emergency stops."""
+        self.fresh = time.monotonic()
+        """What comes from it now was said later than this, s by the monotonic clock."""
+        self.publications = publications
+        self.publishing = Publishing(publications, self._not_published)
+        self._loop = asyncio.get_running_loop()
         self._graph: Ends | None = None
         self._wants_graph = False
         self._told_left_out = 0
-
-    @property
-    def publishing(self) -> ThreadPoolExecutor:
-        """Publishes for it, in order: a network that is held up holds up nobody else."""
-        if self._publishing is None:
-            self._publishing = ThreadPoolExecutor(1, "robo-foxglove-publish")
-        return self._publishing
 
     def say(self, word: str | bytes) -> None:
         """Tell it something."""
@@ -80,9 +83,9 @@ class Client:
         """Tell the person before it something."""
         self.say(protocol.status(level, text, id_))
 
-    def put(self, subscription: int, time: int, data: bytes) -> None:
-        """Give it a message."""
-        self.outbox.put(subscription, time, data)
+    def put(self, subscription: int, at: int, data: bytes) -> None:
+        """Give it a message; its time is in ns since the epoch."""
+        self.outbox.put(subscription, at, data)
         self.wake.set()
 
     def offer(self, before: Offer | None, now: Offer) -> None:
@@ -148,8 +151,9 @@ class Client:
 
     def close(self) -> "Future[None] | None":
         """It is gone: what it has driven is told to stand. Returns what is done once that is; None for nothing."""
-        if self._publishing is None:
-            return None
-        done = self._publishing.submit(self.publications.close)
-        self._publishing.shutdown(wait=False)
-        return done
+        return self.publishing.close()
+
+    def _not_published(self, why: str) -> None:
+        """Called by the thread that publishes."""
+        with suppress(RuntimeError):  # the loop is over
+            self._loop.call_soon_threadsafe(self.status, protocol.ERROR, why)

@@ -1,7 +1,9 @@
 """What clients ask for, and what becomes of it. Used by the event loop."""
 
 import asyncio
+import time
 from collections.abc import Awaitable, Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import TypeVar
 
@@ -9,7 +11,8 @@ import zenoh
 
 from robo.bridges.foxglove import calls, protocol
 from robo.bridges.foxglove.bridge import Bridge, tell_all_parameters
-from robo.bridges.foxglove.client import MOST_ASKED, MOST_SUBSCRIPTIONS, Client, Subscription
+from robo.bridges.foxglove.client import MOST_STOPS, MOST_SUBSCRIPTIONS, Client, Subscription
+from robo.bridges.foxglove.offered import ServedService
 from robo.bridges.foxglove.protocol import (
     Advertise,
     Call,
@@ -32,6 +35,8 @@ from robo.text.brief import brief
 
 T = TypeVar("T")
 
+EMERGENCY_STOP = "emergency_stop"
+"""The name by which a service stops a robot: nothing else is in its way."""
 _MOST_WATCHED = 20_000
 """Parameters that one client may name."""
 
@@ -54,7 +59,9 @@ def ask(bridge: Bridge, client: Client, asked: Request) -> None:
             for channel in channel_ids:
                 _publish(client, partial(client.publications.remove, channel), always=True)
         case Publish(channel, data):
-            _publish(client, partial(client.publications.publish, channel, data))
+            now = time.monotonic()
+            work = partial(client.publications.publish, channel, data, now, now - client.fresh)
+            _publish(client, work, len(data))
         case WatchGraph():
             client.watch_graph(bridge.offer.ends, wants=True)
         case UnwatchGraph():
@@ -97,64 +104,60 @@ def _watch(client: Client, names: Sequence[str]) -> None:
         client.status(protocol.ERROR, f"one viewer watches {_MOST_WATCHED:,} parameters at most")
 
 
-def _publish(client: Client, work: Callable[[], None], *, always: bool = False) -> None:
-    """Have something published, in order, without waiting for the network; what is to be done `always`, however much
+def _publish(client: Client, work: Callable[[], None], size: int = 0, *, always: bool = False) -> None:
+    """Have something published, in order, without waiting for the network; what is to be done `always`, though much
     waits for it.
     """
-    if client.asked >= MOST_ASKED and not always:
+    if not client.publishing.do(work, size, always=always):
         client.status(protocol.WARNING, "the network is held up: what this viewer publishes is left out", "publish")
-        return
-    loop = asyncio.get_running_loop()
-    client.asked += 1
-
-    def tell(error: Exception | None) -> None:
-        client.asked -= 1
-        if error is not None:
-            client.status(protocol.ERROR, brief(str(error)))
-
-    def run() -> None:
-        wrong: Exception | None = None
-        try:
-            work()
-        except (RoboError, zenoh.ZError) as error:
-            wrong = error
-        if not loop.is_closed():
-            loop.call_soon_threadsafe(tell, wrong)
-
-    client.publishing.submit(run)
 
 
 def _later(bridge: Bridge, client: Client, asked: GetParameters | SetParameters | Call | Control) -> None:
-    """Have something done that waits for others."""
-    if client.asked >= MOST_ASKED:
-        _refuse(client, asked, f"{MOST_ASKED} questions of this viewer wait for an answer already")
+    """Have something done that waits for others. Emergency stops are counted apart: no question is in their way."""
+    service = bridge.service(asked.service) if isinstance(asked, Call) else None
+    stops = service is not None and service.key.rpartition("/")[2] == EMERGENCY_STOP
+    if stops and client.stops >= MOST_STOPS:
+        _refuse(client, asked, "it is being asked for already", service)
         return
-    client.asked += 1
+    if not stops and client.asked >= client.most_asked:
+        _refuse(client, asked, f"{client.most_asked} questions of this viewer wait for an answer already", service)
+        return
+    client.stops += stops
+    client.asked += not stops
 
     async def work() -> None:
         try:
-            await _done(bridge, client, asked)
+            if isinstance(asked, Call):
+                await _call(bridge, client, asked, bridge.pools.stops if stops else bridge.pools.calls)
+            else:
+                await _done(bridge, client, asked)
         except (RoboError, zenoh.ZError, LookupError) as error:
-            _refuse(client, asked, brief(str(error)))
+            _refuse(client, asked, brief(str(error)), service)
+        except Exception as error:  # nobody has thought of it: the viewer that waits is told all the same
+            _refuse(client, asked, brief(f"the bridge has failed: {type(error).__name__}: {error}"), service)
         finally:
-            client.asked -= 1
+            client.stops -= stops
+            client.asked -= not stops
 
     bridge.do(work())
 
 
-async def _done(bridge: Bridge, client: Client, asked: GetParameters | SetParameters | Call | Control) -> None:
+async def _call(bridge: Bridge, client: Client, asked: Call, pool: ThreadPoolExecutor) -> None:
+    service = bridge.offer.services.get(asked.service)
+    if service is None:
+        raise LookupError("this service is not there any more")
+    work = partial(calls.call, bridge.session, asked, service)
+    answer = await asyncio.get_running_loop().run_in_executor(pool, work)
+    client.say(protocol.answer(asked, answer))
+
+
+async def _done(bridge: Bridge, client: Client, asked: GetParameters | SetParameters | Control) -> None:
     loop = asyncio.get_running_loop()
 
     def blocking(work: Callable[[], T]) -> Awaitable[T]:
-        return loop.run_in_executor(bridge.calls, work)
+        return loop.run_in_executor(bridge.pools.calls, work)
 
     match asked:
-        case Call():
-            service = bridge.offer.services.get(asked.service)
-            if service is None:
-                _refuse(client, asked, "this service is not there any more")
-                return
-            client.say(protocol.answer(asked, await blocking(partial(calls.call, bridge.session, asked, service))))
         case Control():
             place = await blocking(partial(bridge.playback.control, asked))
             state = place.state(asked.request, jumped=asked.seek is not None)
@@ -168,7 +171,7 @@ async def _done(bridge: Bridge, client: Client, asked: GetParameters | SetParame
         case GetParameters(names, id_):
             await _tell_some(bridge, client, names, id_)
         case SetParameters(parameters, id_):
-            wrong = await blocking(partial(calls.set_parameters, bridge.session, parameters))
+            wrong = await blocking(partial(calls.set_parameters, bridge.session, parameters, bridge.covers))
             for why in wrong:
                 client.status(protocol.ERROR, brief(why))
             if id_ is not None or wrong:  # what holds: a viewer shows already what it has asked for
@@ -176,17 +179,30 @@ async def _done(bridge: Bridge, client: Client, asked: GetParameters | SetParame
 
 
 async def _tell_some(bridge: Bridge, client: Client, names: Sequence[str], id_: str | None) -> None:
-    work = partial(calls.some_parameters, bridge.session, names)
-    found, wrong = await asyncio.get_running_loop().run_in_executor(bridge.calls, work)
+    work = partial(calls.some_parameters, bridge.session, names, bridge.covers)
+    found, wrong = await asyncio.get_running_loop().run_in_executor(bridge.pools.calls, work)
     for why in wrong:
         client.status(protocol.WARNING, brief(why))
     named = {"id": id_} if id_ is not None else {}
     client.say(protocol.word("parameterValues", parameters=found, **named))
 
 
-def _refuse(client: Client, asked: Request, why: str) -> None:
+def _refuse(client: Client, asked: Request, why: str, service: ServedService | None = None) -> None:
+    """Tell a client that something is not done.
+
+    Args:
+        client: who has asked.
+        asked: what.
+        why: not.
+        service: that was called, where it is known.
+    """
     if isinstance(asked, Call):
-        words = {"serviceId": asked.service, "callId": asked.call, "message": why}
-        client.say(protocol.word("serviceCallFailure", **words))
+        answer = calls.refusal(asked, service, why) if service is not None else None
+        if answer is not None:
+            # Lichtblick waits for ever where it is told of a failure, and its button is dead.
+            client.say(protocol.answer(asked, answer))
+        else:
+            words = {"serviceId": asked.service, "callId": asked.call, "message": why}
+            client.say(protocol.word("serviceCallFailure", **words))
     # Not all viewers show why a call has failed; what all show is this.
     client.status(protocol.ERROR, why, "refused" if isinstance(asked, Publish) else "")

@@ -6,7 +6,6 @@ import math
 import socket
 import time
 from collections.abc import Awaitable, Callable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractAsyncContextManager, suppress
 from functools import partial
 from typing import Any
@@ -16,7 +15,7 @@ import msgspec
 import zenoh
 
 from robo.bridges.foxglove import protocol
-from robo.bridges.foxglove.bridge import Bridge
+from robo.bridges.foxglove.bridge import Bridge, Pools
 from robo.bridges.foxglove.client import Client
 from robo.bridges.foxglove.protocol import Unreadable
 from robo.bridges.foxglove.requests import ask
@@ -32,6 +31,8 @@ _SEND_BUFFER = 262_144
 """Of the system's, bytes: what waits there is sent however old it becomes, so that little is to wait there."""
 _PING, _SILENCE = 5.0, 15.0
 """How often a client is asked whether it is there, and how long it may take to say so, s."""
+_FRESH = 0.1
+"""Between two questions by which it is known how old commands can be, s."""
 VIEWERS = ("https://app.foxglove.dev", "file://")
 """Origins of pages that are viewers: Foxglove's web app, and programs that have their page with them."""
 
@@ -85,8 +86,8 @@ class Server:
         Raises:
             NetworkError: the port cannot be had.
         """
-        calls = ThreadPoolExecutor(16, "robo-foxglove-call")
-        bridge = Bridge(self._session, self._settings.name, calls, self._tell, self._covers)
+        pools = Pools.new()
+        bridge = Bridge(self._session, self._settings.name, pools, self._tell, self._covers)
         self._clients = bridge.clients
         try:
             async with self._listening(partial(self._connected, bridge)) as port:
@@ -94,7 +95,7 @@ class Server:
                 await over
         finally:
             await bridge.close()
-            calls.shutdown(wait=False, cancel_futures=True)
+            pools.close()
 
     def _listening(self, connected: Callable[[Any], Awaitable[None]]) -> AbstractAsyncContextManager[int]:
         o = self._settings
@@ -152,7 +153,10 @@ class Server:
         drives = connection.robo_right is Right.DRIVE
         client = bridge.join(drives=drives, knows_playback=connection.subprotocol == protocol.SDK)
         self._tell(f"{client.name} has connected from {connection.remote_address[0]}{'' if drives else ', to look'}")
-        sending = asyncio.get_running_loop().create_task(self._send(client, connection))
+        loop = asyncio.get_running_loop()
+        tasks = [loop.create_task(self._send(client, connection))]
+        if drives:
+            tasks.append(loop.create_task(self._keep_fresh(client, connection)))
         try:
             async for said in connection:
                 try:
@@ -163,8 +167,22 @@ class Server:
             pass  # it is gone
         finally:
             bridge.leave(client)
-            sending.cancel()
+            for task in tasks:
+                task.cancel()
             self._tell(f"{client.name} is gone")
+
+    async def _keep_fresh(self, client: Client, connection: Any) -> None:
+        """Know how old what a client says can be: what comes after the answer to a ping was said after the ping.
+
+        One ping is under way at a time, and what has come before its answer has been read before it: a link that was
+        held up and lets all go at once makes nothing young.
+        """
+        with suppress(self._websockets.ConnectionClosed):
+            while True:
+                sent = time.monotonic()
+                await (await connection.ping())
+                client.fresh = sent
+                await asyncio.sleep(_FRESH)
 
     async def _send(self, client: Client, connection: Any) -> None:
         """Give a client what waits for it, as long as it takes it."""

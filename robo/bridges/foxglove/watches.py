@@ -16,9 +16,19 @@ from robo_messages import ParameterEvent
 class ParameterWatch:
     """Hears of changes, while somebody wants to."""
 
-    def __init__(self, session: zenoh.Session, changed: Callable[[list[Parameter]], None]) -> None:
-        """`changed` gets them by Zenoh's threads."""
-        self._session, self._changed = session, changed
+    def __init__(
+        self,
+        session: zenoh.Session,
+        changed: Callable[[list[Parameter]], None],
+        covers: Callable[[str], bool] = lambda _: True,
+    ) -> None:
+        """
+        Args:
+            session: the network.
+            changed: gets them by Zenoh's threads.
+            covers: of which nodes, by their full names without a slash before them.
+        """
+        self._session, self._changed, self._covers = session, changed, covers
         self._decoder = codec.Decoder(ParameterEvent)
         self._subscriber: Any = None
 
@@ -42,6 +52,8 @@ class ParameterWatch:
             event = self._decoder.decode(sample.payload.to_bytes(), str(sample.encoding))
         except Malformed:
             return  # a stranger's
+        if not self._covers(event.node.strip("/")):
+            return
         node = "/" + event.node.strip("/")
         changed = [
             shown_parameter(node, one.name, one.value) for one in (*event.new_parameters, *event.changed_parameters)
