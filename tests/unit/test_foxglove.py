@@ -1,8 +1,10 @@
 """The parts of the bridge to viewers that know no network."""
 
+import asyncio
 import struct
 from collections.abc import Iterator
 from contextlib import suppress
+from typing import Any, cast
 
 import msgspec
 import pytest
@@ -11,13 +13,14 @@ from hypothesis import strategies as st
 
 from robo.bridges.foxglove import protocol
 from robo.bridges.foxglove.calls import by_node, message_from, shown_parameter
+from robo.bridges.foxglove.client import Client, Subscription
 from robo.bridges.foxglove.drivers import Drivers
 from robo.bridges.foxglove.layouts import VIEWERS, layout_of
 from robo.bridges.foxglove.offered import Ends, Numbers, graph_changes, offer
-from robo.bridges.foxglove.outbox import MOST_BYTES_OF_ONE, MOST_OF_ONE, MOST_WORDS, Full, Outbox
+from robo.bridges.foxglove.outbox import MOST_BYTES_OF_ONE, MOST_BYTES_OF_WORDS, MOST_OF_ONE, MOST_WORDS, Full, Outbox
 from robo.bridges.foxglove.playback import Place
 from robo.bridges.foxglove.protocol import Call, Control, GetParameters, Publish, Subscribe, Unreadable, Wanted
-from robo.bridges.foxglove.publications import type_of
+from robo.bridges.foxglove.publications import Publications, type_of
 from robo.bridges.foxglove.server import is_viewer
 from robo.bridges.foxglove.trail import MOST_POSES, STEP, Trail
 from robo.dashboard.lease import ZEROS
@@ -99,6 +102,40 @@ def test_a_client_that_takes_nothing_for_long_fills_no_memory() -> None:
         outbox.say("word")
     with pytest.raises(Full):
         outbox.say("word")
+
+
+def test_a_client_that_takes_no_words_fills_no_memory() -> None:
+    outbox = Outbox()
+    outbox.say(word := "x" * MOST_BYTES_OF_WORDS)  # one is said however long it is
+    with pytest.raises(Full):
+        outbox.say("word")
+    assert outbox.take() == word
+    outbox.say("word")
+
+
+def told(client: Client) -> list[dict[str, object]]:
+    return [msgspec.json.decode(said) for said in iter(client.outbox.take, None) if isinstance(said, str)]
+
+
+def test_a_slow_client_is_told_once_and_once_more_when_it_is_well_again() -> None:
+    async def run() -> list[list[dict[str, object]]]:
+        drivers = Drivers()
+        publications = Publications(cast(Any, None), "viewer 1", drivers, lambda _: True)
+        client = Client("viewer 1", publications, drives=True, knows_playback=True)
+        offered = offer([end("pub", "r1/a", "std/String")], Numbers())
+        client.subscriptions[1] = Subscription(next(iter(offered.topics)))
+        said = []
+        for now in (0.0, 2.0, 4.0, 20.0, 40.0):
+            if now < 5.0:
+                for at in range(2 * MOST_OF_ONE):
+                    client.put(1, at, b"x")
+            client.tell_left_out(offered, now)
+            said.append(told(client))
+        return said
+
+    first, *others = asyncio.run(run())
+    assert str(first[0]["message"]).endswith("most of /r1/a")
+    assert others == [[], [], [{"op": "removeStatus", "statusIds": ["left_out"]}], []]
 
 
 def test_words_come_first_and_of_times_the_last() -> None:

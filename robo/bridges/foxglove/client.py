@@ -2,6 +2,7 @@
 
 import asyncio
 import time
+from collections import Counter
 from collections.abc import Iterable
 from concurrent.futures import Future
 from contextlib import suppress
@@ -22,6 +23,10 @@ MOST_ASKED_BY_LOOKER = 4
 MOST_STOPS = 4
 """Emergency stops of one client, which wait apart."""
 MOST_SUBSCRIPTIONS = 2_000
+_MOST_NAMED = 4
+"""Topics beyond which no more are told that come late."""
+_WELL = 10.0
+"""Without a loss for so long, s, a client is told no more that it is slow."""
 
 
 class Subscription(msgspec.Struct):
@@ -64,7 +69,11 @@ class Client:
         self._loop = asyncio.get_running_loop()
         self._graph: Ends | None = None
         self._wants_graph = False
-        self._told_left_out = 0
+        self._left_out: Counter[int] = Counter()
+        """Messages that it had not been given when that was looked at last, by subscription."""
+        self._told_left_out: set[str] = set()
+        """Topics of which it was told that it does not get all."""
+        self._lost_at = 0.0
 
     def say(self, word: str | bytes) -> None:
         """Tell it something."""
@@ -76,7 +85,11 @@ class Client:
 
     def say_time(self, now: int) -> None:
         """Tell it what time it is, ns since the epoch."""
-        self.outbox.say_newest("time", protocol.time_of(now))
+        self.say_newest("time", protocol.time_of(now))
+
+    def say_newest(self, what: str, word: str | bytes) -> None:
+        """Tell it something of which only the last one counts."""
+        self.outbox.say_newest(what, word)
         self.wake.set()
 
     def status(self, level: int, text: str, id_: str = "") -> None:
@@ -112,6 +125,11 @@ class Client:
                 self.say(protocol.word("advertiseServices", services=served))
         self.tell_graph(now.ends)
 
+    def tell_unknown(self, unknown: dict[str, str]) -> None:
+        """Tell the person before it of what there is that nobody knows: why, by name."""
+        for name, why in unknown.items():
+            self.status(protocol.INFO, f"{name}: {why}")
+
     def watch_graph(self, ends: Ends, *, wants: bool) -> None:
         """It wants to know who is at which end, or no longer."""
         self._wants_graph, self._graph = wants, None
@@ -137,17 +155,29 @@ class Client:
         if wanted:
             self.say(protocol.word("parameterValues", parameters=wanted))
 
-    def tell_left_out(self, offer: Offer) -> None:
-        """Tell it what it has not been given, where that is more than it was."""
-        count = sum(self.outbox.left_out.values())
-        if count == self._told_left_out:
-            return
-        self._told_left_out = count
-        worst = [one for one, _ in self.outbox.left_out.most_common(3)]
-        topics = [offer.topics[self.subscriptions[one].channel].key for one in worst if one in self.subscriptions]
-        named = ", ".join(f"/{key}" for key in topics)
-        text = f"this viewer or its link is too slow: {count:,} older messages were left out, most of {named}"
-        self.status(protocol.WARNING, text, "left_out")
+    def tell_left_out(self, offer: Offer, now: float) -> None:
+        """Tell it of which topics it does not get all, where these are others than it was told, and when it does again.
+
+        Viewers show each text once more that is another one: no counts are told.
+
+        Args:
+            offer: what there is.
+            now: s, by a clock that never goes back.
+        """
+        lost = self.outbox.left_out - self._left_out
+        self._left_out = self.outbox.left_out.copy()
+        if lost:
+            self._lost_at = now
+            worst = [one for one, _ in lost.most_common(3)]
+            keys = {offer.topics[self.subscriptions[one].channel].key for one in worst if one in self.subscriptions}
+            if not self._told_left_out or (keys - self._told_left_out and len(self._told_left_out) < _MOST_NAMED):
+                self._told_left_out |= keys
+                named = ", ".join(f"/{key}" for key in sorted(self._told_left_out))
+                text = f"this viewer or its link is too slow: older messages are left out, most of {named}"
+                self.status(protocol.WARNING, text, "left_out")
+        elif self._told_left_out and now - self._lost_at > _WELL:
+            self._told_left_out = set()
+            self.say(protocol.no_status("left_out"))
 
     def close(self) -> "Future[None] | None":
         """It is gone: what it has driven is told to stand. Returns what is done once that is; None for nothing."""

@@ -9,8 +9,8 @@ MOST_OF_ONE, MOST_BYTES_OF_ONE = 256, 4_000_000
 """Messages of one subscription that wait, and their bytes; one waits however large it is."""
 MOST_BYTES = 16_000_000
 """Of all subscriptions together: beyond it the one that has most loses its oldest."""
-MOST_WORDS = 50_000
-"""A client for which so many words wait does not read."""
+MOST_WORDS, MOST_BYTES_OF_WORDS = 50_000, 32_000_000
+"""A client for which so many words wait, or so many bytes of them and one more, does not read."""
 
 
 class Full(Exception):
@@ -43,7 +43,8 @@ class Outbox:
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:
         self._most_bytes = most_bytes
         self._words: deque[str | bytes] = deque()
-        self._newest: dict[str, bytes] = {}
+        self._word_bytes = 0
+        self._newest: dict[str, str | bytes] = {}
         self._rows: dict[int, _Row] = {}
         self._order: deque[int] = deque()
         """Whose turn it is, by subscription."""
@@ -51,6 +52,8 @@ class Outbox:
         self._count = 0
         self.left_out: Counter[int] = Counter()
         """Messages that a newer one has taken the place of, by subscription."""
+        self.forgotten = 0
+        """The same, of subscriptions that are forgotten."""
 
     def say(self, word: str | bytes) -> None:
         """Something of which all counts.
@@ -58,11 +61,12 @@ class Outbox:
         Raises:
             Full: the client takes nothing.
         """
-        if len(self._words) >= MOST_WORDS:
+        if len(self._words) >= MOST_WORDS or self._word_bytes >= MOST_BYTES_OF_WORDS:
             raise Full
         self._words.append(word)
+        self._word_bytes += len(word)
 
-    def say_newest(self, what: str, frame: bytes) -> None:
+    def say_newest(self, what: str, frame: str | bytes) -> None:
         """Something of which only the last one counts: what time it is."""
         self._newest[what] = frame
 
@@ -92,12 +96,14 @@ class Outbox:
             self._bytes -= row.bytes
             self._count -= len(row.messages)
             self._order = deque(one for one in self._order if one != subscription)
-        self.left_out.pop(subscription, None)
+        self.forgotten += self.left_out.pop(subscription, 0)
 
     def take(self) -> str | bytes | None:
         """What comes next; None where nothing waits."""
         if self._words:
-            return self._words.popleft()
+            word = self._words.popleft()
+            self._word_bytes -= len(word)
+            return word
         if self._newest:
             return self._newest.pop(next(iter(self._newest)))
         while self._order:
