@@ -17,6 +17,7 @@ class Library(msgspec.Struct):
     Headers: Any
     Response: Any
     ConnectionClosed: type[Exception]
+    NegotiationError: type[Exception]
 
 
 def import_websockets(what: str, extra: str) -> Library:
@@ -37,7 +38,9 @@ def import_websockets(what: str, extra: str) -> Library:
     except ImportError:
         text = f"{what} needs websockets, which is not installed: pip install 'robo-zenoh[{extra}]'"
         raise RunError(text) from None
-    return Library(server.serve, structures.Headers, messages.Response, exceptions.ConnectionClosed)
+    return Library(
+        server.serve, structures.Headers, messages.Response, exceptions.ConnectionClosed, exceptions.NegotiationError
+    )
 
 
 @asynccontextmanager
@@ -67,7 +70,7 @@ async def listening(
             server_header=None,
             **options,
         )
-    except (OSError, OverflowError) as error:
+    except (OSError, OverflowError, UnicodeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise NetworkError(f"{what} cannot be at {host}:{port}: {reason}; --listen says another place") from None
     try:

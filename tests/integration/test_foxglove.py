@@ -1,6 +1,8 @@
 """The server of viewers, as a viewer meets it: each part of the protocol, on a network with nodes."""
 
+import asyncio
 import struct
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
@@ -15,6 +17,7 @@ from msgspec import Meta
 import robo
 import robo_messages
 from robo import Node, Publisher, ServiceError, service
+from robo.errors import NetworkError
 from robo.interfaces import cdr
 from robo.samples.publishing import Sender
 from robo.samples.stream import Stream
@@ -22,6 +25,7 @@ from robo.web.access import Tokens
 from robo.wire.qos import QoS
 from robo_messages import (
     Clock,
+    GetPlayback,
     GetRate,
     Header,
     Odometry,
@@ -42,7 +46,7 @@ from tests.support import eventually
 viewers = pytest.importorskip("tests.viewers", reason="the extra foxglove is not installed")
 exceptions = pytest.importorskip("websockets.exceptions")
 
-from robo.bridges.foxglove.server import Settings  # noqa: E402 (its library may be missing)
+from robo.bridges.foxglove.server import Server, Settings  # noqa: E402 (its library may be missing)
 from tests.integration.test_playing import playing  # noqa: E402
 
 pytestmark = pytest.mark.timeout(60)
@@ -323,6 +327,100 @@ def test_the_clock_of_a_simulation_is_the_time_of_messages(served: Any, base: Ba
         viewer.hears("serverInfo", lambda info: "time" not in info["capabilities"])
 
 
+@pytest.mark.parametrize("names", [[viewers.PLAIN, viewers.SDK], ["other", viewers.SDK, viewers.PLAIN]])
+def test_a_viewer_that_knows_several_protocols_gets_the_one_that_it_names_first(served: Any, names: list[str]) -> None:
+    with viewers.client.connect(f"ws://127.0.0.1:{served.port}/", subprotocols=names) as socket:
+        assert socket.subprotocol == next(name for name in names if name != "other")
+
+
+def test_a_viewer_that_knows_none_of_the_protocols_is_refused(served: Any) -> None:
+    for names in (None, ["other"]):
+        with (
+            pytest.raises(exceptions.InvalidStatus) as refused,
+            viewers.client.connect(f"ws://127.0.0.1:{served.port}/", subprotocols=names),
+        ):
+            pass
+        assert refused.value.response.status_code == 400
+
+
+def test_what_is_latched_comes_again_in_a_new_session_and_when_time_goes_back(
+    served: Any, base: Base, other: zenoh.Session
+) -> None:
+    """Viewers forget all then, and ask for nothing: a map would be lost."""
+    del base
+    with served.viewer() as viewer:
+        number = viewer.subscribe("/r1/state")
+        assert decoded(String, viewer.next_of(number)) == String("ready")
+        sender = Sender(other, "clock", "system/Clock", QoS.DEFAULT, "/r1/simulation")
+        viewer.hears("serverInfo", lambda info: "time" in info["capabilities"])
+        assert decoded(String, viewer.next_of(number)) == String("ready")
+        assert sender.wait_for_subscriber(20)
+        for second in (100, 1):
+            sender.send(robo_messages.encode(Clock(Time(second))))
+            viewer.until(lambda second=second: second * 10**9 in viewer.times)
+        assert decoded(String, viewer.next_of(number)) == String("ready")
+        sender.close()
+
+
+class Dozing(Node):
+    """Plays a recording, and does not answer for a while."""
+
+    def on_start(self) -> None:
+        self.dozes = threading.Event()
+        self.dozed = threading.Event()
+
+    @service("get_playback")
+    def get_playback(self, _: GetPlayback.Request) -> GetPlayback.Response:
+        if self.dozes.is_set():
+            self.dozed.set()
+            raise ServiceError("later")
+        return GetPlayback.Response(Time(100), Time(200), Time(150), 1.0, True)
+
+
+def test_a_player_that_does_not_answer_once_is_still_there(served: Any, other: zenoh.Session) -> None:
+    with served.viewer() as viewer:
+        with Dozing(namespace="r1", session=other) as player:
+            viewer.hears("serverInfo", lambda info: "playbackControl" in info["capabilities"])
+            player.dozes.set()
+            assert player.dozed.wait(30)
+            player.dozed.clear()
+            assert player.dozed.wait(30)  # it is asked again, so that the first one has been judged
+            viewer.said.clear()
+            viewer.ask("getParameters", parameterNames=[], id="now")
+            viewer.hears("parameterValues", lambda one: one.get("id") == "now")
+            assert not [said for said in viewer.said if said["op"] == "serverInfo"]
+        viewer.hears("serverInfo", lambda info: "playbackControl" not in info["capabilities"])
+
+
+def test_viewers_are_told_that_the_network_is_lost_and_when_it_is_back(session: zenoh.Session) -> None:
+    lost = ["the link to tcp/r1:7447 is lost"]
+    with closing(viewers.Served(session, lost=lambda: lost[0])) as served, served.viewer() as viewer:
+        said = viewer.hears("status")
+        assert ("is lost" in said["message"], said["id"]) == (True, "link")
+        with served.viewer() as late:
+            assert "is lost" in late.hears("status")["message"]
+        lost[0] = ""
+        assert viewer.hears("removeStatus")["statusIds"] == ["link"]
+
+
+def test_where_all_may_look_nobody_drives(session: zenoh.Session, base: Base) -> None:
+    del base
+    with closing(viewers.Served(session, Settings(port=0, look=True))) as served, served.viewer() as viewer:
+        assert "clientPublish" not in viewer.hears("serverInfo")["capabilities"]
+        viewer.ask("setParameters", parameters=[{"name": "/r1/base.speed", "value": 2}])
+        assert "not to drive" in viewer.hears("status")["message"]
+
+
+@pytest.mark.parametrize("host", [".foo", "ü..x", "a" * 70])
+def test_a_place_that_cannot_be_is_told(session: zenoh.Session, host: str) -> None:
+    with pytest.raises(NetworkError, match="--listen says another place"):
+        asyncio.run(served_at(session, host))
+
+
+async def served_at(session: zenoh.Session, host: str) -> None:
+    await Server(session, Settings(host=host, port=0)).serve(lambda _: None, asyncio.get_running_loop().create_future())
+
+
 def control(plays: bool, rate: float, seek: int | None, request: str) -> bytes:
     head = struct.pack("<BBfBQI", 3, 0 if plays else 1, rate, seek is not None, seek or 0, len(request))
     return head + request.encode()
@@ -377,7 +475,7 @@ def test_a_viewer_that_reads_nothing_holds_up_nobody_and_costs_bounded_memory(
             sender.send(picture)
             viewer.next_of(number)
         told = stalled.hears("status", lambda one: "too slow" in one["message"])["message"]
-        assert "/r1/image" in told
+        assert told.endswith("older messages are left out, most of /r1/image"), "the same each time: viewers list each"
     sender.close()
 
 

@@ -15,7 +15,7 @@ import zenoh
 
 import robo_messages
 from robo import Node, ServiceError, service
-from robo.bridges.foxglove import publications
+from robo.samples import publishing
 from robo.samples.stream import Stream
 from robo.web.access import Tokens
 from robo.wire.keys import parameters_key
@@ -113,7 +113,7 @@ def test_an_emergency_stop_waits_for_no_question_of_any_viewer(
     session: zenoh.Session, other: zenoh.Session, safety: Safety
 ) -> None:
     del safety
-    held = []  # which are never answered
+    held = list[zenoh.Query]()  # which are never answered
     stuck = other.declare_queryable(parameters_key("r1", "stuck", "describe"), held.append)
     with (
         closing(viewers.Served(session, Settings(port=0, tokens=TOKENS))) as served,
@@ -149,7 +149,7 @@ def test_what_waits_for_the_network_is_in_the_way_of_no_stop_and_is_not_sent_onc
         gate.wait(30)
         sent.append(robo_messages.decode(payload, Twist).linear.x)
 
-    monkeypatch.setattr(publications.Sender, "send", send)
+    monkeypatch.setattr(publishing.Sender, "send", send)
     with contextlib.closing(served), served.viewer() as viewer:
         offer(viewer)
         for _ in range(150):

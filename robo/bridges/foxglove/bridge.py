@@ -2,9 +2,8 @@
 
 import asyncio
 import itertools
-import secrets
 import threading
-from collections.abc import Callable, Coroutine, Iterable
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import partial
 from typing import Any, NamedTuple
@@ -12,6 +11,8 @@ from typing import Any, NamedTuple
 import zenoh
 
 from robo.bridges.foxglove import protocol
+from robo.bridges.foxglove.about import About
+from robo.bridges.foxglove.audience import Audience
 from robo.bridges.foxglove.calls import all_parameters
 from robo.bridges.foxglove.client import Client
 from robo.bridges.foxglove.drivers import Drivers
@@ -33,6 +34,8 @@ _MOST_BATCHES = 4
 """Of messages that wait for the event loop; more stay where only the newest are kept."""
 _END = 2.0
 """How long it may take to tell robots to stand whose drivers are gone, s."""
+_AGAIN = 0.3
+"""How soon what is latched is told again, s: who forgets once often does so several times."""
 _MOST_SERVICES = 10_000
 """That are remembered, of all that were there."""
 _MOST_SOURCES = 1_000
@@ -67,7 +70,13 @@ class Bridge:
     """Knows all clients, and what there is for them."""
 
     def __init__(
-        self, session: zenoh.Session, name: str, pools: Pools, tell: Tell, covers: Callable[[str], bool]
+        self,
+        session: zenoh.Session,
+        name: str,
+        pools: Pools,
+        tell: Tell,
+        covers: Callable[[str], bool],
+        lost: Callable[[], str],
     ) -> None:
         """
         Args:
@@ -76,6 +85,7 @@ class Bridge:
             pools: do what blocks.
             tell: is told what whoever runs the bridge should know.
             covers: which topics and services are offered, by their keys.
+            lost: that the network is lost; empty where it is not.
         """
         self.session = session
         self.pools = pools
@@ -83,18 +93,19 @@ class Bridge:
         self.clients: set[Client] = set()
         self.offer: Offer = offer((), numbers := Numbers())
         self.covers = covers
-        self._numbers, self._name, self._tell_once = numbers, name, Once(tell)
+        self._audience = Audience(self.clients, lost)
+        self._numbers, self._tell_once = numbers, Once(tell)
         self._loop = asyncio.get_running_loop()
         self._names = itertools.count(1)
         self._readers: dict[int, list[tuple[Client, int]]] = {}
         """Who wants a channel, and by which number."""
-        self._session_id = secrets.token_hex(8)
-        self._capabilities: tuple[bool, Place | None] = (False, None)
+        self._about = About(name)
         self._place: Place | None = None
         self._nodes: frozenset[str] = frozenset()
         self._renewing: asyncio.TimerHandle | None = None
         self._services: dict[int, ServedService] = {}
         """All that there are and were."""
+        self._again: asyncio.TimerHandle | None = None
         self._tasks: set[asyncio.Task[None]] = set()
         self._leaving: set[Future[None]] = set()
         self._room = threading.Semaphore(_MOST_BATCHES)
@@ -105,7 +116,7 @@ class Bridge:
         self.feed = Feed(
             session, self._hand_over, self._soon(self._refused), self.presence.is_published, self.playback.now
         )
-        self._watch = ParameterWatch(session, self._soon(self._parameters_changed), covers)
+        self._watch = ParameterWatch(session, self._soon(self._audience.tell_parameters), covers)
         self._tasks.add(self._loop.create_task(self._beat()))
 
     def join(self, *, drives: bool, knows_playback: bool) -> Client:
@@ -113,12 +124,12 @@ class Bridge:
         name = f"viewer {next(self._names)}"
         publications = Publications(self.session, name, self.drivers, self.covers)
         client = Client(name, publications, drives=drives, knows_playback=knows_playback)
-        client.say(self._info(client))
+        client.say(self._about.info(client))
         client.offer(None, self.offer)
-        self._tell_unknown(client, self.offer.unknown)
+        client.tell_unknown(self.offer.unknown)
         if self._place is not None and knows_playback:
             client.say(self._place.state())
-        self.clients.add(client)
+        self._audience.welcome(client)
         self.want()
         return client
 
@@ -146,15 +157,31 @@ class Bridge:
         """Hear of changed parameters, as long as a client wants to."""
         self._watch.set(any(client.watched is None or client.watched for client in self.clients))
 
-    def say_again(self, client: Client, number: int, topic: Topic) -> None:
-        """A client that comes late gets what a latched topic has said last."""
+    def say_again(self, readers: Sequence[tuple[Client, int]], topic: Topic) -> None:
+        """Clients get, by their subscriptions, what a latched topic has said last: they come late, or forgot it."""
 
         async def ask() -> None:
             found = await self._loop.run_in_executor(self.pools.own, self.feed.kept, topic)
             for delivery in found:
-                self._give(client, number, delivery, is_kept=True)
+                for client, number in readers:
+                    self._give(client, number, delivery, is_kept=True)
 
         self.do(ask())
+
+    def say_all_again_soon(self) -> None:
+        """Viewers forget all in a new session and when time goes back, and ask for nothing: maps would be lost."""
+        if self._again is None and not self._closed:
+            self._again = self._loop.call_later(_AGAIN, self._say_all_again)
+
+    def _say_all_again(self) -> None:
+        self._again = None
+        for channel, readers in self._readers.items():
+            topic = self.offer.topics.get(channel)
+            if topic is not None and topic.latched:
+                for client, number in readers:
+                    if (wanted := client.subscriptions.get(number)) is not None:
+                        wanted.numbers.clear()
+                self.say_again(readers, topic)
 
     def service(self, number: int) -> ServedService | None:
         """A service by its number, also one that was there: its node may just begin anew."""
@@ -170,8 +197,9 @@ class Bridge:
         """Everything ends, with its threads."""
         self._closed = True
         self._room.release(_MOST_BATCHES)
-        if self._renewing is not None:
-            self._renewing.cancel()
+        for timer in (self._renewing, self._again):
+            if timer is not None:
+                timer.cancel()
         tasks = list(self._tasks)
         for task in tasks:
             task.cancel()
@@ -200,11 +228,14 @@ class Bridge:
     def _deliver(self, found: Iterable[Delivery], now: int | None) -> None:
         self._room.release()
         if now is not None:
-            for client in self.clients:
-                client.say_time(now)
+            self._say_time(now)
         for delivery in found:
             for client, number in self._readers.get(delivery.channel, ()):
                 self._give(client, number, delivery)
+
+    def _say_time(self, now: int) -> None:
+        if self._audience.say_time(now):
+            self.say_all_again_soon()
 
     def _give(self, client: Client, number: int, delivery: Delivery, *, is_kept: bool = False) -> None:
         wanted = client.subscriptions.get(number)
@@ -226,20 +257,29 @@ class Bridge:
     async def _renew(self) -> None:
         """Look at what there is, and tell everyone what has changed."""
         ends, nodes = self.presence.ends(), self.presence.nodes()
-        found = await self._loop.run_in_executor(self.pools.own, offer, ends, self._numbers, self.covers)
+        try:
+            found = await self._loop.run_in_executor(self.pools.own, offer, ends, self._numbers, self.covers)
+        except Exception as error:  # nobody has thought of it: the next change is looked at all the same
+            self._tell_once(f"what there is cannot be offered: {type(error).__name__}: {error}")
+            return
+        finally:
+            self._renewing = None
         before, self.offer = self.offer, found
         self._services = (self._services if len(self._services) < _MOST_SERVICES else {}) | found.services
-        self._renewing = None
         if (self.presence.ends(), self.presence.nodes()) != (ends, nodes):
             self._renew_soon()
         news = {name: why for name, why in found.unknown.items() if name not in before.unknown}
         for name, why in news.items():
             self._tell_once(f"{name}: {why}")
+        robots = sorted({topic.key.rpartition("/")[0] for topic in found.topics.values() if topic.key.endswith("/tf")})
+        if len(robots) > 1:
+            named = ", ".join(robots[:3])
+            self._tell_once(f"3D panels draw all robots into one ({named}): --robot-name offers one alone")
         for client in self.clients:
             client.offer(before, found)
-            self._tell_unknown(client, news)
+            client.tell_unknown(news)
         self.playback.follow(found.players[0] if found.players else "")
-        self._look_at_capabilities()
+        self._look_at_times()
         self.want()
         came, self._nodes = nodes - self._nodes, nodes
         if came:
@@ -247,64 +287,40 @@ class Bridge:
                 if client.wants_all_parameters:
                     self.do(tell_all_parameters(self, client))
 
-    def _look_at_capabilities(self) -> None:
-        """Where there is a clock now, or a recording, viewers begin anew: all times are other ones."""
-        span = self._place._replace(position=0, rate=0, paused=False, asked=0) if self._place is not None else None
-        if (self.offer.has_clock, span) != self._capabilities:
-            self._capabilities = self.offer.has_clock, span
-            self._session_id = secrets.token_hex(8)
+    def _look_at_times(self) -> None:
+        if self._about.look(has_clock=self.offer.has_clock, place=self._place):
             for client in self.clients:
-                client.say(self._info(client))
-
-    def _info(self, client: Client) -> str:
-        capabilities = ["parameters", "parametersSubscribe", "connectionGraph"]
-        place = self._place if client.knows_playback else None
-        if client.drives:
-            capabilities += ["clientPublish", "services"]
-        if self.offer.has_clock or self._place is not None:
-            capabilities.append("time")
-        span = None
-        if place is not None and client.drives:
-            capabilities.append("playbackControl")
-            span = place.begin, place.end
-        return protocol.server_info(self._name, capabilities, self._session_id, span)
+                client.say(self._about.info(client))
+            self.say_all_again_soon()
 
     def _played(self, place: Place | None, jumped: bool) -> None:
         self._place = place
-        self._look_at_capabilities()
+        self._look_at_times()
         if place is not None:
             for client in self.clients:
                 if client.knows_playback:
                     client.say(place.state(jumped=jumped))
 
-    def _parameters_changed(self, changed: list[protocol.Parameter]) -> None:
-        for client in self.clients:
-            client.tell_parameters(changed)
-
     def _refused(self, topic: str, why: str) -> None:
         if self._tell_once(f"{topic}: a message cannot be shown: {why}"):
-            for client in self.clients:
-                client.status(protocol.WARNING, f"{topic}: a message cannot be shown: {why}")
-
-    def _tell_unknown(self, client: Client, unknown: dict[str, str]) -> None:
-        for name, why in unknown.items():
-            client.status(protocol.INFO, f"{name}: {why}")
+            self._audience.status(protocol.WARNING, f"{topic}: a message cannot be shown: {why}")
 
     async def _beat(self) -> None:
         while True:
             await asyncio.sleep(_BEAT)
-            slow = next(self._beats) % _SLOW == 0
             played = self.playback.now() if not self.offer.has_clock else None
-            for client in self.clients:
-                if played is not None:
-                    client.say_time(played)
-                if slow:
-                    client.tell_left_out(self.offer)
+            if played is not None:
+                self._say_time(played)
+            self._audience.look_at_link()
+            if next(self._beats) % _SLOW == 0:
+                self._audience.tell_left_out(self.offer, self._loop.time())
 
 
 async def tell_all_parameters(bridge: Bridge, client: Client, id_: str | None = None) -> None:
     """Tell a client the parameters of all nodes; `id_` is of its question, where it has asked."""
     work = partial(all_parameters, bridge.session, bridge.covers)
     found = await asyncio.get_running_loop().run_in_executor(bridge.pools.calls, work)
-    named = {"id": id_} if id_ is not None else {}
-    client.say(protocol.word("parameterValues", parameters=found, **named))
+    if id_ is not None:
+        client.say(protocol.word("parameterValues", parameters=found, id=id_))
+    else:
+        client.say_newest("parameters", protocol.word("parameterValues", parameters=found))

@@ -22,6 +22,8 @@ PERIOD = 0.25
 """How often a player is asked how far it has come, s."""
 _TIMEOUT = 2.0
 """s."""
+_PATIENCE = 10_000_000_000
+"""A player that is there and does not answer is believed so long to go on, ns: viewers forget all when it is gone."""
 _JUMP = 1_000_000_000
 """Whoever is so far, ns, from where he should be has jumped."""
 
@@ -79,6 +81,8 @@ class Playback:
         """What time was told last, ns since the epoch."""
         self.place: Place | None = None
         """As it was told last."""
+        self._controls = 0
+        """How often somebody has changed something: an answer of before does not hold."""
         self._thread = threading.Thread(target=self._run, name="robo-foxglove-playback", daemon=True)
         self._thread.start()
 
@@ -123,6 +127,7 @@ class Playback:
         place = self._ask(player)
         with self._telling:
             self.place = place
+            self._controls += 1
             if asked.seek is not None:
                 self._last = 0
         return place
@@ -147,12 +152,18 @@ class Playback:
             self._look(player)
 
     def _look(self, player: str) -> None:
-        before = self.place
+        with self._telling:
+            before, controls = self.place, self._controls
         try:
             place = self._ask(player) if player else None
         except (RoboError, zenoh.ZError):
-            place = None  # it has just ended; or it hangs, and its place is not known
-        self.place = place
+            if before is not None and time.monotonic_ns() - before.asked < _PATIENCE:
+                return  # whether it is gone, its token says
+            place = None
+        with self._telling:
+            if controls != self._controls:
+                return
+            self.place = place
         if place is None or before is None:
             if place is not before:
                 self._told(place, False)

@@ -12,7 +12,7 @@ import msgspec
 
 SDK, PLAIN = "foxglove.sdk.v1", "foxglove.websocket.v1"
 SUBPROTOCOLS = (SDK, PLAIN)
-"""Names of the protocol that are spoken, the better one first."""
+"""Names of the protocol that are spoken."""
 
 INFO, WARNING, ERROR = 0, 1, 2
 """How bad it is what a client is told."""
@@ -270,6 +270,11 @@ def status(level: int, text: str, id_: str = "") -> str:
     """Something that a person should see; of one id the last one holds."""
     named = {"id": id_} if id_ else {}
     return word("status", level=level, message=text, **named)
+
+
+def no_status(*ids: str) -> str:
+    """What a person should see no longer."""
+    return word("removeStatus", statusIds=ids)
 
 
 def server_info(name: str, capabilities: Sequence[str], session: str, play_range: tuple[int, int] | None = None) -> str:

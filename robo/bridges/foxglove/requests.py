@@ -92,7 +92,7 @@ def _subscribe(bridge: Bridge, client: Client, subscriptions: Sequence[Wanted]) 
     for wanted in late:
         topic = bridge.offer.topics[wanted.channel_id]
         if topic.latched:
-            bridge.say_again(client, wanted.id, topic)
+            bridge.say_again([(client, wanted.id)], topic)
 
 
 def _watch(client: Client, names: Sequence[str]) -> None:
@@ -160,6 +160,8 @@ async def _done(bridge: Bridge, client: Client, asked: GetParameters | SetParame
     match asked:
         case Control():
             place = await blocking(partial(bridge.playback.control, asked))
+            if asked.seek is not None:
+                bridge.say_all_again_soon()
             state = place.state(asked.request, jumped=asked.seek is not None)
             others = place.state(jumped=asked.seek is not None)
             for one in bridge.clients:

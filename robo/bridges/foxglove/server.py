@@ -5,7 +5,7 @@ import http
 import math
 import socket
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import AbstractAsyncContextManager, suppress
 from functools import partial
 from typing import Any
@@ -47,6 +47,8 @@ class Settings(msgspec.Struct, frozen=True):
     """0 for any that is free."""
     tokens: Tokens = Tokens()
     """Empty: whoever reaches the port is let in, but for pages of strangers."""
+    look: bool = False
+    """Whether nobody may do more than look."""
     origins: tuple[str, ...] = ()
     """Pages that may connect without a token beside known viewers; `*` for any."""
 
@@ -60,6 +62,7 @@ class Server:
         settings: Settings,
         tell: Callable[[str], None] = lambda _: None,
         covers: Callable[[str], bool] = lambda _: True,
+        lost: Callable[[], str] = lambda: "",
     ) -> None:
         """
         Args:
@@ -67,12 +70,14 @@ class Server:
             settings: where, and for whom.
             tell: is told what whoever runs the server should know.
             covers: which topics and services are offered, by their keys.
+            lost: that the robots' network is lost, in a sentence; empty where it is not.
 
         Raises:
             RunError: the library for the socket is not installed.
         """
         self._websockets = import_websockets("the bridge", "foxglove")
-        self._session, self._settings, self._tell, self._covers = session, settings, tell, covers
+        self._session, self._settings, self._tell = session, settings, tell
+        self._covers, self._lost = covers, lost
         self._door = Doorkeeper(settings.tokens)
         self._clients: set[Client] = set()
 
@@ -87,7 +92,7 @@ class Server:
             NetworkError: the port cannot be had.
         """
         pools = Pools.new()
-        bridge = Bridge(self._session, self._settings.name, pools, self._tell, self._covers)
+        bridge = Bridge(self._session, self._settings.name, pools, self._tell, self._covers, self._lost)
         self._clients = bridge.clients
         try:
             async with self._listening(partial(self._connected, bridge)) as port:
@@ -105,7 +110,7 @@ class Server:
             o.host,
             o.port,
             connected,
-            subprotocols=list(protocol.SUBPROTOCOLS),
+            select_subprotocol=self._spoken,
             process_request=self._judge,
             max_size=_MOST_REQUEST,
             max_queue=_MOST_REQUESTS,
@@ -113,6 +118,17 @@ class Server:
             ping_interval=_PING,
             ping_timeout=_SILENCE,
         )
+
+    def _spoken(self, _: Any, offered: Sequence[str]) -> str:
+        """Which protocol is spoken: the first one that a client offers, since it knows that best.
+
+        Raises:
+            NegotiationError: it offers none that is known here.
+        """
+        for one in offered:
+            if one in protocol.SUBPROTOCOLS:
+                return one
+        raise self._websockets.NegotiationError(f"this bridge speaks {' and '.join(protocol.SUBPROTOCOLS)}")
 
     def _judge(self, connection: Any, request: Any) -> Any:
         """What somebody gets who may not connect, or asks for no socket; None for who may."""
@@ -150,7 +166,7 @@ class Server:
 
     async def _connected(self, bridge: Bridge, connection: Any) -> None:
         _keep_little(connection)
-        drives = connection.robo_right is Right.DRIVE
+        drives = connection.robo_right is Right.DRIVE and not self._settings.look
         client = bridge.join(drives=drives, knows_playback=connection.subprotocol == protocol.SDK)
         self._tell(f"{client.name} has connected from {connection.remote_address[0]}{'' if drives else ', to look'}")
         loop = asyncio.get_running_loop()
@@ -169,7 +185,8 @@ class Server:
             bridge.leave(client)
             for task in tasks:
                 task.cancel()
-            self._tell(f"{client.name} is gone")
+            left = client.outbox.left_out.total() + client.outbox.forgotten
+            self._tell(f"{client.name} is gone{f', {left:,} messages were left out for it' if left else ''}")
 
     async def _keep_fresh(self, client: Client, connection: Any) -> None:
         """Know how old what a client says can be: what comes after the answer to a ping was said after the ping.
