@@ -6,11 +6,13 @@ import signal
 import subprocess
 from collections.abc import Iterator
 from contextlib import closing
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from robo.bridges.foxglove.publications import type_of
 from tests.conftest import free_port
 from tests.npm import node_with
 from tests.support import Command, robo, run_robo
@@ -60,35 +62,42 @@ def test_an_independent_client_sees_and_drives_the_robot(bridge: str, subprotoco
     assert found["failures"] == []
 
 
-def topics_of(layout: object) -> Iterator[str]:
-    """What a layout shows, calls and publishes, by name."""
+def named_by(layout: object, keys: tuple[str, ...]) -> Iterator[str]:
+    """What a layout names by some keys."""
     if isinstance(layout, dict):
         for key, value in layout.items():
-            if key in ("topic", "topicPath", "path", "value", "topicToRender", "serviceName") and isinstance(
-                value, str
-            ):
-                yield value.partition(".")[0]
-            elif key == "topics" and isinstance(value, dict):
+            if key in keys and isinstance(value, str) and value.startswith("/"):
+                yield value
+            elif key in keys and isinstance(value, dict):
                 yield from value
-            yield from topics_of(value)
+            yield from named_by(value, keys)
     elif isinstance(layout, list):
         for one in layout:
-            yield from topics_of(one)
+            yield from named_by(one, keys)
+
+
+PATHS = ("topic", "topicPath", "path", "value", "topicToRender", "topics")
+"""Of panels that show, or publish on, a topic."""
+MAYBE = {"/r1/map", "/r1/path"}
+"""Of robots that have one."""
 
 
 @pytest.mark.parametrize("viewer", ["foxglove", "lichtblick"])
 def test_the_layouts_show_what_the_robot_has(bridge: str, viewer: str) -> None:
     done = run_robo("bridge", "foxglove", "--layout", viewer, "--robot-name", "r1")
     layout = json.loads(done.stdout)
-    wanted = {name for name in topics_of(layout) if name.startswith("/")} - {
-        "/r1/map",
-        "/r1/path",
-    }  # of those that have one
-    assert len(wanted) >= 12
+    paths = {name: name.partition(".") for name in named_by(layout, PATHS)}
+    wanted = {topic for topic, _, _ in paths.values()} - MAYBE
+    services = {*named_by(layout, ("serviceName",))}
+    assert len(wanted) >= 10
+    assert services == {"/r1/emergency_stop", "/r1/reset_emergency_stop"}
     assert not [name for name in wanted if not name.startswith("/r1/")]
     with viewers.client.connect(bridge, subprotocols=[viewers.SDK], max_size=None) as socket:
         seen = viewers.Viewer(socket)
-        seen.until(lambda: wanted <= {*seen.topics, *seen.services})
+        seen.until(lambda: wanted <= {*seen.topics} and services <= {*seen.services})
+    for topic, _, fields in paths.values():
+        if topic in wanted and fields:
+            attrgetter(fields)(type_of(seen.topics[topic]["schemaName"])())
 
 
 def panels(layout: Any) -> set[str]:
@@ -127,6 +136,8 @@ def test_another_address_needs_a_token_or_says_that_it_is_open(robot: str, tmp_p
         assert said["view"] != said["drive"]
     with robo(*where, "--open") as command:
         command.wait_for("OPEN: whoever reaches this port drives the robot")
+    with robo(*where, "--open", "--look") as command:
+        command.wait_for("OPEN: whoever reaches this port sees all")
     short = tmp_path / "tokens"
     short.write_text("short\n", encoding="utf-8")
     done = run_robo(*where, "--token-file", str(short))

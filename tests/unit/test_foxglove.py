@@ -16,7 +16,7 @@ from robo.bridges.foxglove.calls import by_node, message_from, shown_parameter
 from robo.bridges.foxglove.client import Client, Subscription
 from robo.bridges.foxglove.drivers import Drivers
 from robo.bridges.foxglove.layouts import VIEWERS, layout_of
-from robo.bridges.foxglove.offered import Ends, Numbers, graph_changes, offer
+from robo.bridges.foxglove.offered import Ends, Numbers, graph_changes, offer, robots_drawn_into_one
 from robo.bridges.foxglove.outbox import MOST_BYTES_OF_ONE, MOST_BYTES_OF_WORDS, MOST_OF_ONE, MOST_WORDS, Full, Outbox
 from robo.bridges.foxglove.playback import Place
 from robo.bridges.foxglove.protocol import Call, Control, GetParameters, Publish, Subscribe, Unreadable, Wanted
@@ -198,7 +198,7 @@ def test_a_viewer_that_follows_the_changes_of_the_graph_knows_the_graph(states: 
     before: Ends | None = None
     for after in states:
         changes = graph_changes(before, after)
-        assert (changes is None) == (after == (before or Ends({}, {}, {})))
+        assert (changes is None) == (after == before)
         if changes is not None:
             said = msgspec.json.decode(msgspec.json.encode(changes))
             rows = zip(
@@ -232,6 +232,21 @@ def test_a_trail_has_a_pose_each_few_centimetres_and_an_end() -> None:
     assert len(path) == MOST_POSES
     assert driven(trail, iter([(0.0, 1)])) == [[0.0]], "time has gone back: another one"
     assert trail.take(odometry(float("nan"), 9), 10**12) is None
+
+
+def test_a_trail_goes_through_no_wall() -> None:
+    trail = Trail()
+    assert driven(trail, iter([(0.0, 1), (0.8, 2)])) == [[0.0], [0.0, 0.8]]
+    assert driven(trail, iter([(2.5, 60)])) == [[2.5]], "nobody has looked"
+    assert driven(trail, iter([(20.0, 61)])) == [[20.0]], "the pose was set anew"
+    assert driven(trail, iter([(22.0, 62)])) == [[20.0, 22.0]]
+
+
+def test_robots_that_a_panel_draws_into_one_are_named() -> None:
+    one = [end("pub", "r1/odom", "nav/Odometry"), end("pub", "tf", "tf2/TFMessage")]
+    assert robots_drawn_into_one(offer(one, Numbers())) == []
+    two = [*one, end("pub", "r2/tf", "tf2/TFMessage")]
+    assert robots_drawn_into_one(offer(two, Numbers())) == ["r1", "r2"]
 
 
 def test_pages_of_viewers_and_of_this_machine_may_connect_and_no_others() -> None:
@@ -310,3 +325,10 @@ def test_layouts_are_of_the_robot_that_is_named() -> None:
         assert '"/my_robot/scan"' in layout_of(viewer)
     with pytest.raises(UsageError, match="lichtblick"):
         layout_of("lichtblik")
+
+
+def test_layouts_of_both_viewers_differ_by_the_name_of_titles_alone() -> None:
+    """By which Lichtblick 1.29 and Foxglove know them."""
+    foxglove, lichtblick = map(layout_of, ("foxglove", "lichtblick"))
+    assert foxglove.replace('"foxglovePanelTitle"', '"lichtblickPanelTitle"') == lichtblick
+    assert lichtblick.count("lichtblickPanelTitle") == 5
