@@ -20,6 +20,7 @@ verbs = group()
     "robo bridge foxglove --robot-name r1",
     "robo bridge foxglove --listen 127.0.0.1:0 --json",
     "robo bridge foxglove --listen 0.0.0.0:8765",
+    "robo bridge foxglove --look",
     "robo bridge foxglove --layout lichtblick --robot-name r1 > r1.json",
     short_help="Serve Foxglove and Lichtblick, live.",
 )
@@ -38,6 +39,10 @@ def foxglove(
     ] = None,
     without_token: Annotated[
         bool, typer.Option("--open", help="Ask for no token: whoever reaches the port drives the robot.")
+    ] = False,
+    look: Annotated[
+        bool,
+        typer.Option("--look", help="Let nobody do more than look, whatever their token: nothing is driven or set."),
     ] = False,
     origins: Annotated[
         list[str] | None,
@@ -66,5 +71,5 @@ def foxglove(
     if layout is not None:
         print_layout(layout, reach)
         return
-    access = Access(token_file, without_token, tuple(origins or ()))
+    access = Access(token_file, without_token, tuple(origins or ()), look)
     serve(reach, listen=listen, access=access, json=json)

@@ -27,6 +27,8 @@ class Access(NamedTuple):
     """Whether nobody needs one."""
     origins: tuple[str, ...] = ()
     """Pages that may connect without one."""
+    look: bool = False
+    """Whether nobody may do more than look."""
 
 
 def print_layout(viewer: str, reach: Reach) -> None:
@@ -62,30 +64,33 @@ def serve(reach: Reach, *, listen: str, access: Access, json: bool) -> None:
     from robo.bridges.foxglove.server import Server, Settings
 
     name = f"robo {reach.robot}" if reach.robot else "robo"
-    settings = Settings(name, host, port, tokens, access.origins)
+    settings = Settings(name, host, port, tokens, look=access.look, origins=access.origins)
 
     async def until_stopped(server: Server) -> None:
         over = asyncio.Event()
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, over.set)
-        await server.serve(lambda port: _tell(host, port, tokens, json=json), over.wait())
+        await server.serve(lambda port: _tell(host, port, tokens, look=access.look, json=json), over.wait())
 
-    with connect_to_robot(reach) as session, watched(session, reach):
-        asyncio.run(until_stopped(Server(session, settings, lambda text: note(visible(text)), reach.covers)))
+    with connect_to_robot(reach) as session, watched(session, reach) as link:
+        server = Server(session, settings, lambda text: note(visible(text)), reach.covers, lambda: link.lost)
+        asyncio.run(until_stopped(server))
 
 
-def _tell(host: str, port: int, tokens: Tokens, *, json: bool) -> None:
+def _tell(host: str, port: int, tokens: Tokens, *, look: bool, json: bool) -> None:
     shown = shown_host(host)
     found = addresses("ws", shown, port, tokens)
     if json:
         print_json({**found, "open": not tokens.drive and not is_loopback(host)})
         return
     print_line(f"viewers connect to {found['drive']}")
-    if "view" in found:
+    if look:
+        print_line("  all may look, and nobody drives")
+    elif "view" in found:
         print_line(f"  to look and not to drive: {found['view']}")
     if tokens.drive:
         print_line(f"  these words travel unencrypted; safer: ssh -L {port}:127.0.0.1:{port} {shown}")
     elif not is_loopback(host):
-        print_line("  OPEN: whoever reaches this port drives the robot")
+        print_line(f"  OPEN: whoever reaches this port {'sees all' if look else 'drives the robot'}")
     print_line("  Ctrl-C ends it")
