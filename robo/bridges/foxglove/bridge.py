@@ -17,7 +17,7 @@ from robo.bridges.foxglove.calls import all_parameters
 from robo.bridges.foxglove.client import Client
 from robo.bridges.foxglove.drivers import Drivers
 from robo.bridges.foxglove.feed import Delivery, Feed
-from robo.bridges.foxglove.offered import Numbers, Offer, ServedService, Topic, offer
+from robo.bridges.foxglove.offered import Numbers, Offer, ServedService, Topic, offer, robots_drawn_into_one
 from robo.bridges.foxglove.playback import Place, Playback
 from robo.bridges.foxglove.presence import Presence
 from robo.bridges.foxglove.publications import Publications
@@ -191,17 +191,20 @@ class Bridge:
         """Have something done that is not waited for."""
         task = self._loop.create_task(work)
         self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        task.add_done_callback(self._over)
+
+    def _over(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            self._tell_once(f"the bridge has failed: {type(error).__name__}: {error}")
 
     async def close(self) -> None:
         """Everything ends, with its threads."""
         self._closed = True
-        self._room.release(_MOST_BATCHES)
         for timer in (self._renewing, self._again):
             if timer is not None:
                 timer.cancel()
-        tasks = list(self._tasks)
-        for task in tasks:
+        for task in (tasks := list(self._tasks)):
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
         for client in list(self.clients):
@@ -221,7 +224,8 @@ class Bridge:
 
     def _hand_over(self, found: list[Delivery], now: int | None) -> None:
         """Called by the thread that receives: it waits where the event loop is behind."""
-        self._room.acquire()
+        while not (self._closed or self._room.acquire(timeout=0.2)):
+            pass
         if not self._closed:
             self._loop.call_soon_threadsafe(self._deliver, found, now)
 
@@ -271,10 +275,8 @@ class Bridge:
         news = {name: why for name, why in found.unknown.items() if name not in before.unknown}
         for name, why in news.items():
             self._tell_once(f"{name}: {why}")
-        robots = sorted({topic.key.rpartition("/")[0] for topic in found.topics.values() if topic.key.endswith("/tf")})
-        if len(robots) > 1:
-            named = ", ".join(robots[:3])
-            self._tell_once(f"3D panels draw all robots into one ({named}): --robot-name offers one alone")
+        if robots := robots_drawn_into_one(found):
+            self._tell_once(f"3D panels draw {' and '.join(robots[:3])} into one: --robot-name offers one robot alone")
         for client in self.clients:
             client.offer(before, found)
             client.tell_unknown(news)
@@ -308,8 +310,7 @@ class Bridge:
     async def _beat(self) -> None:
         while True:
             await asyncio.sleep(_BEAT)
-            played = self.playback.now() if not self.offer.has_clock else None
-            if played is not None:
+            if not self.offer.has_clock and (played := self.playback.now()) is not None:
                 self._say_time(played)
             self._audience.look_at_link()
             if next(self._beats) % _SLOW == 0:

@@ -165,8 +165,11 @@ class Feed:
             clock = self._decode_clock.decode(sample.payload.to_bytes(), str(sample.encoding))
         except Malformed:
             return None
-        self._clock = clock.clock.to_nanoseconds()
-        return self._clock
+        with self._changed:
+            if CLOCK not in self._ends:
+                return None  # it is gone meanwhile: no message is to have its time any more
+            self._clock = clock.clock.to_nanoseconds()
+            return self._clock
 
     def _of_sample(self, key: str, sample: zenoh.Sample, topics: list[Topic]) -> list[Delivery]:
         """What a message brings about: itself, and what is made of it."""

@@ -132,6 +132,13 @@ def offer(tokens: Iterable[EndpointToken], numbers: Numbers, covers: Callable[[s
 _SHARED = (CLOCK, "tf", "tf_static")
 
 
+def robots_drawn_into_one(found: Offer) -> list[str]:
+    """The namespaces whose transforms a 3D panel takes into one tree, where these are several."""
+    those = {topic.key.rpartition("/")[0] for topic in found.topics.values() if topic.type == _TRANSFORMS}
+    several = sorted(one for one in those if one)
+    return several if len(several) > 1 else []
+
+
 def _nodes(ends: Mapping[str, list[EndpointToken]], kind: str) -> dict[str, tuple[str, ...]]:
     found = {
         f"/{key}": tuple(sorted({one.full_name for one in those if one.kind == kind})) for key, those in ends.items()
@@ -207,9 +214,10 @@ def graph_changes(before: Ends | None, after: Ends) -> dict[str, object] | None:
     """What of who is at which end has changed, as a client is told; None where nothing has.
 
     Args:
-        before: what it knows; None for nothing.
+        before: what it knows; None for one that has been told nothing, and is to be told even that there is nothing.
         after: what holds.
     """
+    is_first = before is None
     before = before or Ends({}, {}, {})
     changed = [
         {name: nodes for name, nodes in new.items() if old.get(name) != nodes}
@@ -221,7 +229,7 @@ def graph_changes(before: Ends | None, after: Ends) -> dict[str, object] | None:
     for number, (old, new) in enumerate(zip(before[:2], after[:2], strict=True)):
         changed[number] |= dict.fromkeys((old.keys() - new.keys()) & there, ())
     gone, unserved = sorted(known - there), sorted(before.servers.keys() - after.servers.keys())
-    if not any(changed) and not gone and not unserved:
+    if not is_first and not any(changed) and not gone and not unserved:
         return None
     words = (
         ("publishedTopics", "publisherIds"),

@@ -9,6 +9,10 @@ STEP = 0.05
 """Between two poses that are kept, m."""
 MOST_POSES = 1_000
 """The last 50 m."""
+_JUMP, _FASTEST = 1.0, 10.0
+"""Who is so far, m, from where he was, and came there faster than so, m/s, has jumped."""
+_UNSEEN = 2_000_000_000
+"""How a robot has come so far is not known where nobody has looked for so long, ns."""
 PERIOD = 500_000_000
 """A path is told at most so often, ns: it is whole each time."""
 
@@ -18,7 +22,7 @@ class Trail:
 
     def __init__(self) -> None:
         self._poses: deque[PoseStamped] = deque(maxlen=MOST_POSES)
-        self._told = 0
+        self._told = self._seen = 0
         self._frame = ""
 
     def take(self, odometry: Odometry, now: int) -> Path | None:
@@ -37,8 +41,12 @@ class Trail:
         if last is not None and (odometry.header.frame_id != self._frame or _before(odometry.header, last.header)):
             self._poses.clear()
             last = None
+        if last is not None and _jumps(_distance(last, odometry), now - self._seen):
+            self._poses.clear()
+            last = None
+        self._seen = now
         self._frame = odometry.header.frame_id
-        if last is None or _far(last, odometry):
+        if last is None or _distance(last, odometry) >= STEP:
             self._poses.append(PoseStamped(Header(odometry.header.stamp, self._frame), pose))
         if abs(now - self._told) < PERIOD:
             return None
@@ -50,6 +58,10 @@ def _before(one: Header, other: Header) -> bool:
     return one.stamp.to_nanoseconds() < other.stamp.to_nanoseconds()
 
 
-def _far(last: PoseStamped, odometry: Odometry) -> bool:
+def _distance(last: PoseStamped, odometry: Odometry) -> float:
     before, now = last.pose.position, odometry.pose.pose.position
-    return math.dist((before.x, before.y, before.z), (now.x, now.y, now.z)) >= STEP
+    return math.dist((before.x, before.y, before.z), (now.x, now.y, now.z))
+
+
+def _jumps(distance: float, unseen: int) -> bool:
+    return distance > _JUMP and (unseen > _UNSEEN or distance > _FASTEST * unseen / 1e9)
