@@ -298,10 +298,11 @@ class Bridge:
     def _played(self, place: Place | None, jumped: bool) -> None:
         self._place = place
         self._look_at_times()
-        if place is not None:
-            for client in self.clients:
-                if client.knows_playback:
-                    client.say(place.state(jumped=jumped))
+        if jumped:
+            self.say_all_again_soon()
+        for client in self.clients:
+            if client.knows_playback and place is not None:
+                client.say(place.state(jumped=jumped))
 
     def _refused(self, topic: str, why: str) -> None:
         if self._tell_once(f"{topic}: a message cannot be shown: {why}"):

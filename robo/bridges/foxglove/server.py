@@ -152,7 +152,7 @@ class Server:
             return self._words(403, "a page of this origin may not connect: see --origin of `robo bridge foxglove`")
         if len(self._clients) >= _MOST_CLIENTS:
             return self._words(503, f"{_MOST_CLIENTS} viewers are here already")
-        connection.robo_right = right
+        connection.robo_right, connection.robo_since = right, now
         return None
 
     def _words(self, status: int, text: str, retry: str = "") -> Any:
@@ -168,6 +168,7 @@ class Server:
         _keep_little(connection)
         drives = connection.robo_right is Right.DRIVE and not self._settings.look
         client = bridge.join(drives=drives, knows_playback=connection.subprotocol == protocol.SDK)
+        client.fresh = connection.robo_since  # it has said nothing before it was let in
         self._tell(f"{client.name} has connected from {connection.remote_address[0]}{'' if drives else ', to look'}")
         loop = asyncio.get_running_loop()
         tasks = [loop.create_task(self._send(client, connection))]
