@@ -16,7 +16,7 @@ import pytest
 import yaml
 import zenoh
 
-from robo.export.compose.baggage import PACKAGES
+from robo.export.baggage import PACKAGES
 from robo.export.compose.keeper import DELAY
 from robo.testing.heard import Heard
 from robo.wire.network import Network

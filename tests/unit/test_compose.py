@@ -14,13 +14,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo.errors import ManifestError
+from robo.export.commands import as_word
 from robo.export.compose import dockerfile
 from robo.export.compose import file as compose
-from robo.export.compose.names import slug, take
-from robo.export.compose.services import MEMORY, as_word
-from robo.export.compose.yaml_text import MERGE, Alias, Anchored, dumped
+from robo.export.compose.services import MEMORY
+from robo.export.names import slug, take
 from robo.export.placeholders import Placeholders
 from robo.export.profiles import Profiles, profiles_of
+from robo.export.yaml_text import MERGE, Alias, Anchored, dumped
 from robo.node.loading import load_node_class
 from robo.parameters.model import Parameters
 from robo.parameters.words import parse_assignment

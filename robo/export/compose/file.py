@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from robo.environment import IMAGE_VARIABLE
-from robo.export.compose.baggage import Project
+from robo.export.baggage import Project
 from robo.export.compose.layout import KEEPER, Layout
 from robo.export.compose.services import GRACE, HEALTH, Service, Services
-from robo.export.compose.yaml_text import MERGE, Alias, Anchored, dumped
 from robo.export.profiles import Profiles
+from robo.export.yaml_text import MERGE, Alias, Anchored, dumped
 
 _COMMON: dict[str, Any] = {
     "networks": ["robot"],

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from robo.export.compose.names import slug, take
+from robo.export.names import slug, take
 from robo.export.profiles import Profiles
 from robo.launch.plan import ProcessPlan
 

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from robo.export.compose.names import slug, take
+from robo.export.names import slug, take
 from robo.export.placeholders import Placeholders
 from robo.launch.find import SHARE
 
