@@ -36,6 +36,10 @@ class Project:
         relative = os.path.relpath(path, self._folder)
         return relative if relative.startswith(".") else f"./{relative}"
 
+    def path(self, source: str) -> Path:
+        """Where a file is that `source` has named."""
+        return Path(os.path.normpath(self._folder / source))
+
     def within(self, path: Path) -> str | None:
         """A path as it is called in the project: below the folder of the Compose file, or below the current one."""
         for folder in (self._folder, Path.cwd()):

@@ -1,7 +1,9 @@
-"""Names for the parts of a Compose file."""
+"""Names for the parts of an exported file."""
 
 import re
 from itertools import chain, count
+
+from robo.launch.plan import ProcessPlan
 
 
 def slug(text: str) -> str:
@@ -14,3 +16,13 @@ def take(name: str, taken: set[str]) -> str:
     free = next(one for one in chain([name], (f"{name}_{number}" for number in count(2))) if one not in taken)
     taken.add(free)
     return free
+
+
+def robot_of(process: ProcessPlan) -> str:
+    """The robot that a process belongs to."""
+    return process.namespace.partition("/")[0]
+
+
+def inner_name(process: ProcessPlan) -> str:
+    """A process's full name within its robot."""
+    return process.full_name.strip("/").removeprefix(robot_of(process)).strip("/") or process.name

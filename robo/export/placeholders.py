@@ -4,19 +4,27 @@ While a plan is worked out a word stands in for each of them; in the exported te
 """
 
 import re
+from typing import NamedTuple
 
 _WORD = re.compile(r"zz_robo_(\d+)_zz")
+
+
+class Variable(NamedTuple):
+    """What is known only when the exported file is used."""
+
+    name: str
+    default: str | None
 
 
 class Placeholders:
     """The words that stand in for variables."""
 
     def __init__(self) -> None:
-        self._variables: list[tuple[str, str | None]] = []
+        self._variables: list[Variable] = []
 
     def word(self, variable: str, default: str | None) -> str:
         """A word for a variable: a valid name, so that it may stand wherever the value may."""
-        known = (variable, default)
+        known = Variable(variable, default)
         if known not in self._variables:
             self._variables.append(known)
         return f"zz_robo_{self._variables.index(known)}_zz"
@@ -35,8 +43,14 @@ class Placeholders:
 
     def shown(self, text: str) -> str:
         """A text for a file in which `$` begins a variable: words are variables, other dollars are kept."""
-        parts = _WORD.split(text.replace("$", "$$"))
-        return "".join(part if i % 2 == 0 else self._variable(int(part)) for i, part in enumerate(parts))
+        return "".join(
+            part.replace("$", "$$") if isinstance(part, str) else _of_compose(part) for part in self.parts(text)
+        )
+
+    def parts(self, text: str) -> list[str | Variable]:
+        """What a text consists of: texts, and variables between them."""
+        parts = _WORD.split(text)
+        return [part if i % 2 == 0 else self._variables[int(part)] for i, part in enumerate(parts)]
 
     def without(self, text: str) -> str:
         """A text with the words left out."""
@@ -47,6 +61,7 @@ class Placeholders:
         match = _WORD.search(path)
         return (path, "") if match is None else (path[: match.start()], path[match.start() :])
 
-    def _variable(self, number: int) -> str:
-        variable, default = self._variables[number]
-        return f"${{{variable}}}" if default is None else f"${{{variable}:-{default}}}"
+
+def _of_compose(variable: Variable) -> str:
+    name, default = variable
+    return f"${{{name}}}" if default is None else f"${{{name}:-{default}}}"

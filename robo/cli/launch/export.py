@@ -1,5 +1,6 @@
 """`robo export`: a manifest in the forms of other systems."""
 
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,7 +10,9 @@ from robo.cli.printing import note, write_file
 from robo.errors import UsageError
 from robo.export.compose import dockerfile
 from robo.export.compose import file as compose
-from robo.export.profiles import profiles_of
+from robo.export.kubernetes import folder as kubernetes
+from robo.export.kubernetes.folder import Wishes
+from robo.export.profiles import Profiles, profiles_of
 from robo.launch.find import names_manifest
 from robo.launch.substitution import Word
 from robo.parameters.words import sorted_out
@@ -28,11 +31,7 @@ def export_compose(words: Sequence[str], *, robot: str | None, output: Path | No
         ManifestError: the manifest has mistakes.
         UsageError: the words make no sense, or the file cannot be written.
     """
-    files, values = sorted_out(words)
-    if len(files) > 1 or not all(map(names_manifest, files)):
-        raise UsageError("name one manifest, and arguments as name:=value")
-    given = {name: Word(value) for name, value in values.items()}
-    profiles = profiles_of(manifest_file(files[0] if files else DEFAULT_MANIFEST), given, robot)
+    profiles = _profiles_of(words, robot)
     folder = output.parent if output is not None else Path.cwd()
     recipe = compose.context(folder) / "Dockerfile"
     build = recipe.is_file()
@@ -56,6 +55,49 @@ def export_compose(words: Sequence[str], *, robot: str | None, output: Path | No
         write_file(text, output)
 
 
+def export_kubernetes(words: Sequence[str], wishes: Wishes, *, robot: str | None, output: Path | None) -> None:
+    """Print Kubernetes' objects of a manifest, or write them as a folder with a base and an overlay.
+
+    Args:
+        words: the manifest, and its arguments.
+        wishes: how they are to be.
+        robot: its name, if it is not to be a variable.
+        output: the folder.
+
+    Raises:
+        ManifestError: the manifest has mistakes.
+        UsageError: the words make no sense, or a file cannot be written.
+    """
+    profiles = _profiles_of(words, robot)
+    made_by = f"robo export kubernetes {shlex.join(words)}".rstrip()
+    found = kubernetes.export(profiles, wishes, folder=output or Path.cwd(), made_by=made_by)
+    for left_out in found.left_out:
+        note(f"left out, Kubernetes has no word for it: {left_out}")
+    for name in found.unknown:
+        note(f"say what {name} is: a key of the ConfigMap `settings`, or --secret {name}")
+    if found.secret:
+        literals = " ".join(f"--from-literal={name}=…" for name in found.secret)
+        note(f"it needs a Secret: kubectl create secret generic settings {literals}")
+    if output is None:
+        sys.stdout.write("---\n".join(found.objects))
+        return
+    for path, text in found.files.items():
+        try:
+            (output / path).parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UsageError(f"the folder {(output / path).parent} cannot be made: {error.strerror}") from None
+        write_file(text, output / path)
+    note(f"kubectl apply -k {output}/base, or {output}/overlays/example for a robot of its own")
+
+
 def export_dockerfile() -> None:
     """Print a Dockerfile for the package of the current folder."""
     sys.stdout.write(dockerfile.TEXT)
+
+
+def _profiles_of(words: Sequence[str], robot: str | None) -> Profiles:
+    files, values = sorted_out(words)
+    if len(files) > 1 or not all(map(names_manifest, files)):
+        raise UsageError("name one manifest, and arguments as name:=value")
+    given = {name: Word(value) for name, value in values.items()}
+    return profiles_of(manifest_file(files[0] if files else DEFAULT_MANIFEST), given, robot)

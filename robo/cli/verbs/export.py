@@ -48,6 +48,54 @@ def export_compose(
     write(words or [], robot=robot_name, output=output, keeper=keeper)
 
 
+@verb(
+    verbs,
+    "kubernetes",
+    "robo export kubernetes robot.yaml -o k8s",
+    "robo export kubernetes robot.yaml --robot-name r1 | kubectl apply -f -",
+    "robo export kubernetes launch/perception.yaml --deployments --connect tcp/192.168.1.20:7447 -o k8s",
+)
+def export_kubernetes(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[MANIFEST] [NAME:=VALUE]...",
+            help="What to export.",
+            show_default=False,
+            autocompletion=completion.manifests,
+        ),
+    ] = None,
+    robot_name: RobotName = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FOLDER", help="Write a base and an overlay there.")
+    ] = None,
+    image: Annotated[str, typer.Option("--image", metavar="NAME", help="What containers are made of.")] = "robo:latest",
+    deployments: Annotated[
+        bool, typer.Option("--deployments", help="A deployment for each process, in the place of one pod for all.")
+    ] = False,
+    connect: Annotated[
+        list[str] | None,
+        typer.Option("--connect", metavar="ENDPOINT", help="Another router that this robot's dials. May be repeated."),
+    ] = None,
+    secret: Annotated[
+        list[str] | None,
+        typer.Option("--secret", metavar="NAME", help="A variable of the manifest that a Secret has. May be repeated."),
+    ] = None,
+) -> None:
+    """Write a manifest as objects of Kubernetes: one pod for the robot, its router first, a container for each process.
+
+    In the pod nodes meet by unix sockets and shared memory. With --deployments each process has a pod of its own, and
+    they meet by the network: what runs beside a robot and not on it. Pods may do nothing that they need not (the level
+    `restricted`); without -o all is printed, for `kubectl apply -f -`. The robot's name is in the ConfigMap `settings`,
+    unless --robot-name says it; ${env:NAME} of the manifest too, and --secret NAME has it come from a Secret.
+    """
+    from robo.cli.launch.export import export_kubernetes as write
+    from robo.export.kubernetes.folder import Wishes
+
+    wishes = Wishes(image, "deployments" if deployments else "pod", tuple(connect or ()), frozenset(secret or ()))
+    write(words or [], wishes, robot=robot_name, output=output)
+
+
 @verb(verbs, "dockerfile", "robo export dockerfile > Dockerfile")
 def export_dockerfile() -> None:
     """Print a Dockerfile for nodes of your own: robo's image with the Python package of the current folder."""

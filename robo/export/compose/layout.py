@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from robo.export.names import slug, take
+from robo.export.names import inner_name, robot_of, slug, take
 from robo.export.profiles import Profiles
 from robo.launch.plan import ProcessPlan
 
@@ -35,7 +35,7 @@ class Layout:
         self.keeper_profile = take(KEEPER, set(profiles.more)) if keeper else None
         self._routers = {robot: take(f"{self._prefix(robot)}router", taken) for robot in self._robots}
         self._services = {
-            process.full_name: take(f"{self._prefix(robot_of(process))}{slug(_inner_name(process))}", taken)
+            process.full_name: take(f"{self._prefix(robot_of(process))}{slug(inner_name(process))}", taken)
             for process in self.processes
         }
 
@@ -83,13 +83,3 @@ class Layout:
         if len(profiles) == 1 and list(self._robots.values()).count(profiles) == 1:
             return f"{slug(profiles[0])}_"
         return f"{slug(self._names.without(robot)).strip('_') or 'robot'}_"
-
-
-def robot_of(process: ProcessPlan) -> str:
-    """The robot that a process belongs to."""
-    return process.namespace.partition("/")[0]
-
-
-def _inner_name(process: ProcessPlan) -> str:
-    """A process's full name within its robot."""
-    return process.full_name.strip("/").removeprefix(robot_of(process)).strip("/") or process.name

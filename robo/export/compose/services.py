@@ -6,7 +6,8 @@ from typing import Any
 from robo.environment import MEMORY_VARIABLE, PORT_VARIABLE
 from robo.export.baggage import Baggage, Project
 from robo.export.commands import DASHBOARD, DASHBOARD_PORT, Commands, told_by_token
-from robo.export.compose.layout import Layout, robot_of
+from robo.export.compose.layout import Layout
+from robo.export.names import robot_of
 from robo.export.profiles import Profiles
 from robo.export.yaml_text import MERGE, Alias, Anchored
 from robo.launch.plan import ProcessPlan, ReadyPlan

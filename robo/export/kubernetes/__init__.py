@@ -1,0 +1,1 @@
+"""A manifest as objects of Kubernetes."""

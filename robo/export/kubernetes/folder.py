@@ -1,0 +1,199 @@
+"""A plan as a folder of Kubernetes' files: a base that `kubectl apply -f` takes, and an overlay for kustomize. Pure.
+
+What is left out, because Kubernetes has no word for it, is told: who waits for whom but for the router, processes that
+stay down, required ones, processors. The order of starts is that of readiness: nodes wait for their router.
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import yaml
+
+from robo.errors import UsageError
+from robo.export.baggage import Project
+from robo.export.commands import DASHBOARD, DASHBOARD_PORT, Commands
+from robo.export.kubernetes import objects
+from robo.export.kubernetes.containers import ROUTER, RUN, Containers, Object, label
+from robo.export.kubernetes.variables import SETTINGS, Variables
+from robo.export.names import inner_name, robot_of
+from robo.export.profiles import ROBOT_VARIABLE, Profiles
+from robo.launch.plan import ProcessPlan
+from robo.wire.network import PORT
+
+Form = Literal["pod", "deployments"]
+
+LEAST_GRACE = 5
+"""How long a pod has to end at the least, s."""
+_CHECKSUM = "robo/settings"
+_SHARED_MEMORY = "256Mi"
+
+
+class Wishes(NamedTuple):
+    """How it is to be."""
+
+    image: str
+    form: Form = "pod"
+    """One pod for a robot, or a deployment for each process."""
+    connect: tuple[str, ...] = ()
+    """Endpoints that the router dials."""
+    secrets: frozenset[str] = frozenset()
+    """Variables that come from a Secret."""
+
+
+class Exported(NamedTuple):
+    """What has become of a plan."""
+
+    files: dict[str, str]
+    """Texts by their path in the folder."""
+    left_out: list[str]
+    """What has no place in it."""
+    unknown: list[str]
+    """Variables that somebody has to say."""
+    secret: list[str]
+    """Variables that have to be in a Secret."""
+
+    @property
+    def objects(self) -> list[str]:
+        """The texts of all objects, without what is kustomize's."""
+        return [text for path, text in self.files.items() if not path.endswith("kustomization.yaml")]
+
+
+def export(profiles: Profiles, wishes: Wishes, *, folder: Path, made_by: str) -> Exported:
+    """The files of a robot.
+
+    Args:
+        profiles: what runs. What would be a profile is left out: name its argument.
+        wishes: how it is to be.
+        folder: where they will stand.
+        made_by: the command that makes them, for their first line.
+
+    Raises:
+        UsageError: there are several robots, or files that nodes read are too large or cannot be read.
+    """
+    plan = profiles.always
+    robots = list(dict.fromkeys(map(robot_of, plan.processes))) or [plan.robot]
+    if len(robots) > 1:
+        shown = ", ".join(profiles.names.without(robot) or "the robot" for robot in robots)
+        raise UsageError(f"the manifest has {len(robots)} robots ({shown}): each is exported by itself")
+    name = label(profiles.names.without(robots[0]), set())
+    found = _Objects(profiles, wishes, Project(folder), robots[0], name)
+    space = f"robot-{name}" if name != "robot" else name
+    for one in (*found.maps, found.policy, *found.workloads, router := objects.service(name)):
+        one["metadata"]["namespace"] = space
+    base = {
+        "namespace.yaml": [objects.namespace(space)],
+        "settings.yaml": found.maps,
+        "network-policy.yaml": [found.policy],
+        f"{name}.yaml": [router, *found.workloads],
+    }
+    first = f"# Made by: {made_by}\n"
+    files = {f"base/{path}": first + _text(parts) for path, parts in base.items()}
+    kustomization = {**_KUSTOMIZATION, "resources": list(base)}
+    files["base/kustomization.yaml"] = first + _text([kustomization])
+    files["overlays/example/kustomization.yaml"] = _OVERLAY + _text([_overlay(wishes, found.variables)])
+    return Exported(files, found.containers.left_out, found.variables.unknown, found.variables.secret)
+
+
+_KUSTOMIZATION = {"apiVersion": "kustomize.config.k8s.io/v1beta1", "kind": "Kustomization"}
+_OVERLAY = """\
+# A robot of its own: copy this folder, name the robot, and `kubectl apply -k overlays/NAME`.
+"""
+
+
+class _Objects:
+    """The objects of a robot."""
+
+    def __init__(self, profiles: Profiles, wishes: Wishes, project: Project, robot: str, name: str) -> None:
+        plan, together = profiles.always, wishes.form == "pod"
+        self.variables = Variables(profiles.names, wishes.secrets)
+        commands = Commands(profiles.types, self.variables.shown, "Kubernetes")
+        self.containers = Containers(commands, self.variables, project, wishes.image, together=together)
+        router = self.containers.router(robot, wishes.connect)
+        endpoint = f"unixsock-stream/{RUN}/router.sock" if together else f"tcp/router:{PORT}"
+        taken = {ROUTER}
+        made = [
+            (process, *self.containers.process(label(inner_name(process), taken), process, endpoint, profiles.names))
+            for process in plan.processes
+        ]
+        self.maps = [objects.settings(self.variables.settings)]
+        if project.configs:
+            sources = {key: project.path(one["file"]) for key, one in project.configs.items()}
+            self.maps.append(objects.files(sources))
+        served = [DASHBOARD_PORT] if any(process.service == DASHBOARD for process in plan.processes) else []
+        self.policy = objects.network_policy([_port(one) for one in wishes.connect], served)
+        if together:
+            pod = objects.pod(
+                [container for _, container, _ in made],
+                _volumes(together, [volume for *_, volume in made]),
+                max([_grace(process) for process in plan.processes], default=LEAST_GRACE),
+                # It starts before the others, which wait until it is there, and is started again by itself.
+                init=[{**router, "restartPolicy": "Always"}],
+            )
+            self.workloads = [objects.stateful_set(name, name, pod)]
+        else:
+            pods = [(ROUTER, objects.pod([router], _volumes(together, []), LEAST_GRACE))]
+            pods += [
+                (container["name"], objects.pod([container], _volumes(together, [volume]), _grace(process)))
+                for process, container, volume in made
+            ]
+            self.workloads = [objects.deployment(called, name, pod) for called, pod in pods]
+        for workload in self.workloads:
+            template = workload["spec"]["template"]["metadata"]
+            template["annotations"] = {_CHECKSUM: objects.checksum(self.maps)}
+
+
+def _volumes(together: bool, files: Sequence[Object | None]) -> list[Object]:
+    memory: dict[str, Any] = {"medium": "Memory"}
+    found: list[Object] = [{"name": "tmp", "emptyDir": {}}, {"name": "memory", "emptyDir": {}}]
+    if together:
+        found.append({"name": "run", "emptyDir": {**memory, "sizeLimit": "1Mi"}})
+        found.append({"name": "shared-memory", "emptyDir": {**memory, "sizeLimit": _SHARED_MEMORY}})
+    return [*found, *(one for one in files if one is not None)]
+
+
+def _grace(process: ProcessPlan) -> int:
+    return max(LEAST_GRACE, round(process.stop.timeout) + 2)
+
+
+def _overlay(wishes: Wishes, variables: Variables) -> Object:
+    tagged = ":" in wishes.image.rpartition("/")[2]
+    name, _, tag = wishes.image.rpartition(":") if tagged else (wishes.image, "", "latest")
+    found: Object = {
+        **_KUSTOMIZATION,
+        "namespace": "robot-example",
+        "resources": ["../../base"],
+        "images": [{"name": name, "newTag": tag}],
+    }
+    if ROBOT_VARIABLE in variables.used:
+        change = [{"op": "replace", "path": f"/data/{ROBOT_VARIABLE}", "value": "example"}]
+        target = {"kind": "ConfigMap", "name": SETTINGS}
+        found["patches"] = [{"target": target, "patch": yaml.safe_dump(change, sort_keys=False)}]
+    return found
+
+
+def _port(endpoint: str) -> int:
+    number = re.search(r":([0-9]{1,5})(?=$|[#?])", endpoint)
+    if number is None:
+        raise UsageError(f"--connect {endpoint}: an endpoint looks like tcp/192.168.1.20:7447")
+    return int(number[1])
+
+
+def _text(parts: Sequence[Object]) -> str:
+    return "---\n".join(yaml.dump(part, Dumper=_Dumper, sort_keys=False, width=120) for part in parts)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Texts of several lines as blocks, and nothing by reference: people read it, and change it."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        del data
+        return True
+
+
+def _block(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style="|" if "\n" in text else None)
+
+
+_Dumper.add_representer(str, _block)
