@@ -23,7 +23,7 @@ SECTIONS = {
     "From ROS 2": ("from_ros2", "from_ros2_launch"),
     "Robots": (
         "running", "launch", "driving", "simulation", "sensors", "localization",
-        "several_robots", "hosts", "tools", "dashboard", "foxglove", "viewing", "debugging",
+        "several_robots", "hosts", "kubernetes", "tools", "dashboard", "foxglove", "viewing", "debugging",
     ),
     "Recordings": ("recording", "playing", "recordings", "flight_recorder", "replay_test"),
     "Nodes": (

@@ -1,14 +1,10 @@
 """The reference robot as containers, on a real Docker engine."""
 
 import json
-import os
 import shutil
 import socket
-import subprocess
-import tempfile
 import time
 from collections.abc import Iterator
-from fcntl import LOCK_EX, flock
 from pathlib import Path
 from typing import Any
 
@@ -22,40 +18,18 @@ from robo.testing.heard import Heard
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from tests.conftest import free_port
+from tests.docker_engine import built_image, docker
 from tests.packages import shared_wheel
 from tests.support import PATIENCE, eventually, run_robo
 
 ROOT = Path(__file__).parents[2]
-DOCKER_HOST = ROOT.parent / "shared" / "tools" / "docker-host"
-"""What sets an engine up where there is none; not part of this repository."""
-
 pytestmark = pytest.mark.timeout(420)
-
-
-def docker(*words: str, check: bool = True, **environment: str) -> str:
-    result = subprocess.run(
-        ["docker", *words], cwd=ROOT, env={**os.environ, **environment}, capture_output=True, text=True, check=False,
-        timeout=300,
-    )  # fmt: skip
-    assert not check or result.returncode == 0, f"docker {' '.join(words)}\n{result.stdout}{result.stderr}"
-    return result.stdout
 
 
 @pytest.fixture(scope="session")
 def image() -> str:
-    """The image, built from this checkout; once, also where several workers want it."""
-    with open(Path(tempfile.gettempdir()) / "robo-test-image.lock", "w") as lock:
-        flock(lock, LOCK_EX)
-        _build()
-    return "robo:test"
-
-
-def _build() -> None:
-    if DOCKER_HOST.exists() and os.geteuid() == 0:
-        subprocess.run([DOCKER_HOST], check=True, capture_output=True, timeout=400)
-    elif shutil.which("docker") is None or subprocess.run(["docker", "info"], capture_output=True).returncode:
-        pytest.skip("there is no Docker engine here")
-    docker("build", "--network=host", "--quiet", "--tag", "robo:test", ".")
+    """The image, built from this checkout."""
+    return built_image()
 
 
 @pytest.fixture(scope="session")
