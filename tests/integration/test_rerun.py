@@ -1,5 +1,6 @@
 """`robo view rerun` where Rerun is installed: what it writes is read back with Rerun's own reader."""
 
+import math
 import signal
 import subprocess
 import sys
@@ -24,8 +25,10 @@ from robo.bridges.rerun.viewer import Viewer
 from robo.errors import NetworkError
 from robo.samples.publishing import Sender
 from robo.wire.qos import QoS
-from robo_messages import LaserScan, Log, MapMetaData, OccupancyGrid, Twist
+from robo_messages import Header, LaserScan, Log, MapMetaData, OccupancyGrid, Point, Pose, PoseStamped, Twist
+from robo_messages import Path as Path_
 from robo_messages.sensor import Image
+from robo_messages.visualization import Marker, MarkerArray
 from tests import bags
 from tests.conftest import free_port
 from tests.support import eventually, run_robo
@@ -86,6 +89,26 @@ def test_pictures_maps_and_logs_are_drawn(tmp_path: Path) -> None:
     rows = rows_of(tmp_path / "all.rrd")
     assert {"/r1/rgb", "/r1/bgr", "/r1/mono", "/r1/depth", "/r1/map", "/log/r1/a"} <= rows.keys()
     assert "/r1/odd" not in rows
+
+
+def test_names_have_any_letters_and_what_is_deleted_is_cleared(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    sink = Sink("")
+    sink.save(tmp_path / "odd.rrd")
+    scene = Scene()
+    cube = Marker(Header(frame_id="base_link"), ns="a b/é//x:! [3]", type=Marker.CUBE)
+    for number, action in enumerate((Marker.ADD, Marker.DELETE, Marker.ADD)):
+        cube.action = action
+        sink.draw(scene.take("r1/zones", MarkerArray([cube])), 10**18 + number)
+    sink.draw(scene.take("r1/log", Log(name="/r1/a b//c", msg="x")), 10**18)
+    far = Path_(Header(frame_id="odom"), [PoseStamped(), PoseStamped(pose=Pose(Point(1e308, math.nan)))])
+    sink.draw(scene.take("r1/path", far), 10**18)
+    sink.close()
+    rows = rows_of(tmp_path / "odd.rrd")
+    assert rows[r"/r1/zones/a\ b/é/x\:\!\ \[3\]/0"] == 5  # its frame and it, twice, and that it was gone
+    assert rows[r"/log/r1/a\ b/c"] == 1
+    assert capfd.readouterr().err == ""
 
 
 def test_what_comes_live_is_drawn_until_it_is_enough(tmp_path: Path, session: zenoh.Session) -> None:

@@ -2,13 +2,16 @@
 
 import math
 import sys
+from typing import cast
 
 import pytest
 
+from robo.bridges.rerun.feed import Feed
+from robo.bridges.rerun.frames import WORLD
 from robo.bridges.rerun.marks import Axes, Encoded, Grid, Mark, Moved, Numbers, Picture, Points, Said, Strips
 from robo.bridges.rerun.pace import Pace
-from robo.bridges.rerun.scene import WORLD, Scene
-from robo.bridges.rerun.sink import import_rerun
+from robo.bridges.rerun.scene import Scene
+from robo.bridges.rerun.sink import Sink, import_rerun
 from robo.errors import RunError
 from robo_messages import (
     Header,
@@ -20,6 +23,7 @@ from robo_messages import (
     Path,
     Point,
     PoseStamped,
+    Quaternion,
     TFMessage,
     Transform,
     TransformStamped,
@@ -89,6 +93,111 @@ def test_odometry_moves_the_base_where_no_transform_does() -> None:
     assert kinds(both.take("r1/odom", odometry)) == ["Numbers"]
 
 
+def odometry(x: float, child: str = "base_link") -> Odometry:
+    found = Odometry(Header(frame_id="odom"), child)
+    found.pose.pose.position.x = x
+    return found
+
+
+def frame_of_scan(scene: Scene, key: str) -> str:
+    (points,) = scene.take(key, LaserScan(Header(frame_id="laser"), ranges=[1.0], range_max=2.0))
+    assert isinstance(points, Points)
+    return points.frame
+
+
+def strips_of(marks: list[Mark]) -> list[Strips]:
+    return [mark for mark in marks if isinstance(mark, Strips)]
+
+
+def test_a_frame_belongs_to_the_nearest_transforms_above_its_topic() -> None:
+    scene = Scene()
+    assert frame_of_scan(scene, "r1/front/scan") == "r1/front/laser"  # nobody says transforms yet
+    scene.take("r1/tf", stands("odom", "base_link"))
+    assert frame_of_scan(scene, "r1/front/scan") == "r1/laser"
+    assert frame_of_scan(scene, "r1/scan") == "r1/laser"
+    scene.take("r1/arm/tf_static", stands("base", "hand"))
+    assert frame_of_scan(scene, "r1/arm/wrist/scan") == "r1/arm/laser"
+    assert frame_of_scan(scene, "r10/front/scan") == "r10/front/laser"
+    usual = Scene(["lidar/scan", "tf"])  # of a recording, whose topics are known before
+    assert frame_of_scan(usual, "lidar/scan") == "laser"
+    usual.take("odometry/filtered", odometry(1.0))
+    assert usual.trails == ["robot/trail"]
+
+
+def test_the_base_that_goes_through_the_world_leaves_the_trail() -> None:
+    scene = Scene()
+    found: list[Mark] = scene.take("r1/tf_static", stands("base_footprint", "base_link", 0.1))
+    assert kinds(found) == ["Moved", "Moved", "Axes"]
+    for x in (0.5, 0.56, 0.62):
+        both = stands("odom", "base_footprint", x)
+        both.transforms += stands("base_footprint", "base_link", 0.1).transforms
+        found += scene.take("r1/tf", both)
+    assert [(one.frame, one.strips) for one in strips_of(found)] == [
+        ("r1/odom", [[(0.5, 0, 0), (0.56, 0, 0)]]),
+        ("r1/odom", [[(0.56, 0, 0), (0.62, 0, 0)]]),
+    ]
+    assert len([mark for mark in found if isinstance(mark, Axes)]) == 1
+
+
+def test_odometry_that_came_first_leaves_the_base_to_the_transforms() -> None:
+    scene = Scene()
+    scene.take("r1/odom", odometry(0.0))
+    parents = []
+    for step in range(1, 4):
+        for found in (
+            scene.take("r1/tf", stands("map", "base_link", 10 + step * 0.1)),
+            scene.take("r1/odom", odometry(step * 0.1)),
+        ):
+            parents += [mark.parent for mark in found if isinstance(mark, Moved) and mark.child == "r1/base_link"]
+            assert {one.frame for one in strips_of(found)} <= {"r1/map"}
+    assert parents == ["r1/map"] * 3
+
+
+def test_one_odometry_of_several_moves_the_base() -> None:
+    scene, later = Scene(), Scene()
+    found: list[Mark] = []
+    for step in range(4):
+        found += scene.take("r1/odom", odometry(step * 0.1))
+        found += scene.take("r1/odom_filtered", odometry(step * 0.1 + 0.5))
+    assert [one.strips[0][1][0] for one in strips_of(found)] == pytest.approx([0.1, 0.2, 0.3])
+    later.take("r1/ekf", odometry(0.5))
+    assert kinds(later.take("r1/odom", odometry(0.0))) == ["Moved", "Numbers"]  # without a stroke from one to the other
+    assert kinds(later.take("r1/ekf", odometry(0.6))) == ["Numbers"]
+
+
+def test_what_is_no_angle_no_turn_and_no_place_ends_nothing() -> None:
+    scene = Scene()
+    scan = LaserScan(Header(frame_id="laser"), angle_min=math.inf, ranges=[1.0], range_max=2.0)
+    (points,) = scene.take("r1/scan", scan)
+    assert isinstance(points, Points)
+    assert points.places == []
+    unturned = odometry(0.0)
+    unturned.pose.pose.orientation = Quaternion(0.0, 0.0, 0.0, 0.0)
+    moved = scene.take("r1/odom", unturned)[0]
+    assert isinstance(moved, Moved)
+    assert moved.turned == (0.0, 0.0, 0.0, 1.0)
+    assert scene.take("tf", stands("odom", "base_link", 1e308)) == []
+
+
+def test_one_message_that_cannot_be_drawn_ends_the_view_of_no_other() -> None:
+    drawn: list[Mark] = []
+
+    class Paper:
+        def lay_out(self, pictures: list[str], trails: list[str]) -> None: ...
+
+        def draw(self, marks: list[Mark], time: int) -> None:
+            assert time == S
+            if any(isinstance(mark, Grid) for mark in marks):
+                raise TypeError("a list is no buffer")
+            drawn.extend(marks)
+
+    feed = Feed(cast(Sink, Paper()), Pace(0.0))
+    grid = OccupancyGrid(info=MapMetaData(resolution=0.1, width=2, height=1), data=memoryview(b"\0\x64"))
+    for key, message in (("map", grid), ("r1/cmd_vel", Twist())):
+        feed.take(key, message, S)
+    assert (feed.unreadable, feed.drawn, kinds(drawn)) == (1, 1, ["Numbers"])
+
+
 def test_numbers_that_are_none_move_nothing() -> None:
     scene = Scene()
     assert scene.take("tf", stands("odom", "base_link", math.nan)) == []
@@ -148,6 +257,31 @@ def test_outlines_are_lines_where_their_pose_puts_them() -> None:
     assert isinstance(strips, Strips)
     assert (strips.path, strips.colour) == ("r1/zones/zone/0", (255, 0, 0))
     assert strips.strips[0][0] == pytest.approx((10.0, 1.0, 0.0))
+
+
+def test_markers_that_are_deleted_are_gone() -> None:
+    scene = Scene()
+
+    def take(*markers: Marker) -> list[tuple[str, str]]:
+        return [(type(mark).__name__, mark.path) for mark in scene.take("r1/zones", MarkerArray([*markers]))]
+
+    def cube(ns: str, number: int) -> Marker:
+        return Marker(Header(frame_id="base_link"), ns=ns, id=number, type=Marker.CUBE)
+
+    def delete(ns: str, number: int) -> Marker:
+        return Marker(action=Marker.DELETE, ns=ns, id=number)
+
+    everything = Marker(action=Marker.DELETEALL)
+    take(cube("a", 0), cube("a", 1), cube("b", 0))
+    assert take(delete("a", 1), delete("c", 7)) == [("Gone", "r1/zones/a/1")]
+    # What is sent anew after all was deleted, as of zones, was never gone.
+    assert take(everything, cube("a", 0)) == [("Gone", "r1/zones/b/0"), ("Points", "r1/zones/a/0")]
+    take(cube("b", 0), cube("b", 1))
+    assert take(Marker(action=Marker.DELETEALL, ns="b")) == [("Gone", "r1/zones/b/0"), ("Gone", "r1/zones/b/1")]
+    assert take(everything) == [("Gone", "r1/zones/a/0")]
+    assert take(everything) == []
+    pace = Pace(1.0)
+    assert all(pace.draws("r1/zones", MarkerArray([everything]), n) for n in range(3))
 
 
 def test_as_many_are_drawn_as_somebody_sees() -> None:

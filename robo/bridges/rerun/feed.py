@@ -22,6 +22,8 @@ _MOST_WAITING = 64_000_000
 """What may wait for a slow viewer, bytes; beyond it the oldest is left out."""
 _FLUSH = 0.5
 """How often a viewer gets what is new, s; longer where it takes longer."""
+_MOST_TOPICS, _MOST_PATHS = 5_000, 20_000
+"""That are drawn, and what stands where: somebody may invent more and more."""
 _LOOK = 0.2
 """How often it is looked whether it goes on, s."""
 
@@ -35,9 +37,11 @@ class Feed:
         self.left_out = 0
         """Messages that the viewer was too slow for."""
         self.unreadable = 0
-        """Messages, or types, that make no sense here."""
+        """Messages that make no sense here."""
         self._sink, self._pace = sink, pace
         self._scene = Scene()
+        self._topics: set[str] = set()
+        self._paths: set[str] = set()
         self._laid_out: tuple[list[str], list[str]] | None = None
         self._lay_out()
 
@@ -84,6 +88,7 @@ class Feed:
             RunError: the viewer takes nothing more.
         """
         flushed = time.monotonic()
+        self._scene = Scene(names)
         total = sum(bag.topics[name].count for name in names)
         for message in counted(bag.messages(names), total, tell):
             try:
@@ -92,7 +97,7 @@ class Feed:
                 self.unreadable += 1
                 continue
             if isinstance(value, Message):
-                self._take(message.topic.name, value, message.published or message.arrived)
+                self.take(message.topic.name, value, message.published or message.arrived)
             if time.monotonic() - flushed > _FLUSH:
                 self._flush(goes_on)
                 flushed = time.monotonic()
@@ -117,16 +122,30 @@ class Feed:
             self.unreadable += 1
             return
         time_ = arrival.attachment.source_time if arrival.attachment is not None else arrival.arrived
-        self._take(arrival.key, message, time_, (time.time_ns() - arrival.arrived) * 1e-9)
+        self.take(arrival.key, message, time_, (time.time_ns() - arrival.arrived) * 1e-9)
 
-    def _take(self, key: str, message: Message, time_: int, late: float = 0.0) -> None:
-        if not 0 < time_ < 2**63 or not self._pace.draws(key, message, time_, late):
+    def take(self, key: str, message: Message, time_: int, late: float = 0.0) -> None:
+        """Draw a message, unless there are too many.
+
+        Args:
+            key: its topic.
+            message: it.
+            time_: when it was published, ns since the epoch.
+            late: for how long it has waited, s.
+        """
+        if not 0 < time_ < 2**63 or not _has_room(self._topics, key, _MOST_TOPICS):
             return
-        marks = self._scene.take(key, message)
+        if not self._pace.draws(key, message, time_, late):
+            return
+        try:
+            marks = [mark for mark in self._scene.take(key, message) if _has_room(self._paths, mark.path, _MOST_PATHS)]
+            self._sink.draw(marks, time_)
+        except (ValueError, TypeError, OverflowError):  # of one message: it ends the view of no other
+            self.unreadable += 1
+            return
         if marks:
             self.drawn += 1
             self._lay_out()
-            self._sink.draw(marks, time_)
 
     def _lay_out(self) -> None:
         """Say anew which views there are, where there is something that had none."""
@@ -134,3 +153,12 @@ class Feed:
         if wanted != self._laid_out:
             self._laid_out = wanted
             self._sink.lay_out(*wanted)
+
+
+def _has_room(known: set[str], name: str, most: int) -> bool:
+    if name in known:
+        return True
+    if len(known) >= most:
+        return False
+    known.add(name)
+    return True

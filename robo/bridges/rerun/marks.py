@@ -91,4 +91,10 @@ class Grid(NamedTuple):
     grid: OccupancyGrid
 
 
-Mark = Moved | Axes | Points | Strips | Numbers | Said | Picture | Encoded | Grid
+class Gone(NamedTuple):
+    """What was drawn there is no more."""
+
+    path: str
+
+
+Mark = Moved | Axes | Points | Strips | Numbers | Said | Picture | Encoded | Grid | Gone

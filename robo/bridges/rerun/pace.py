@@ -4,6 +4,7 @@ from collections.abc import Hashable
 
 from robo_messages import LaserScan, Log, Message, OccupancyGrid, Odometry, Path, TFMessage
 from robo_messages.sensor import CompressedImage, Image
+from robo_messages.visualization import Marker, MarkerArray
 
 _RATES: dict[type, float] = {
     TFMessage: 25.0, Odometry: 25.0, LaserScan: 10.0, Image: 5.0, CompressedImage: 10.0, Path: 2.0, OccupancyGrid: 1.0,
@@ -43,7 +44,7 @@ class Pace:
         elif late < _IN_TIME:
             self.slower = max(self.slower * 0.98, 1.0)
         rate = self._rate if self._rate is not None else _RATES.get(type(message), _OTHERS)
-        if not rate or isinstance(message, Log) or key.endswith("tf_static"):
+        if not rate or isinstance(message, Log) or key.endswith("tf_static") or _deletes(message):
             return True
         which = self._which(key, message)
         last = self._last.get(which)
@@ -59,3 +60,8 @@ class Pace:
         if isinstance(message, TFMessage):
             return (key, *(one.child_frame_id for one in message.transforms[:20]))
         return key
+
+
+def _deletes(message: Message) -> bool:
+    """Whether it is said once that something is no more."""
+    return isinstance(message, MarkerArray) and any(one.action != Marker.ADD for one in message.markers)

@@ -5,8 +5,9 @@ import importlib
 from pathlib import Path
 from typing import Any
 
-from robo.bridges.rerun.marks import Axes, Encoded, Grid, Mark, Moved, Numbers, Picture, Points, Said, Strips
-from robo.bridges.rerun.scene import LOG, SPEED, VALUES, WORLD
+from robo.bridges.rerun.frames import WORLD
+from robo.bridges.rerun.marks import Axes, Encoded, Gone, Grid, Mark, Moved, Numbers, Picture, Points, Said, Strips
+from robo.bridges.rerun.scene import LOG, SPEED, VALUES
 from robo.errors import RunError
 
 TIMELINE = "time"
@@ -47,6 +48,7 @@ class Sink:
         self._stream.set_log_tick_enabled(False)
         self._framed: dict[str, str] = {}
         self._named: dict[str, tuple[str, ...]] = {}
+        self._paths: dict[str, str] = {}
 
     def save(self, file: Path) -> None:
         """Write to a file.
@@ -71,17 +73,17 @@ class Sink:
         space = rrb.Spatial3DView(
             name="robot",
             origin="/",
-            contents=["/**", "- /plots/**", f"- /{LOG}/**", *(f"- /{one}" for one in pictures)],
+            contents=["/**", "- /plots/**", f"- /{LOG}/**", *(f"- {self._path(one)}" for one in pictures)],
             spatial_information=rrb.SpatialInformation(WORLD, show_axes=False),
             eye_controls=rrb.EyeControls3D(
                 position=(-4.0, -6.0, 9.0),
                 look_target=(0.0, 0.0, 0.0),
                 eye_up=(0.0, 0.0, 1.0),
-                tracking_entity=f"/{trails[0].rpartition('/')[0]}/base" if trails else None,
+                tracking_entity=self._path(f"{trails[0].rpartition('/')[0]}/base") if trails else None,
             ),
-            overrides={f"/{one}": [rrb.VisibleTimeRanges([until_now])] for one in trails},
+            overrides={self._path(one): [rrb.VisibleTimeRanges([until_now])] for one in trails},
         )
-        beside = [rrb.Spatial2DView(name=one, origin=f"/{one}") for one in pictures[:4]]
+        beside = [rrb.Spatial2DView(name=one, origin=self._path(one)) for one in pictures[:4]]
         curves = rrb.Tabs(
             rrb.TimeSeriesView(name="speed (m/s, rad/s)", origin=f"/{SPEED}"),
             rrb.TimeSeriesView(name="values", origin=f"/{VALUES}"),
@@ -129,7 +131,7 @@ class Sink:
         self._stream.disconnect()
 
     def _draw(self, mark: Mark) -> None:
-        rr, log = self._rr, self._stream.log
+        rr, log = self._rr, self._log
         match mark:
             case Moved(path, parent, child, at, turned, always):
                 where = rr.Transform3D(
@@ -160,14 +162,28 @@ class Sink:
                 log(path, rr.EncodedImage(contents=data, media_type=kind))
             case Grid(path, frame, grid):
                 self._grid(path, frame, grid)
+            case Gone(path):
+                self._framed.pop(path, None)  # the frame in which it stood is gone as well
+                log(path, rr.Clear(recursive=True))
+
+    def _log(self, path: str, *what: Any, static: bool = False) -> None:
+        self._stream.log(self._path(path), *what, static=static)
+
+    def _path(self, path: str) -> str:
+        """A path as Rerun reads it: names of logs and markers may have any letters."""
+        found = self._paths.get(path)
+        if found is None:
+            found = self._paths[path] = self._rr.new_entity_path([part for part in path.split("/") if part])
+        return found
 
     def _in_frame(self, path: str, frame: str) -> None:
         if self._framed.get(path) != frame:
             self._framed[path] = frame
-            self._stream.log(path, self._rr.CoordinateFrame(frame))
+            self._log(path, self._rr.CoordinateFrame(frame))
 
     def _places(self, places: Any) -> Any:
-        return self._np.asarray(places, self._np.float32).reshape(-1, 3)
+        with self._np.errstate(over="ignore"):  # what is too far away for Rerun is seen by nobody
+            return self._np.asarray(places, self._np.float32).reshape(-1, 3)
 
     def _picture(self, path: str, image: Any) -> None:
         try:
@@ -176,9 +192,9 @@ class Sink:
             return  # of an encoding that nobody can draw
         model = {"bgr8": "BGR", "bgra8": "BGRA", "rgb8": "RGB", "rgba8": "RGBA"}.get(image.encoding)
         if array.ndim == 2 and image.encoding in ("16UC1", "32FC1"):
-            self._stream.log(path, self._rr.DepthImage(array, meter=1000.0 if image.encoding == "16UC1" else 1.0))
+            self._log(path, self._rr.DepthImage(array, meter=1000.0 if image.encoding == "16UC1" else 1.0))
         elif model is not None or array.ndim == 2:
-            self._stream.log(path, self._rr.Image(array, model or "L"))
+            self._log(path, self._rr.Image(array, model or "L"))
 
     def _grid(self, path: str, frame: str, grid: Any) -> None:
         rr, info = self._rr, grid.info
@@ -187,7 +203,7 @@ class Sink:
         form = rr.components.ImageFormat(width=info.width, height=info.height, color_model="L", channel_datatype="U8")
         # Rows of a picture go down, and those of a map up.
         rows = self._np.frombuffer(grid.data, self._np.uint8).reshape(info.height, info.width)[::-1]
-        self._stream.log(
+        self._log(
             path,
             rr.GridMap(
                 data=rows.tobytes(),
