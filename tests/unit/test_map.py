@@ -20,7 +20,7 @@ from robo.recording.map.picture import as_png, as_svg, facts
 from robo.recording.map.sources import Wanted, walk_of
 from robo.recording.map.walk import Frames, Walk
 from robo.wire.qos import QoS
-from robo_messages import Header, LaserScan, TFMessage, Time, Transform, TransformStamped, Vector3
+from robo_messages import Header, LaserScan, Message, Odometry, TFMessage, Time, Transform, TransformStamped, Vector3
 from tests import bags
 from tests.bags import MS, START
 from tests.room_log import LOG
@@ -125,6 +125,91 @@ def test_the_poses_that_a_mapping_tool_has_written_count_where_they_are_wanted(t
     assert found.track == [(5.0, 6.0)]
     assert "by the corrected poses of the log" in facts(found)
     assert walk(log).track == [(0.0, 0.0), (1.0, 0.0)]
+
+
+def test_the_base_is_not_where_its_laser_is(tmp_path: Path) -> None:
+    log = tmp_path / "a.log"
+    log.write_text("PARAM robot_frontlaser_offset 0.5\nFLASER 1 2.0 5 6 1.5707963 5 6 1.5707963 1 h 1\n")
+    (place,) = walk(log, Wanted(corrected=True)).track
+    assert place == pytest.approx((5.0, 5.5))
+
+
+def test_what_of_a_log_makes_no_sense_is_told(tmp_path: Path) -> None:
+    log = tmp_path / "a.log"
+    lines = ["ODOM 0 0 0 0 0 0 1 h 1", "ODOM 1e300 0 0 0 0 0 2 h 2", "ODOM no", "ODOM 1 0 0 0 0 0 3 h 3"]
+    log.write_text("\n".join(lines) + "\n")
+    found = walk(log)
+    assert found.track == [(0.0, 0.0), (1.0, 0.0)]  # nobody drives 1e300 m
+    assert found.malformed == 1
+    (told,) = found.notes
+    assert told.startswith("what makes no sense is left out: line 3;")
+
+
+Said = tuple[str, Message, int]
+
+
+def written(path: Path, *said: Said) -> Path:
+    with bag.Recording(path, bag.Options(compression="none", sync=False)) as recording:
+        topics: dict[str, int] = {}
+        for name, message, at in said:
+            if name not in topics:
+                qos = QoS.LATCHED if name.endswith("static") else QoS.DEFAULT
+                topics[name] = recording.topic(topic_of(name, type(message), qos))
+            recording.write(topics[name], cdr.encoder(type(message))(message), at, at, 0, "node")
+    return path
+
+
+def odometry(name: str, x: float, at: int) -> Said:
+    found = Odometry(Header(Time.from_nanoseconds(at), "odom"), "base_link")
+    found.pose.pose.position.x = x
+    return name, found, at
+
+
+def stands(name: str, parent: str, child: str, at: int) -> Said:
+    return name, TFMessage([TransformStamped(Header(Time.from_nanoseconds(at), parent), child)]), at
+
+
+def test_wheels_that_turn_do_not_hide_the_odometry(tmp_path: Path) -> None:
+    said = [stands("r1/tf_static", "base_link", "laser", START)]
+    for step in range(20):
+        at = START + step * 100 * MS
+        said += [stands("r1/tf", "base_link", "wheel", at), odometry("r1/odom", step * 0.1, at)]
+        said.append(("r1/scan", LaserScan(Header(Time.from_nanoseconds(at), "laser"), ranges=[1.0], range_max=9.0), at))
+    found = walk(written(tmp_path / "joints.mcap", *said))
+    assert found.length == pytest.approx(1.9)
+    assert found.frames == Frames("odom", "base_link", "by the odometry r1/odom")
+    assert found.scans == 20
+    assert found.cells.grid([]).width == pytest.approx(59, abs=2)  # 1.9 m, and a margin
+
+
+def test_one_odometry_of_several_is_the_way(tmp_path: Path) -> None:
+    said = []
+    for step in range(20):
+        at = START + step * 100 * MS
+        said += [odometry("r1/filtered", step * 0.1 + 0.5, at), odometry("r1/odom", step * 0.1, at + 1)]
+    found = walk(written(tmp_path / "two.mcap", *said))
+    assert found.length == pytest.approx(1.9)
+    assert facts(found) == "1.9 m driven, by the odometry r1/odom"
+
+
+def test_one_message_that_cannot_be_read_is_no_reason_to_draw_nothing(tmp_path: Path) -> None:
+    path = written(tmp_path / "bad.mcap", *(odometry("r1/odom", step * 0.1, START + step * MS) for step in range(5)))
+    with bag.Recording(tmp_path / "worse.mcap", bag.Options(compression="none", sync=False)) as recording:
+        topic = recording.topic(topic_of("r1/odom", Odometry, QoS.DEFAULT))
+        with bag.open(path) as good:
+            for number, message in enumerate(good.messages()):
+                data = b"\0\1\0\0\xff" if number in (0, 2) else message.data
+                recording.write(topic, data, message.arrived, message.arrived, 0, "node")
+    found = walk(tmp_path / "worse.mcap")
+    assert found.length == pytest.approx(0.3)
+    assert found.malformed == 2
+    assert found.notes[0].startswith("2 messages could not be read; the first: ")
+
+
+def test_a_start_where_the_end_is_is_seen(tmp_path: Path) -> None:
+    found = walk(written(tmp_path / "still.mcap", odometry("r1/odom", 0.0, START)))
+    circles = [one for one in ElementTree.fromstring(as_svg(found, "t", "auto")).iter() if one.tag.endswith("circle")]
+    assert [(one.get("class"), one.get("r")) for one in circles[:2]] == [("begin", "8"), ("finish", "5")]
 
 
 @given(st.lists(st.tuples(st.floats(), st.floats()), max_size=60))

@@ -7,6 +7,7 @@ import msgspec
 from robo.bag.edit.output import new_file
 from robo.bag.forms import carmen
 from robo.bag.forms.converted import Added, Converted, Wanted
+from robo.bag.forms.left_out import LeftOut
 from robo.bag.mcap.compression import Compression
 from robo.bag.options import TopicInFile
 from robo.bag.progress import Tell, silent
@@ -26,8 +27,6 @@ from robo_messages import (
     Vector3,
 )
 
-_MOST_NAMED = 20
-"""Lines that are left out and named."""
 _EACH = 1_000
 """Lines from one time to the next that it is told how far it is."""
 
@@ -94,22 +93,20 @@ class _Log:
         self._laser_is_said = False
         self._numbers: dict[str, int] = {}
         self._topics: dict[str, TopicInFile] = {}
-        self._rewritten, self._malformed = _Lines(), _Lines()
+        self._left_out = LeftOut()
 
     def take(self, record: carmen.Record) -> None:
         """One more."""
         try:
             self._take(record)
         except MessageError as error:  # a range that no float32 can be
-            self._malformed.add(record.line, str(error))
+            self._left_out.add(record.line, str(error))
 
     def _take(self, record: carmen.Record) -> None:
         setting = self._setting
+        if self._left_out.takes(record):
+            return
         match record:
-            case carmen.Rewritten(line):
-                self._rewritten.add(line)
-            case carmen.MalformedLog(line, reason):
-                self._malformed.add(line, reason)
             case carmen.LaserOffset():
                 self._laser[record.part] = record.value
                 self._laser_is_said = False
@@ -129,12 +126,7 @@ class _Log:
 
     def notes(self) -> list[str]:
         """What is left out."""
-        found = []
-        if self._rewritten.count:
-            found.append(f"odometry of time 0, which a mapping tool wrote, is left out: {self._rewritten}")
-        if self._malformed.count:
-            found.append(f"what makes no sense is left out: {self._malformed}; the first: {self._malformed.reason}")
-        return found
+        return self._left_out.notes()
 
     def _come(self, time: int) -> None:
         """A record is due; it comes after those before it, whatever its time."""
@@ -172,24 +164,3 @@ def _moved(odometry: Odometry) -> TransformStamped:
     pose = odometry.pose.pose
     place = Vector3(pose.position.x, pose.position.y, pose.position.z)
     return TransformStamped(odometry.header, odometry.child_frame_id, Transform(place, pose.orientation))
-
-
-class _Lines:
-    """Lines that are left out: how many, and which the first of them are."""
-
-    def __init__(self) -> None:
-        self.count = 0
-        self.reason = ""
-        """Of the first one."""
-        self._first: list[int] = []
-
-    def add(self, line: int, reason: str = "") -> None:
-        self.count += 1
-        self.reason = self.reason or reason
-        if len(self._first) < _MOST_NAMED:
-            self._first.append(line)
-
-    def __str__(self) -> str:
-        more = self.count - len(self._first)
-        first = ", ".join(map(str, self._first))
-        return f"line{'s' if self.count > 1 else ''} {first}{f' and {more:,} more' if more else ''}"

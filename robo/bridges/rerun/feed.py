@@ -7,11 +7,12 @@ import zenoh
 
 import robo_messages
 from robo.bag.progress import Tell, counted
+from robo.bag.read.readable import Readable
 from robo.bag.read.reader import Bag
 from robo.bridges.rerun.pace import Pace
 from robo.bridges.rerun.scene import Scene
 from robo.bridges.rerun.sink import Sink
-from robo.errors import BagError, RunError
+from robo.errors import RunError
 from robo.interfaces import catalogue
 from robo.samples.stream import Arrival, Stream
 from robo.text.unreadable import UNREADABLE
@@ -36,14 +37,19 @@ class Feed:
         """Messages of which something was drawn."""
         self.left_out = 0
         """Messages that the viewer was too slow for."""
-        self.unreadable = 0
-        """Messages that make no sense here."""
         self._sink, self._pace = sink, pace
         self._scene = Scene()
+        self._recorded = Readable()
+        self._strange = 0
         self._topics: set[str] = set()
         self._paths: set[str] = set()
         self._laid_out: tuple[list[str], list[str]] | None = None
         self._lay_out()
+
+    @property
+    def unreadable(self) -> int:
+        """Messages that make no sense here."""
+        return self._strange + self._recorded.left_out
 
     def live(
         self, session: zenoh.Session, keys: Sequence[str], goes_on: Callable[[], bool], end: float | None = None
@@ -90,14 +96,8 @@ class Feed:
         flushed = time.monotonic()
         self._scene = Scene(names)
         total = sum(bag.topics[name].count for name in names)
-        for message in counted(bag.messages(names), total, tell):
-            try:
-                value = message.value
-            except BagError:
-                self.unreadable += 1
-                continue
-            if isinstance(value, Message):
-                self.take(message.topic.name, value, message.published or message.arrived)
+        for message, value in self._recorded.of(counted(bag.messages(names), total, tell)):
+            self.take(message.topic.name, value, message.published or message.arrived)
             if time.monotonic() - flushed > _FLUSH:
                 self._flush(goes_on)
                 flushed = time.monotonic()
@@ -119,7 +119,7 @@ class Feed:
         try:
             message = robo_messages.decoder_of(type_).decode(arrival.sample.payload.to_bytes())
         except (*UNREADABLE, ValueError):
-            self.unreadable += 1
+            self._strange += 1
             return
         time_ = arrival.attachment.source_time if arrival.attachment is not None else arrival.arrived
         self.take(arrival.key, message, time_, (time.time_ns() - arrival.arrived) * 1e-9)
@@ -141,7 +141,7 @@ class Feed:
             marks = [mark for mark in self._scene.take(key, message) if _has_room(self._paths, mark.path, _MOST_PATHS)]
             self._sink.draw(marks, time_)
         except (ValueError, TypeError, OverflowError):  # of one message: it ends the view of no other
-            self.unreadable += 1
+            self._strange += 1
             return
         if marks:
             self.drawn += 1

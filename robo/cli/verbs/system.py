@@ -124,7 +124,7 @@ def map_(
 
     Poses are those of the transforms, or of the odometry where there are none. What is hit often is dark; a cell is
     0.05 m, or larger where the picture would have too many. Auto is light in a PNG. JSON: file, scans, left_out
-    (scans), points, length (m), frame, resolution (m).
+    (scans), malformed (messages, lines), points, length (m), frame, resolution (m).
     """
     from robo.cli.views.map import draw_map
     from robo.recording.map.sources import Wanted

@@ -35,6 +35,8 @@ def draw_map(path: str, output: str, wanted: Wanted, theme: Theme, *, json: bool
         _write(as_png(walk, theme), Path(output))
     else:
         written(as_svg(walk, Path(path).name, theme), output)
+    for text in walk.notes:
+        note(visible(text))
     if walk.left_out:
         note(f"{amount(walk.left_out, 'scan')} left out; of the first: {visible(brief(walk.reason, 300))}")
     if json:
@@ -43,6 +45,7 @@ def draw_map(path: str, output: str, wanted: Wanted, theme: Theme, *, json: bool
                 "file": output,
                 "scans": walk.scans,
                 "left_out": walk.left_out,
+                "malformed": walk.malformed,
                 "points": walk.cells.hits,
                 "length": walk.length,
                 "frame": walk.frames.fixed,

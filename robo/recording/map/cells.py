@@ -9,7 +9,7 @@ RESOLUTION = 0.05
 _MOST_CELLS = 1_000_000
 _MOST_SIDE = 1_000
 """Cells along a side of a picture."""
-_FARTHEST = 1e6
+FARTHEST = 1e6
 """What is further away is no place, m."""
 _OUTSIDE = 0.001
 """Of all hits so many may be beyond each edge of the picture: lasers see far through windows."""
@@ -44,7 +44,7 @@ class Cells:
         """Places that were hit, m."""
         counts, per = self._counts, 1.0 / self.resolution
         for x, y in points:
-            if -_FARTHEST < x < _FARTHEST and -_FARTHEST < y < _FARTHEST:
+            if -FARTHEST < x < FARTHEST and -FARTHEST < y < FARTHEST:
                 cell = math.floor(x * per), math.floor(y * per)
                 counts[cell] = counts.get(cell, 0) + 1
                 self.hits += 1
@@ -75,7 +75,7 @@ class Cells:
             for cell, count in self._counts.items():
                 by_place[cell[axis]] = by_place.get(cell[axis], 0) + count
             within = _within(by_place, round(self.hits * _OUTSIDE))
-            on_track = [math.floor(point[axis] / self.resolution) for point in track if abs(point[axis]) < _FARTHEST]
+            on_track = [math.floor(point[axis] / self.resolution) for point in track if abs(point[axis]) < FARTHEST]
             ends = [*within, *on_track] or [0]
             found += [min(ends) - margin, max(ends) + margin]
         left, right, low, high = found

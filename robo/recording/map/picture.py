@@ -64,7 +64,7 @@ def as_svg(walk: Walk, title: str, theme: Theme) -> str:
         "</g>",
         *_foot_as_svg(walk, shape, _TOP + shape.height),
     ]
-    dark = f".hits{{filter:invert(1)}}.begin{{fill:{_START[1]}}}.finish{{fill:{_END[1]}}}"
+    dark = f".hits{{filter:invert(1) hue-rotate(180deg)}}.begin{{fill:{_START[1]}}}.finish{{fill:{_END[1]}}}"
     light = f".begin{{fill:{_START[0]}}}.finish{{fill:{_END[0]}}}"
     style = ".hits{image-rendering:pixelated}" + in_themes(theme, light, dark)
     return document(title, width + 2 * _LEFT, _TOP + shape.height + _BELOW, parts, theme, style)
@@ -85,7 +85,7 @@ def as_png(walk: Walk, theme: Theme) -> bytes:
     places = [(margin + x, margin + y) for x, y in (shape.at(*place) for place in walk.track)]
     canvas.lines(places, 2, 2)
     if places:
-        canvas.disc(*places[0], 5, 3)
+        canvas.disc(*places[0], 8, 3)
         canvas.disc(*places[-1], 5, 4)
     bar, y = shape.bar, canvas.height - 18
     canvas.block(margin, y, round(bar / grid.resolution * each), 3, 1)
@@ -107,7 +107,7 @@ def _track_as_svg(walk: Walk, shape: _Shape) -> list[str]:
     (x0, y0), (x1, y1) = places[0], places[-1]
     return [
         f'<path class="line c0" d="{path}" stroke-linecap="round"/>',
-        f'<circle class="begin" cx="{x0:.1f}" cy="{y0:.1f}" r="5"/>',
+        f'<circle class="begin" cx="{x0:.1f}" cy="{y0:.1f}" r="8"/>',  # seen around the end, where both are one place
         f'<circle class="finish" cx="{x1:.1f}" cy="{y1:.1f}" r="5"/>',
     ]
 
@@ -119,10 +119,10 @@ def _foot_as_svg(walk: Walk, shape: _Shape, top: float) -> list[str]:
     return [
         f'<path class="mark" d="M{x:.1f} {y - 5:.1f}v5h{length:.1f}v-5" fill="none" stroke-width="2"/>',
         f'<text class="ink" x="{x + length + 10:.1f}" y="{y:.1f}">{_metres(shape.bar)}</text>',
-        f'<circle class="begin" cx="{middle:.1f}" cy="{y - 4:.1f}" r="5"/>',
-        f'<text class="ink" x="{middle + 10:.1f}" y="{y:.1f}">start</text>',
-        f'<circle class="finish" cx="{middle + 62:.1f}" cy="{y - 4:.1f}" r="5"/>',
-        f'<text class="ink" x="{middle + 72:.1f}" y="{y:.1f}">end</text>',
+        f'<circle class="begin" cx="{middle:.1f}" cy="{y - 4:.1f}" r="8"/>',
+        f'<text class="ink" x="{middle + 13:.1f}" y="{y:.1f}">start</text>',
+        f'<circle class="finish" cx="{middle + 65:.1f}" cy="{y - 4:.1f}" r="5"/>',
+        f'<text class="ink" x="{middle + 75:.1f}" y="{y:.1f}">end</text>',
         f'<text class="ink" x="{x:.1f}" y="{y + 24:.1f}">{words(facts(walk))}</text>',
     ]
 

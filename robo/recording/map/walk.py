@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from robo.errors import InTheFuture, TransformError
-from robo.recording.map.cells import Cells
+from robo.recording.map.cells import FARTHEST, Cells
 from robo.tf.buffer import Buffer
 from robo.tf.transform import Transform3
 from robo_messages import LaserScan, Odometry, Transform, TransformStamped, Vector3
@@ -46,6 +46,10 @@ class Walk:
         """Scans of whose time nobody knows where the laser was."""
         self.reason = ""
         """Why, of the first of them."""
+        self.malformed = 0
+        """Messages, or lines of a log, that make no sense."""
+        self.notes: list[str] = []
+        """What of those is left out, in words."""
         self._step = _STEP
         self._buffer = Buffer(_KEPT)
         self._waiting: deque[LaserScan] = deque()
@@ -69,9 +73,10 @@ class Walk:
         self._waiting.append(scan)
         self._place(len(self._waiting) > _MOST_WAITING)
 
-    def scan_at(self, scan: LaserScan, x: float, y: float, yaw: float) -> None:
-        """A scan has come of a laser of which somebody says where it was, m and rad."""
-        self._went_to(x, y)
+    def scan_at(self, scan: LaserScan, laser: tuple[float, float, float], base: tuple[float, float]) -> None:
+        """A scan has come of a laser of which somebody says where it was, m and rad, and where the base was, m."""
+        x, y, yaw = laser
+        self._went_to(*base)
         self._draw(scan, (math.cos(yaw), -math.sin(yaw), x), (math.sin(yaw), math.cos(yaw), y))
 
     def end(self) -> None:
@@ -88,7 +93,7 @@ class Walk:
         self._went_to(where.x, where.y)
 
     def _went_to(self, x: float, y: float) -> None:
-        if not (math.isfinite(x) and math.isfinite(y)):
+        if not (abs(x) < FARTHEST and abs(y) < FARTHEST):
             return
         way = math.dist(self.track[-1], (x, y)) if self.track else math.inf
         if way < self._step:
