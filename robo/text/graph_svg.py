@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from robo.text.graph import Graph
 from robo.text.layers import Box, Name, layout
-from robo.text.svg import Theme, document, in_themes, words
+from robo.text.svg import Theme, columns, document, in_themes, shortened, words
 
 _LETTER, _SMALL = 7.6, 6.4
 """Width of a letter of a name and of a type, pixels: enough for most fonts."""
@@ -78,7 +78,7 @@ def _lines(graph: Graph) -> Iterator[tuple[_End, _End, str]]:
 
 def _size(thing: _Thing) -> tuple[float, float]:
     below = [line for line in (*thing.lines, *thing.problems) if line]
-    width = max(60.0, len(_cut(thing.name)) * _LETTER, *(len(_cut(line)) * _SMALL for line in below))
+    width = max(60.0, columns(_cut(thing.name)) * _LETTER, *(columns(_cut(line)) * _SMALL for line in below))
     return width + 24, 22.0 + 14.0 * len(below)
 
 
@@ -118,7 +118,7 @@ def _arrow(route: list[tuple[float, float]], style: str) -> str:
 
 
 def _cut(text: str) -> str:
-    return text if len(text) <= _MOST else f"{text[: _MOST - 1]}…"
+    return shortened(text, _MOST)
 
 
 def _style(theme: Theme) -> str:

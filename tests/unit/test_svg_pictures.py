@@ -20,7 +20,7 @@ from robo.text.graph import Edge, GraphNode, build
 from robo.text.graph_svg import graph_svg
 from robo.text.layers import Box, layout
 from robo.text.png import png
-from robo.text.svg import Curve, Panel, Theme, curves, ticks
+from robo.text.svg import Curve, Panel, Theme, curves, labels, shortened, ticks
 from robo.text.thinning import Thinned
 from robo_messages import LaserScan, Message, Odometry, PoseStamped, Twist
 from robo_messages.sensor import BatteryState
@@ -81,11 +81,53 @@ def test_curves_have_names_units_and_times(theme: Theme) -> None:
     line = Curve("r1/odom <b>x</b>", [(0.0, 1.0), (1.0, math.nan), (2.0, 3.0), (3.0, 2.0)])
     svg = curves("a & b\x00\x1b", [Panel([line], "m/s"), Panel([Curve("none", [])])], "s since then", theme=theme)
     assert {"a & b��", "m/s", "r1/odom <b>x</b>", "none", "s since then"} <= {*texts(svg)}
-    (path,) = ElementTree.fromstring(svg).iter(f"{SVG}path")
-    assert path.get("d", "").count("M") == 2  # a gap
-    assert "h0" in path.get("d", "")  # a point alone is seen
+    path, dot = ElementTree.fromstring(svg).iter(f"{SVG}path")
+    assert path.get("d", "").count("M") == 1  # after the gap
+    assert dot.get("d", "").endswith("h0")  # a point alone is seen
+    assert ".dot{stroke-width:4}" in svg
     assert ("prefers-color-scheme" in svg) == (theme == "auto")
     assert "http" not in svg.replace("http://www.w3.org/2000/svg", "")
+
+
+@given(st.floats(-1e300, 1e300), st.floats(0, 1e300), st.integers(4, 8))
+def test_no_two_marks_of_an_axis_say_the_same(low: float, size: float, most: int) -> None:
+    marks = ticks(low, low + size, most)
+    assert len({*labels(marks)}) == len({*marks})
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "wanted"),
+    [
+        (48.137154, 48.137163, ["48.137155", "48.137160"]),
+        (5412345.2, 5412348, ["5412346", "5412347", "5412348"]),
+        (1.764e9, 1.764e9 + 9, ["1764000000", "1764000005"]),
+        (100000, 100000.49, ["100000.0", "100000.2", "100000.4"]),
+        (-1, 1, ["-1.0", "-0.5", "0", "0.5", "1.0"]),
+        (0, 30, ["0", "10", "20", "30"]),
+        (0, 3e-29, ["0", "1e-29", "2e-29", "3e-29"]),
+        (5, 5, ["5"]),
+    ],
+)
+def test_marks_of_an_axis_have_the_digits_that_tell_them_apart(low: float, high: float, wanted: list[str]) -> None:
+    assert labels(ticks(low, high, 4)) == wanted
+
+
+def test_one_point_stands_in_the_middle() -> None:
+    svg = curves("t", [Panel([Curve("a", [(3.0, 1.0)])])], "s")
+    assert {"2.5", "3.0", "3.5"} <= {*texts(svg)} or {"2.6", "3.0", "3.4"} <= {*texts(svg)}
+    (dot,) = ElementTree.fromstring(svg).iter(f"{SVG}path")
+    assert dot.get("d", "").startswith("M490.0 ")
+
+
+def test_long_numbers_and_wide_letters_have_room() -> None:
+    svg = curves("t", [Panel([Curve("速度速度速度", [(0.0, 1.7e9), (1.0, 1.7e9 + 3e-6)]), Curve("b", [])])], "s")
+    root = ElementTree.fromstring(svg)
+    for one in root.iter(f"{SVG}text"):
+        if one.get("text-anchor") == "end" and (one.text or "").startswith("1.7"):
+            assert float(one.get("x", "0")) > 7 * len(one.text or "")
+    first, second = (float(one.get("x", "0")) for one in root.iter(f"{SVG}text") if one.text in ("速度速度速度", "b"))
+    assert second - first > 6 * 13  # each is as wide as it is high
+    assert shortened("速度速度", 6) == "速度…"
 
 
 def test_values_of_any_size_are_drawn() -> None:
