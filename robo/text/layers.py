@@ -14,6 +14,8 @@ _SWEEPS = 12
 _ROW_GAP, _COLUMN_GAP = 14.0, 64.0
 _LANE = 6.0
 """Height of the place of an arrow that passes by."""
+_PORTS = 8.0
+"""From the middle of a side to where arrows begin or end that go both ways."""
 
 Name = Hashable
 
@@ -67,11 +69,12 @@ def layout(sizes: Mapping[Name, tuple[float, float]], arrows: Sequence[tuple[Nam
     every = dict(sizes)
     every.update((one, (0.0, _LANE)) for column in columns for one in column if isinstance(one, _Lane))
     boxes = _placed(columns, every, chains)
+    backwards = [chain[0] != begin for (begin, _), chain in zip(arrows, chains, strict=True)]
+    ports = _ports(chains, backwards, boxes)
     routes = []
-    for (begin, _), chain in zip(arrows, chains, strict=True):
-        backwards = chain[0] != begin
-        points = _route(chain, boxes)
-        routes.append(points[::-1] if backwards else points)
+    for chain, back in zip(chains, backwards, strict=True):
+        points = _route(chain, back, boxes, ports)
+        routes.append(points[::-1] if back else points)
     shown = {name: boxes[name] for name in sizes}
     width = max((box.x + box.width for box in boxes.values()), default=0.0)
     height = max((box.y + box.height for box in boxes.values()), default=0.0)
@@ -239,13 +242,37 @@ def _apart(first: Name, second: Name, sizes: Mapping[Name, tuple[float, float]])
     return sizes[first][1] / 2 + _ROW_GAP + sizes[second][1] / 2
 
 
-def _route(chain: Sequence[Name], boxes: Mapping[Name, Box]) -> list[tuple[float, float]]:
+_Port = tuple[Name, int, bool]
+"""Of a box, its left (0) or right (1) side; whether arrows there run backwards."""
+
+
+def _ports(
+    chains: Sequence[Sequence[Name]], backwards: Sequence[bool], boxes: Mapping[Name, Box]
+) -> dict[_Port, float]:
+    """At which heights arrows begin and end: where some of a side run backwards, these have their own.
+
+    Else the head of one lay on the tail of another, and both looked like one arrow with two heads.
+    """
+    used: set[_Port] = set()
+    for chain, back in zip(chains, backwards, strict=True):
+        used |= {(chain[0], 1, back), (chain[-1], 0, back)}
+    found: dict[_Port, float] = {}
+    for name, side, back in used:
+        box = boxes[name]
+        apart = min(box.height / 4, _PORTS) if (name, side, not back) in used else 0.0
+        found[name, side, back] = box.y + box.height / 2 + (apart if back else -apart)
+    return found
+
+
+def _route(
+    chain: Sequence[Name], back: bool, boxes: Mapping[Name, Box], ports: Mapping[_Port, float]
+) -> list[tuple[float, float]]:
     points = []
     for place, name in enumerate(chain):
         box = boxes[name]
         middle = box.y + box.height / 2
         if place > 0:
-            points.append((box.x, middle))
+            points.append((box.x, ports.get((name, 0, back), middle)))
         if place < len(chain) - 1:
-            points.append((box.x + box.width, middle))
+            points.append((box.x + box.width, ports.get((name, 1, back), middle)))
     return points

@@ -176,6 +176,8 @@ def test_no_box_lies_on_another_and_no_arrow_crosses_one(data: st.DataObject) ->
             assert y == to_y
             passage = Box(min(x, to_x), y - 0.5, abs(to_x - x), 1.0)
             assert not any(overlap(passage, box) for box in placed.boxes.values())
+    # Else two arrows looked like one with two heads.
+    assert {route[-1] for route in placed.arrows}.isdisjoint(route[0] for route in placed.arrows)
 
 
 def test_a_graph_says_all_and_what_is_wrong() -> None:
