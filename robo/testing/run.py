@@ -55,7 +55,7 @@ class Run:
         self._logs = folder / "logs"
         self._output = folder / "output.txt"
         up = ["-m", "robo", "up", manifest, *words, "--robot-name", robot, "--listen", self.endpoint]
-        leash = [sys.executable, "-m", "robo.testing.leash", str(os.getpid()), sys.executable]
+        leash = [sys.executable, "-m", "robo.machine.leash", str(os.getpid()), sys.executable]
         with self._output.open("wb") as output:
             self._process = subprocess.Popen(
                 [*leash, *up],

@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections import Counter
+from os import urandom
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from robo_messages.sensor import Image
 from robo_messages.visualization import Marker, MarkerArray
 from tests import bags
 from tests.conftest import free_port
+from tests.room_log import LOG
 from tests.support import eventually, run_robo
 
 chunk = pytest.importorskip("rerun.chunk", reason="Rerun is not installed: pip install 'robo-zenoh[rerun]'")
@@ -148,7 +150,7 @@ def test_the_viewer_hears_this_machine_alone_and_ends_with_us() -> None:
         sink = Sink("r1")
         sink.connect(port)
         feed = Feed(sink, Pace())
-        sink.flush()
+        assert sink.flush()
         sink.close()
         assert feed.drawn == 0
         with pytest.raises(NetworkError, match=f"port {port} of 127.0.0.1 cannot be had"):
@@ -157,6 +159,70 @@ def test_the_viewer_hears_this_machine_alone_and_ends_with_us() -> None:
         viewer.close()
     assert not viewer.is_open
     assert not child.is_running()
+
+
+def test_a_viewer_ends_with_a_tool_that_is_killed(tmp_path: Path) -> None:
+    bags.drive(tmp_path / "drive.mcap")
+    ports = [str(free_port()), str(free_port())]
+    words = ["view", "rerun", "drive.mcap", "--web", "--port", ports[0], "--web-port", ports[1]]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "robo", *words], stdout=subprocess.PIPE, text=True, cwd=str(tmp_path)
+    )
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline().startswith("Rerun is at http://127.0.0.1:")
+        (viewer,) = [one for one in psutil.Process(process.pid).children() if "rerun" in one.name()]
+    finally:
+        process.kill()
+        process.communicate()
+    eventually(lambda: not viewer.is_running() or viewer.status() == psutil.STATUS_ZOMBIE, "the end of the viewer")
+
+
+def test_a_viewer_that_stalls_is_waited_for() -> None:
+    port = free_port()
+    viewer = Viewer(port, "100MiB", free_port())
+    try:
+        (child,) = [one for one in psutil.Process().children() if "rerun" in one.name()]
+        sink = Sink("r1")
+        sink.connect(port)
+        sink.draw(Scene().take("r1/cmd_vel", Twist()), 10**18)
+        eventually(sink.flush, "what was drawn, in the viewer")
+        feed, over = Feed(sink, Pace(0.0)), threading.Event()
+        child.suspend()
+        large = Image(width=2_000, height=2_000, encoding="mono8", step=2_000, data=memoryview(urandom(4_000_000)))
+        for number in range(10):  # more than waits between two programs
+            sink.draw(Scene().take("r1/camera", large), 10**18 + number)
+        thread = threading.Thread(target=feed.flush, args=(lambda: not over.is_set(),))
+        thread.start()
+        thread.join(1.5)  # longer than it waits at a time
+        assert thread.is_alive()
+        child.resume()
+        thread.join(20)
+        assert not thread.is_alive()
+        assert sink.flush()
+    finally:
+        viewer.close()
+        sink.close()
+
+
+def test_words_that_make_no_sense_are_told_before_anything_starts(tmp_path: Path) -> None:
+    bags.drive(tmp_path / "drive.mcap")
+    for words, wanted in (
+        (("drive.mcap", "--web", "--port", "9911", "--web-port", "9911"), "are both 9911"),
+        (("drive.mcap", "--memory", "lots"), "write a size such as 1GiB"),
+        ((str(LOG), "--save", "a.rrd"), "make a recording of it first: robo bag convert"),
+    ):
+        result = run_robo("view", "rerun", *words, cwd=str(tmp_path))
+        assert result.returncode == 2, result.stderr
+        assert wanted in result.stderr
+
+
+def test_a_file_with_nothing_in_it_is_not_left(tmp_path: Path) -> None:
+    with bag.Recording(tmp_path / "none.mcap", bag.Options(compression="none", sync=False)):
+        pass
+    result = run_robo("view", "rerun", "none.mcap", "--save", "none.rrd", cwd=str(tmp_path))
+    assert result.returncode == 1, result.stderr
+    assert not (tmp_path / "none.rrd").exists()
 
 
 def _heard(process: psutil.Process) -> list[tuple[str, int]]:

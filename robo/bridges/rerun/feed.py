@@ -25,6 +25,8 @@ _FLUSH = 0.5
 """How often a viewer gets what is new, s; longer where it takes longer."""
 _MOST_TOPICS, _MOST_PATHS = 5_000, 20_000
 """That are drawn, and what stands where: somebody may invent more and more."""
+_PATIENCE = 60.0
+"""For how long a viewer may take nothing: a laptop sleeps, a debugger holds it; s."""
 _LOOK = 0.2
 """How often it is looked whether it goes on, s."""
 
@@ -67,14 +69,18 @@ class Feed:
         """
         stream = Stream(session, keys, _MOST_WAITING, latched=True)
         flushed = 0.0
+
+        def is_wanted() -> bool:
+            return goes_on() and (end is None or time.monotonic() < end)
+
         try:
-            while goes_on() and (end is None or time.monotonic() < end):
+            while is_wanted():
                 wait = time.monotonic() + _LOOK
                 arrival = stream.get(wait if end is None else min(wait, end))
                 if arrival is not None:
                     self._arrived(arrival)
                 if time.monotonic() - flushed > _FLUSH:
-                    self._flush(goes_on)
+                    self.flush(is_wanted)
                     flushed = time.monotonic()
         finally:
             self.left_out = stream.left_out
@@ -99,17 +105,28 @@ class Feed:
         for message, value in self._recorded.of(counted(bag.messages(names), total, tell)):
             self.take(message.topic.name, value, message.published or message.arrived)
             if time.monotonic() - flushed > _FLUSH:
-                self._flush(goes_on)
+                self.flush(goes_on)
                 flushed = time.monotonic()
                 if not goes_on():
                     return
+        self.flush(goes_on)
 
-    def _flush(self, goes_on: Callable[[], bool]) -> None:
-        try:
-            self._sink.flush()
-        except RunError:
-            if goes_on():
-                raise  # else somebody has closed the viewer, which is no mistake
+    def flush(self, goes_on: Callable[[], bool]) -> None:
+        """Wait until what was drawn has arrived; what comes meanwhile waits as well.
+
+        Args:
+            goes_on: whether somebody still looks; who has closed the viewer needs nothing more.
+
+        Raises:
+            RunError: the viewer has taken nothing for a long time, or the file takes nothing more.
+        """
+        since = time.monotonic()
+        while not self._sink.flush():
+            if not goes_on():
+                return
+            if self._sink.is_full or time.monotonic() - since > _PATIENCE:
+                raise RunError(f"Rerun takes nothing more: {self._sink.reason}")
+            time.sleep(_LOOK)  # where the link is lost it is told at once
 
     def _arrived(self, arrival: Arrival) -> None:
         kind, _, name = str(arrival.sample.encoding).partition(";")

@@ -1,7 +1,7 @@
 """What is drawn, handed to Rerun's library."""
 
-import contextlib
 import importlib
+import time
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +12,8 @@ from robo.errors import RunError
 
 TIMELINE = "time"
 """When messages were published."""
-_FLUSH = 5.0
-"""How long the viewer may take for what it was given, s."""
+_FLUSH = 1.0
+"""For how long it is waited at a time, s."""
 
 
 def import_rerun() -> Any:
@@ -46,6 +46,14 @@ class Sink:
         self._stream = self._rr.RecordingStream(f"robo {name}".strip())
         self._stream.set_log_time_enabled(False)
         self._stream.set_log_tick_enabled(False)
+        self.is_file = False
+        """Whether it writes a file, and no viewer takes it."""
+        self.is_full = False
+        """Whether the file takes nothing more."""
+        self.is_empty = True
+        """Whether nothing was drawn."""
+        self.reason = ""
+        """Why what was drawn has not arrived."""
         self._framed: dict[str, str] = {}
         self._named: dict[str, tuple[str, ...]] = {}
         self._paths: dict[str, str] = {}
@@ -60,6 +68,7 @@ class Sink:
             self._stream.save(file)
         except Exception as error:  # of another language's library
             raise RunError(f"{file} cannot be written: {error}") from None
+        self.is_file = True
 
     def connect(self, port: int) -> None:
         """Send to a viewer on this machine."""
@@ -109,25 +118,28 @@ class Sink:
         """
         if not marks:
             return
+        self.is_empty = False
         self._stream.set_time(TIMELINE, timestamp=self._np.datetime64(time, "ns"))
         for mark in marks:
             self._draw(mark)
 
-    def flush(self) -> None:
-        """Wait until what was drawn has arrived: a slow viewer holds up who draws, and no memory is filled.
+    def flush(self) -> bool:
+        """Wait a little until what was drawn has arrived: a slow viewer holds up who draws, and no memory is filled.
 
-        Raises:
-            RunError: the viewer is gone, or takes nothing more.
+        Returns:
+            whether it has; else `reason` says why not.
         """
+        begun = time.monotonic()
         try:
             self._stream.flush(timeout_sec=_FLUSH)
         except Exception as error:  # of another language's library
-            raise RunError(f"Rerun takes nothing more: {error}") from None
+            self.reason = str(error)
+            self.is_full = self.is_file and time.monotonic() - begun < _FLUSH / 2  # a slow disk takes longer
+            return False
+        return True
 
     def close(self) -> None:
-        """All has been drawn."""
-        with contextlib.suppress(Exception):  # a viewer that was closed needs nothing more
-            self._stream.flush(timeout_sec=_FLUSH)
+        """All has been drawn, and has arrived, or its viewer is closed: else this waits for it."""
         self._stream.disconnect()
 
     def _draw(self, mark: Mark) -> None:

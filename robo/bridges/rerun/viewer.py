@@ -16,7 +16,7 @@ _READY = 30.0
 
 
 class Viewer:
-    """One that has been started."""
+    """One that has been started. It ends with us, however we end: let the main thread start it, see `machine.leash`."""
 
     def __init__(self, port: int, memory: str, web_port: int | None) -> None:
         """
@@ -30,16 +30,35 @@ class Viewer:
             NetworkError: the port is taken.
         """
         self._check(port)
-        words = [str(_program()), "--bind", LOOPBACK, "--port", str(port), "--memory-limit", memory]
+        words = [
+            sys.executable,
+            "-m",
+            "robo.machine.leash",
+            str(os.getpid()),
+            str(_program()),
+            "--bind",
+            LOOPBACK,
+            "--port",
+            str(port),
+            "--memory-limit",
+            memory,
+        ]
         words += ["--server-memory-limit", memory, "--expect-data-soon"]
         if web_port is not None:
             self._check(web_port)
             words += ["--serve-web", "--web-viewer-port", str(web_port)]
         self.address = f"http://{LOOPBACK}:{web_port}/?url=rerun%2Bhttp://{LOOPBACK}:{port}/proxy" if web_port else ""
+        hint = "" if web_port is not None else ": is there a display? --web shows it in a browser"
         # In a group of its own: Ctrl-C is ours, and we end it when what was drawn is there.
-        self._process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, process_group=0)
+        self._process = subprocess.Popen(
+            words,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            env={"RUST_LOG": "warn", **os.environ},  # it would tell of itself before we say where it is
+            process_group=0,
+        )
         try:
-            self._wait(port)
+            self._wait(port, hint)
         except BaseException:
             self.close()
             raise
@@ -58,12 +77,12 @@ class Viewer:
             self._process.kill()
             self._process.wait()
 
-    def _wait(self, port: int) -> None:
+    def _wait(self, port: int, hint: str) -> None:
         end = time.monotonic() + _READY
         while time.monotonic() < end:
             if not self.is_open:
                 code = self._process.returncode
-                raise RunError(f"Rerun's viewer ended with {code}: is there a display? --web shows it in a browser")
+                raise RunError(f"Rerun's viewer ended with {code}{hint}")
             with socket.socket() as probe:
                 if probe.connect_ex((LOOPBACK, port)) == 0:
                     return

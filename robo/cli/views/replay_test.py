@@ -82,8 +82,8 @@ def run_replay_test(request: ReplayWords) -> int:
 
 def _replay(request: dict[str, Any]) -> bytes:
     """Have it done by a process of its own; the report, as JSON."""
-    leash = [sys.executable, "-m", "robo.testing.leash", str(os.getpid())]  # by name: tests stand beside the tools
-    command = [*leash, sys.executable, "-m", "robo.testing.regression"]
+    leash = [sys.executable, "-m", "robo.machine.leash", str(os.getpid())]
+    command = [*leash, sys.executable, "-m", "robo.testing.regression"]  # by name: tests stand beside the tools
     # Apart from the terminal: Ctrl-C is for this command, which ends the other.
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
     progress = _Progress()

@@ -1,5 +1,6 @@
 """`robo view rerun`: robots and recordings in Rerun."""
 
+import re
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -8,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 from robo import bag
+from robo.bag.forms.choice import form_of_input
 from robo.bag.of_robot import only_robot
 from robo.bag.patterns import chosen
 from robo.bridges.rerun.feed import Feed
@@ -15,13 +17,15 @@ from robo.bridges.rerun.pace import Pace
 from robo.bridges.rerun.sink import Sink, import_rerun
 from robo.bridges.rerun.viewer import Viewer, has_display
 from robo.cli.connection import connect_to_robot, nodes_of
+from robo.cli.link import watched
 from robo.cli.printing import amount, note, print_line
 from robo.cli.reach import Reach
 from robo.cli.views.bag_progress import progress
-from robo.errors import UsageError
+from robo.errors import BagError, UsageError
 from robo.text.terminal import visible
 from robo.wire import names
 
+_SIZE = re.compile(r"\d{1,9}(\.\d{1,9})?(B|[kKMGT]i?B|%)")
 _PERIOD = 0.2
 """How often it is looked whether a viewer is closed, s."""
 
@@ -65,6 +69,9 @@ def show(reach: Reach, asked: Asked) -> int:
 
 
 def _show_recording(asked: Asked, path: str, reach: Reach) -> Feed:
+    with suppress(BagError):  # which the reader tells better
+        if form_of_input(path) != "mcap":
+            raise UsageError(f"{path}: make a recording of it first: robo bag convert {path} -o NEW.mcap")
     with bag.open(path) as recording:
         meant = _recorded_names(recording, reach, asked)
         with _target(asked, Path(path).stem) as (sink, viewer):
@@ -72,24 +79,31 @@ def _show_recording(asked: Asked, path: str, reach: Reach) -> Feed:
             feed = Feed(sink, Pace(asked.rate or 0.0))
             with progress(f"reading {path}") as tell:
                 feed.recorded(recording, meant, _goes_on(viewer), tell)
-            if viewer is not None and viewer.is_open:
-                sink.flush()
+            if viewer is not None:
                 _wait(viewer, asked.duration)
             return feed
 
 
 def _show_live(asked: Asked, reach: Reach) -> Feed:
-    with connect_to_robot(reach) as session:
+    with connect_to_robot(reach) as session, watched(session, reach):
         nodes_of(session, reach)
         with _target(asked, reach.namespace) as (sink, viewer):
             feed = Feed(sink, Pace(asked.rate))
             end = time.monotonic() + asked.duration if asked.duration is not None else None
             with suppress(KeyboardInterrupt):  # which is how it ends; the file is whole all the same
                 feed.live(session, _keys(reach, asked.topics), _goes_on(viewer), end)
+            if viewer is None:
+                feed.flush(_goes_on(None))
             return feed
 
 
 def _check(asked: Asked) -> None:
+    if not _SIZE.fullmatch(asked.memory):
+        raise UsageError(f"--memory {asked.memory}: write a size such as 1GiB or 500MB, or a part of all such as 50%")
+    if asked.place is not None:
+        port, web_port = asked.place
+        if port == (web_port or (None if has_display() else asked.web_port)):
+            raise UsageError(f"--port and --web-port are both {port}: the viewer and its page need one each")
     if asked.save is None:
         return
     if asked.save.suffix.lower() != ".rrd":
@@ -101,17 +115,18 @@ def _check(asked: Asked) -> None:
 @contextmanager
 def _target(asked: Asked, name: str) -> Iterator[tuple[Sink, Viewer | None]]:
     """The file or the viewer, which ends with us."""
+    viewer: Viewer | None = None
+    if asked.place is not None:
+        port, web_port = asked.place
+        if web_port is None and not has_display():
+            note("there is no display: it is shown in a browser")
+            web_port = asked.web_port
+        viewer = Viewer(port, asked.memory, web_port)
     with ExitStack() as stack:
-        viewer = None
-        if asked.place is not None:
-            port, web_port = asked.place
-            if web_port is None and not has_display():
-                note("there is no display: it is shown in a browser")
-                web_port = asked.web_port
-            viewer = Viewer(port, asked.memory, web_port)
+        if viewer is not None:
             stack.callback(viewer.close)
         sink = Sink(name)
-        stack.callback(sink.close)
+        stack.callback(_end, sink, viewer, asked.save)
         if asked.save is not None:
             sink.save(asked.save)
         elif asked.place is not None:
@@ -119,6 +134,14 @@ def _target(asked: Asked, name: str) -> Iterator[tuple[Sink, Viewer | None]]:
         if viewer is not None and viewer.address:
             print_line(f"Rerun is at {viewer.address}; Ctrl-C ends it")
         yield sink, viewer
+
+
+def _end(sink: Sink, viewer: Viewer | None, file: Path | None) -> None:
+    if not sink.flush() and viewer is not None:
+        viewer.close()  # else it would be waited for what it takes no more
+    sink.close()
+    if file is not None and sink.is_file and sink.is_empty:
+        file.unlink(missing_ok=True)
 
 
 def _goes_on(viewer: Viewer | None) -> Callable[[], bool]:

@@ -44,7 +44,7 @@ def run_apart(order: RunOrder, number: int, progress: Callable[[float], None], s
         UsageError: what is wanted makes no sense.
     """
     silence += order.patience
-    leash = [sys.executable, "-m", "robo.testing.leash", str(os.getpid()), sys.executable]
+    leash = [sys.executable, "-m", "robo.machine.leash", str(os.getpid()), sys.executable]
     with tempfile.TemporaryFile() as errors:
         process = subprocess.Popen(
             [*leash, "-m", "robo.testing.regression.run"],

@@ -1,6 +1,7 @@
-"""`python -m robo.testing.leash PID COMMAND...`: becomes a command that is told to end when its parent ends.
+"""`python -m robo.machine.leash PID COMMAND...`: becomes a command that is told to end when its parent ends.
 
-However a test run ends, `kill -9` included, the robots that it has started end as well.
+However a test run ends, `kill -9` included, the robots that it has started end as well; so does a viewer with its tool.
+The kernel looks at the thread that has started it: let that be one that lives as long as the process.
 """
 
 import ctypes
