@@ -256,7 +256,7 @@ def _table(path: Path, whole: Path) -> None:
 
 def _curves(path: Path, _: Path) -> None:
     with bag.open(path) as opened:
-        found = series(opened, [name for name, topic in opened.topics.items() if topic.known], [])
+        found = series(opened, [name for name, topic in opened.topics.items() if topic.known], []).series
     curves("all", panels_of(found), "s")
 
 

@@ -1,5 +1,6 @@
 """How things are printed: lines, tables, JSON, hints, amounts."""
 
+import os
 import shutil
 import sys
 import time
@@ -29,14 +30,26 @@ def print_text(text: str) -> None:
     print(text, flush=True)
 
 
-def write_file(text: str, file: Path) -> None:
-    """Write data to a file that somebody has named.
+def write_file(data: str | bytes, file: Path) -> None:
+    """Write data to a file that somebody has named, over one that is there: whole, or not at all.
 
     Raises:
         UsageError: it cannot be written.
     """
+    whole = data.encode() if isinstance(data, str) else data
     try:
-        file.write_text(text, encoding="utf-8")
+        place = file.resolve()  # what a link leads to, rather than the link
+        if place.exists() and not (place.is_file() and os.access(place.parent, os.W_OK)):
+            place.write_bytes(whole)  # such as /dev/stdout
+            return
+        part = place.with_name(f".{place.name[:100]}.{os.getpid()}.part")
+        try:
+            part.write_bytes(whole)
+            if place.exists():
+                shutil.copymode(place, part)
+            part.replace(place)
+        finally:
+            part.unlink(missing_ok=True)
     except OSError as error:
         raise UsageError(f"{file} cannot be written: {error.strerror}") from None
 

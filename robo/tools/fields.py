@@ -1,68 +1,20 @@
-"""Parts of messages as plain data: `pose.pose.position.x`, `ranges[0]`; conditions on them; short forms. Pure."""
+"""Messages as plain data: conditions on their parts; their single values; short forms. Pure."""
 
-import re
 from collections.abc import Iterator
 
 import msgspec
 
 from robo.errors import UsageError
+from robo.interfaces.parts import Field, Missing
 from robo.launch.expression import Condition, ExpressionError
 from robo.text.brief import marked
 from robo.text.paths import unnested
-from robo.text.suggestions import suggest
 from robo.wire.codec import jsonable
-
-_NAME, _INDEX = r"[A-Za-z_]\w*", r"\[-?\d{1,9}\]"
-_PATH = re.compile(rf"(?:{_NAME}|{_INDEX})(?:\.{_NAME}|{_INDEX})*\Z")
-_STEP = re.compile(rf"{_NAME}|{_INDEX}")
 
 TRUNCATE_ITEMS = 16
 """Items of a list that a truncated message keeps."""
 TRUNCATE_TEXT = 128
 """Characters of a text that a truncated message keeps."""
-
-
-class Missing(LookupError):
-    """A message has no such part; the text tells what it has."""
-
-
-class Field:
-    """A part of a message, by its path."""
-
-    def __init__(self, path: str) -> None:
-        """
-        Raises:
-            UsageError: it is no path.
-        """
-        self.path = path
-        if not _PATH.match(path):
-            raise UsageError(f"field {path!r}: write names and indexes, for example pose.pose.position.x or ranges[0]")
-        self._steps = [int(step[1:-1]) if step[0] == "[" else step for step in _STEP.findall(path)]
-
-    def of(self, message: object) -> object:
-        """The part of a message.
-
-        Raises:
-            Missing: it has no such part.
-        """
-        value = message
-        so_far = ""
-        for step in self._steps:
-            if isinstance(step, str):
-                if not isinstance(value, dict):
-                    raise Missing(f"{so_far or 'the message'} has no fields")
-                if step not in value:
-                    raise Missing(f"{so_far or 'it'} has no field {step!r}; {suggest(step, map(str, value), 'it has')}")
-                value = value[step]
-                so_far += f".{step}" if so_far else step
-            else:
-                if not isinstance(value, (list, tuple)):
-                    raise Missing(f"{so_far or 'the message'} is no list")
-                if not -len(value) <= step < len(value):
-                    raise Missing(f"{so_far} has {len(value)} items, no [{step}]")
-                value = value[step]
-                so_far += f"[{step}]"
-        return value
 
 
 class FieldFilter:

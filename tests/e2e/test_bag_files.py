@@ -259,7 +259,7 @@ def test_plot(folder: Path) -> None:
     assert told == {"file": "odom.svg", "curves": [curve]}
     for words, wanted in (
         (("drive.mcap", "scan", "-o", "drive.mcap"), "end its name in .svg"),
-        (("drive.mcap", "scan", "-o", "no/such/place.svg"), "cannot be written"),
+        (("drive.mcap", "scan", "-o", "no/such/place.svg"), "cannot be written: there is no folder no/such"),
         (("drive.mcap", "skan", "-o", "a.svg"), "it has no topic skan"),
         (("drive.mcap", "odom", "-o", "a.svg", "--field", "pose.pos"), "did you mean"),
         (("drive.mcap", "odom", "-o", "a.svg", "--start", "soon"), "is no time"),
@@ -274,7 +274,7 @@ def test_map(folder: Path) -> None:
     for name in ("way.svg", "way.png"):
         result = run_robo("map", "drive.mcap", "-o", name, cwd=str(folder))
         assert result.returncode == 0, result.stderr
-        assert result.stdout == f"{name}: 10 scans, 20 points; 0.9 m driven, in frame odom\n"
+        assert result.stdout == f"{name}: 10 scans, 20 points; 0.9 m driven, by the odometry r1/odom\n"
         assert (folder / name).stat().st_size > 500
     told = json.loads(run_robo("map", "drive.mcap", "-o", "way.svg", "--json", cwd=str(folder)).stdout)
     assert (told["scans"], told["points"], told["frame"], told["left_out"]) == (10, 20, "odom", 0)

@@ -5,7 +5,9 @@ import math
 import pytest
 
 from robo.errors import UsageError
-from robo.tools.fields import Field, FieldFilter, Missing, cell, flattened, truncated
+from robo.interfaces.parts import Field, Missing
+from robo.tools.fields import FieldFilter, cell, flattened, truncated
+from robo_messages import LaserScan
 
 MESSAGE = {
     "header": {"frame_id": "odom", "stamp": {"sec": 3}},
@@ -33,6 +35,20 @@ def test_a_field_is_found(path: str, value: object) -> None:
 def test_a_list_may_be_the_message() -> None:
     assert Field("[0]").of([7]) == 7
     assert Field("[0][1]").of([[7, 8]]) == 8
+
+
+def test_a_message_is_as_its_plain_data() -> None:
+    scan = LaserScan(ranges=[1.0, 2.0])
+    assert Field("ranges[-1]").of(scan) == 2.0
+    assert Field("header.frame_id").of(scan) == ""
+    for path, text, may_come in (
+        ("ranges[7]", r"ranges has 2 items, no \[7\]", True),
+        ("rangs", "did you mean ranges", False),
+        ("header.frame_id.x", "header.frame_id has no fields", False),
+    ):
+        with pytest.raises(Missing, match=text) as error:
+            Field(path).of(scan)
+        assert error.value.may_come == may_come
 
 
 @pytest.mark.parametrize("path", ["", ".", "a.", ".a", "a..b", "a[", "a[x]", "a b", "a[0]b", "1a", "a]"])

@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 
 from robo import bag
 from robo.bag.look.series import series
+from robo.bag.types import topic_of
 from robo.errors import UsageError
+from robo.interfaces import cdr
 from robo.interfaces.units import unit_of
 from robo.text.canvas import Canvas
 from robo.text.graph import Edge, GraphNode, build
@@ -22,7 +24,8 @@ from robo.text.layers import Box, layout
 from robo.text.png import png
 from robo.text.svg import Curve, Panel, Theme, curves, labels, shortened, ticks
 from robo.text.thinning import Thinned
-from robo_messages import LaserScan, Message, Odometry, PoseStamped, Twist
+from robo.wire.qos import QoS
+from robo_messages import LaserScan, Message, Odometry, PoseStamped, Twist, Vector3
 from robo_messages.sensor import BatteryState
 from tests import bags
 
@@ -140,21 +143,47 @@ def test_series_of_a_recording(tmp_path: Path) -> None:
     bags.drive(tmp_path / "drive.mcap")
     with bag.open(tmp_path / "drive.mcap") as recording:
         names = ["r1/cmd_vel", "r1/odom"]
-        found = series(recording, names, [])
+        found = series(recording, names, []).series
         assert [(one.topic, one.field, one.unit) for one in found] == [
             ("r1/cmd_vel", "linear.x", "m/s"),
             ("r1/odom", "pose.pose.position.x", "m"),
         ]
         assert found[0].values == 100
         assert found[0].points[-1] == pytest.approx((0.99, 9.9))
-        (ranges,) = series(recording, ["r1/scan"], ["ranges[1]"])
+        (ranges,) = series(recording, ["r1/scan"], ["ranges[1]", "ranges[1]"]).series
+        (last,) = series(recording, ["r1/scan"], ["ranges[-2]"]).series
+        assert last.points == ranges.points
         assert {value for _, value in ranges.points} == {2.0}
         half = recording.begin + 500 * bags.MS
-        (part,) = series(recording, ["r1/cmd_vel"], ["linear.x"], begin=half)
+        (part,) = series(recording, ["r1/cmd_vel"], ["linear.x"], begin=half).series
         assert part.points[0][0] == pytest.approx(0.0, abs=0.011)
         for fields, told in ((["lin.x"], "did you mean linear.x"), (["linear"], "no number"), (["a b"], "write names")):
             with pytest.raises(UsageError, match=told):
                 series(recording, ["r1/cmd_vel"], fields)
+
+
+def test_series_of_messages_that_lack_something(tmp_path: Path) -> None:
+    second = 10**9
+    with bag.Recording(tmp_path / "odd.mcap", bag.Options(compression="none", sync=False)) as recording:
+        scans = recording.topic(topic_of("r1/scan", LaserScan, QoS.DEFAULT))
+        simulated = recording.topic(topic_of("r1/cmd_vel", Twist, QoS.DEFAULT))
+        for step in range(5):
+            at = bags.START + step * second
+            data = cdr.encoder(LaserScan)(LaserScan(ranges=[float(step)] * step))
+            recording.write(scans, data if step != 3 else b"\0\1\0\0\xff", at, at, 0, "node")
+            recording.write(simulated, cdr.encoder(Twist)(Twist(Vector3(x=step))), at, step * second + 1, 0, "node")
+    with bag.open(tmp_path / "odd.mcap") as opened:
+        found = series(opened, ["r1/scan"], ["ranges[0]"])
+        assert [(one.field, one.points) for one in found.series] == [
+            ("ranges[0]", [(1.0, 1.0), (2.0, 2.0), (4.0, 4.0)])
+        ]
+        (told,) = found.readable.notes()
+        assert told.startswith("1 message could not be read; the first: ")
+        with pytest.raises(UsageError, match=r"ranges has 0 items, no \[99\]"):
+            series(opened, ["r1/scan"], ["ranges[99]"])
+        other = series(opened, ["r1/cmd_vel"], ["linear.x"])
+        assert other.by_arrival == ["r1/cmd_vel"]
+        assert other.series[0].points == [(float(step), float(step)) for step in range(5)]
 
 
 def overlap(a: Box, b: Box) -> bool:

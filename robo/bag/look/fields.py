@@ -1,7 +1,7 @@
-"""Fields of messages: looked up, as numbers, and in which of them two messages differ. Pure."""
+"""Fields of messages: as numbers, and in which of them two messages differ. Pure."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from robo_messages import Duration, Message, Time
@@ -48,21 +48,3 @@ def number(value: Any) -> float | None:
     if isinstance(value, (Time, Duration)):
         return value.to_seconds()
     return value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
-
-
-Walk = Callable[[Any], Any]
-
-
-def at(field: str) -> Walk:
-    """What looks a field up in a message: `pose.pose.position.x`, `ranges.17`; None where it is not there."""
-    steps = field.split(".")
-
-    def walk(value: Any) -> Any:
-        for step in steps:
-            try:
-                value = value[int(step)] if step.isdecimal() else getattr(value, step)
-            except (AttributeError, IndexError, TypeError):
-                return None
-        return value
-
-    return walk

@@ -143,14 +143,19 @@ def map_(
 )
 def graph(
     reach: Reach,
-    form: Annotated[str, typer.Option("--format", metavar="FORM", help="text, mermaid, dot or json.")] = "text",
+    form: Annotated[
+        str | None,
+        typer.Option("--format", metavar="FORM", help="text (the default), mermaid, dot or json.", show_default=False),
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="As --format json.")] = False,
     hide_system: Annotated[
         bool, typer.Option("--hide-system", help="Leave out log, parameter_events, diagnostics and clock.")
     ] = False,
     svg: Annotated[
         Path | None,
-        typer.Option("--svg", metavar="FILE", help="Write it as a picture, and print nothing.", show_default=False),
+        typer.Option(
+            "--svg", metavar="FILE", help="A picture in this file rather than words; - prints it.", show_default=False
+        ),
     ] = None,
     theme: HowThemed = Theme.AUTO,
 ) -> None:

@@ -6,7 +6,19 @@ from typing import Annotated, Literal
 import typer
 
 from robo.cli import completion
-from robo.cli.options import Interval, Json, JsonLines, SvgFile, TopicName, TopicNames, TypeName, Watch, only_one
+from robo.cli.options import (
+    HowThemed,
+    Interval,
+    Json,
+    JsonLines,
+    SvgFile,
+    Theme,
+    TopicName,
+    TopicNames,
+    TypeName,
+    Watch,
+    only_one,
+)
 from robo.cli.reach import Reach
 from robo.cli.tree import group
 from robo.cli.verb import verb
@@ -245,12 +257,14 @@ def topic_plot(
     window: Annotated[float, typer.Option("--window", metavar="S", help="How far back it shows.", min=0.5)] = 10.0,
     duration: Duration = None,
     svg: SvgFile = None,
+    theme: HowThemed = Theme.AUTO,
 ) -> int:
     """Plot numbers of a topic over time in the terminal.
 
     Without --field, all of its numbers that are not in lists. Where the output is no terminal, one picture of what
-    came within the window, or within --duration. Exit code 1 where nothing came.
+    came within the window, or within --duration. With --svg all that came is drawn at the end, however that is told:
+    by --duration, Ctrl-C, or a terminal that goes. Exit code 1 where nothing came.
     """
-    from robo.cli.views.plot import plot
+    from robo.cli.views.plot import Asked, plot
 
-    return plot(key, field or [], reach, window=window, duration=duration, svg=svg)
+    return plot(key, field or [], reach, Asked(window, duration, svg, theme.value))

@@ -11,7 +11,7 @@ from robo.bag.of_robot import only_robot
 from robo.bag.patterns import chosen
 from robo.cli.printing import amount, note, print_json, print_line
 from robo.cli.views.bag_progress import progress
-from robo.cli.views.pictures import STANDARD, check_ending, panels_of, written
+from robo.cli.views.pictures import STANDARD, check_picture, panels_of, written
 from robo.errors import UsageError
 from robo.text.dates import date
 from robo.text.svg import Theme, curves
@@ -38,7 +38,7 @@ def plot(path: str, topics: Sequence[str], fields: Fields, output: str, theme: T
         UsageError: no topic or field is meant, a time is none, or the picture cannot be written.
         BagError: the recording cannot be read.
     """
-    check_ending(output, (".svg",))
+    check_picture(output, (".svg",))
     if output == STANDARD and json:
         raise UsageError("--json: say -o FILE.svg, for standard output has one of both")
     with progress(f"reading {path}") as tell, bag.open(path) as recording:
@@ -49,10 +49,14 @@ def plot(path: str, topics: Sequence[str], fields: Fields, output: str, theme: T
             moment(text, recording.begin, recording.end, option) if text is not None else None
             for text, option in ((fields.start, "--start"), (fields.end, "--end"))
         )
-        found = series(recording, names, fields.paths, begin, until, tell)
+        found, by_arrival, readable = series(recording, names, fields.paths, begin, until, tell)
         since = recording.begin if begin is None else begin
     if len(names) < len(every):
         note(visible(f"left out, for their types are not known: {', '.join(one for one in every if one not in names)}"))
+    for text in readable.notes():
+        note(visible(text))
+    if by_arrival:
+        note(visible(f"drawn by when they came, for they were published by another clock: {', '.join(by_arrival)}"))
     title = f"{Path(path).name}: {', '.join(sorted({one.topic for one in found}))}"
     shown = found[:_MOST_CURVES]
     written(curves(title, panels_of(shown), f"s since {date(since)}", theme=theme), output)

@@ -13,10 +13,11 @@ from robo.cli.printing import note
 from robo.cli.reach import Reach
 from robo.cli.views.waiting import complain_of_few, tell_who_is_waited_for
 from robo.errors import UsageError
+from robo.interfaces.parts import Field, Missing
 from robo.samples.records import Received, read
 from robo.samples.stream import Stream
 from robo.text.terminal import visible
-from robo.tools.fields import Field, FieldFilter, Missing, cell, flattened, truncated
+from robo.tools.fields import FieldFilter, cell, flattened, truncated
 
 
 class EchoOptions:

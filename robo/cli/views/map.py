@@ -1,11 +1,10 @@
 """`robo map`: the way of a robot, and what its lasers have hit, as a picture."""
 
-import sys
 from pathlib import Path
 
-from robo.cli.printing import amount, note, print_json, print_line
+from robo.cli.printing import amount, note, print_json, print_line, write_file
 from robo.cli.views.bag_progress import progress
-from robo.cli.views.pictures import STANDARD, check_ending, written
+from robo.cli.views.pictures import STANDARD, check_picture, written
 from robo.errors import UsageError
 from robo.recording.map.picture import as_png, as_svg, facts
 from robo.recording.map.sources import Wanted, walk_of
@@ -22,17 +21,15 @@ def draw_map(path: str, output: str, wanted: Wanted, theme: Theme, *, json: bool
         BagError: the recording cannot be read.
         LogError: the log cannot be opened.
     """
-    check_ending(output, (".svg", ".png"))
+    check_picture(output, (".svg", ".png"))
     if output == STANDARD and json:
         raise UsageError("--json: say -o FILE.svg, for standard output has one of both")
-    if output == STANDARD and sys.stdout.isatty():
-        raise UsageError("-o -: a terminal shows no picture; say -o FILE.svg")
     with progress(f"reading {path}") as tell:
         walk = walk_of(path, wanted, tell)
     if not walk.track and not walk.scans:
         raise UsageError(f"{path}: nothing can be drawn: {brief(walk.reason or 'no transform of the base came', 300)}")
     if output.lower().endswith(".png"):
-        _write(as_png(walk, theme), Path(output))
+        write_file(as_png(walk, theme), Path(output))
     else:
         written(as_svg(walk, Path(path).name, theme), output)
     for text in walk.notes:
@@ -54,10 +51,3 @@ def draw_map(path: str, output: str, wanted: Wanted, theme: Theme, *, json: bool
         )
     elif output != STANDARD:
         print_line(visible(f"{output}: {facts(walk)}"))
-
-
-def _write(data: bytes, file: Path) -> None:
-    try:
-        file.write_bytes(data)
-    except OSError as error:
-        raise UsageError(f"{file} cannot be written: {error.strerror}") from None

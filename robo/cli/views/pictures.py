@@ -1,12 +1,14 @@
 """Pictures as files, whatever is drawn."""
 
+import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from robo.bag.look.series import Series
 from robo.cli.printing import print_text, write_file
 from robo.errors import UsageError
-from robo.text.svg import Curve, Panel
+from robo.text.svg import Curve, Panel, Theme
 
 STANDARD = "-"
 """For standard output."""
@@ -22,14 +24,38 @@ def panels_of(found: Sequence[Series]) -> list[Panel]:
     return [Panel(lines, unit) for unit, lines in by_unit.items()]
 
 
-def check_ending(output: str, endings: Sequence[str]) -> None:
-    """Whether a name says that it is a picture: what is written would else take the place of something else.
+def check_picture(output: str, endings: Sequence[str], *, standard: bool = True) -> None:
+    """Whether a picture can be written there, before anything is done for it.
+
+    Args:
+        output: a name that says that it is a picture: what is written would else take the place of something else.
+        endings: that such names have.
+        standard: whether `-` is standard output.
 
     Raises:
-        UsageError: it does not.
+        UsageError: it cannot.
     """
-    if output != STANDARD and not output.lower().endswith(tuple(endings)):
+    if standard and output == STANDARD:
+        if sys.stdout.isatty():
+            raise UsageError(f"-: a terminal shows no picture; say a name that ends in {endings[0]}")
+        return
+    file = Path(output)
+    if not output.lower().endswith(tuple(endings)):
         raise UsageError(f"{output}: end its name in {' or '.join(endings)}")
+    if not file.parent.is_dir():
+        raise UsageError(f"{output} cannot be written: there is no folder {file.parent}")
+    if not os.access(file if file.exists() else file.parent, os.W_OK):
+        raise UsageError(f"{output} cannot be written: you may not")
+
+
+def check_theme(theme: Theme, svg: Path | None) -> None:
+    """Whether there is a picture for colours that somebody has asked for.
+
+    Raises:
+        UsageError: there is none.
+    """
+    if theme != "auto" and svg is None:
+        raise UsageError("--theme: say --svg FILE, for these are the colours of a picture")
 
 
 def written(text: str, output: str) -> None:

@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from rich.console import Group
 from rich.live import Live
@@ -13,43 +14,57 @@ from rich.text import Text
 
 from robo.bag.look.series import Series
 from robo.cli.connection import connect_to_robot
+from robo.cli.ending import ended_by_signals
 from robo.cli.link import watched
-from robo.cli.printing import note, write_file
+from robo.cli.printing import amount, note, write_file
 from robo.cli.reach import Reach
-from robo.cli.views.pictures import check_ending, panels_of
+from robo.cli.views.pictures import check_picture, check_theme, panels_of
 from robo.cli.views.screen import Screen
 from robo.cli.views.waiting import complain_of_few, tell_who_is_waited_for
 from robo.errors import UsageError
 from robo.interfaces import catalogue
+from robo.interfaces.parts import Field, Missing
 from robo.interfaces.units import unit_of
 from robo.samples.records import Received, read
 from robo.samples.stream import Stream
 from robo.text.chart import Chart, Point
 from robo.text.dates import date
+from robo.text.svg import Theme
 from robo.text.svg import curves as svg_of
 from robo.text.terminal import visible
 from robo.text.thinning import Thinned
-from robo.tools.fields import Field, Missing, flattened
+from robo.tools.fields import flattened
 
 _COLOURS = ("cyan", "yellow", "magenta", "green", "red", "blue")
 _PERIOD = 0.1
 """How often the picture is drawn, s."""
 _MOST_SERIES = len(_COLOURS)
 _MOST_POINTS = 20_000
+_MOST_WITHOUT = 10
+"""Messages in which a field may be missing before it is an error, where none has had it."""
 
 
-def plot(
-    name: str, fields: Sequence[str], reach: Reach, *, window: float, duration: float | None, svg: Path | None = None
-) -> int:
+class Asked(NamedTuple):
+    """What is asked for."""
+
+    window: float
+    """How far back the terminal shows, s."""
+    duration: float | None
+    """When it ends, s; None for Ctrl-C."""
+    svg: Path | None = None
+    """Where all that has come is written as a picture, at the end."""
+    theme: Theme = "auto"
+    """Of the picture."""
+
+
+def plot(name: str, fields: Sequence[str], reach: Reach, asked: Asked) -> int:
     """Draw until Ctrl-C or until the time is over; once, where the output is no terminal.
 
     Args:
         name: of the topic.
         fields: which numbers; none for all.
         reach: the network.
-        window: how far back the terminal shows, s.
-        duration: when it ends, s; None for Ctrl-C.
-        svg: where all that has come is written as a picture, at the end.
+        asked: for how long, and where.
 
     Returns:
         1 where nothing came.
@@ -58,20 +73,25 @@ def plot(
         UsageError: many topics are named, or the one has no such field, or no number in it, or the picture cannot be
             written.
     """
-    if svg is not None:
-        check_ending(str(svg), (".svg",))
+    check_theme(asked.theme, asked.svg)
+    if asked.svg is not None:
+        check_picture(str(asked.svg), (".svg",), standard=False)
     key = reach.one_key(name, "plot")
-    curves = _Curves(key, [Field(path) for path in fields])
-    try:
-        return _draw(curves, key, reach, window, duration)
-    finally:  # Ctrl-C is the usual end
-        if svg is not None and curves.any:
-            write_file(curves.svg(), svg)
-            note(f"{svg} is written")
+    curves = _Curves(key, [Field(path) for path in dict.fromkeys(fields)])
+    with ended_by_signals():
+        try:
+            return _draw(curves, key, reach, asked)
+        finally:  # Ctrl-C is the usual end
+            for text in curves.notes():
+                note(visible(text))
+            if asked.svg is not None and curves.any:
+                write_file(curves.svg(asked.theme), asked.svg)
+                note(visible(f"{asked.svg} is written"))
 
 
-def _draw(curves: "_Curves", key: str, reach: Reach, window: float, duration: float | None) -> int:
+def _draw(curves: "_Curves", key: str, reach: Reach, asked: Asked) -> int:
     live = sys.stdout.isatty()
+    window, duration = asked.window, asked.duration
     with connect_to_robot(reach) as session, watched(session, reach):
         stream = Stream(session, [key])
         tell_who_is_waited_for(session, [key], reach)
@@ -111,6 +131,9 @@ class _Curves:
         """All that has come, for a picture."""
         self._begin = 0.0
         self._type = ""
+        self._unreadable, self._reason = 0, ""
+        self._lacking: dict[str, int] = {}
+        """How many messages had no such field."""
 
     @property
     def any(self) -> bool:
@@ -118,6 +141,10 @@ class _Curves:
 
     def add(self, received: Received) -> None:
         """Take the numbers of a message."""
+        if received.error:
+            self._unreadable += 1
+            self._reason = self._reason or received.error
+            return
         self._type = received.type
         if not self._fields:
             self._fields = self._choose(received)
@@ -127,13 +154,30 @@ class _Curves:
             try:
                 value = field.of(received.message)
             except Missing as error:
-                raise UsageError(f"{self._key} ({received.type or 'no type'}): {error}") from None
+                self._lacks(field, error)
+                continue
             if isinstance(value, str) and value in ("nan", "inf", "-inf"):
                 value = math.nan
             if not isinstance(value, (int, float)):
                 raise UsageError(f"{self._key}: {field.path} is no number but {type(value).__name__}")
             self._points.setdefault(field.path, deque(maxlen=_MOST_POINTS)).append((at, float(value)))
             self._whole.setdefault(field.path, Thinned()).add(at - self._begin, float(value))
+
+    def _lacks(self, field: Field, error: Missing) -> None:
+        """A message has no such field: a list may be longer another time, and a name that is none never comes."""
+        lacking = self._lacking[field.path] = self._lacking.get(field.path, 0) + 1
+        if field.path not in self._points and (not error.may_come or lacking >= _MOST_WITHOUT):
+            raise UsageError(f"{self._key} ({self._type or 'no type'}): {error}")
+
+    def notes(self) -> list[str]:
+        """What was left out."""
+        found = []
+        if self._unreadable:
+            found.append(f"{amount(self._unreadable, 'message')} could not be read; the first: {self._reason}")
+        if self._lacking:
+            told = ", ".join(f"{path} of {amount(count, 'message')}" for path, count in self._lacking.items())
+            found.append(f"not there: {told}")
+        return found
 
     def _choose(self, received: Received) -> list[Field]:
         """All numbers but stamps and flags, as many as have a colour."""
@@ -146,14 +190,16 @@ class _Curves:
             raise UsageError(f"{self._key} ({received.type or 'no type'}) has no numbers outside of lists; say --field")
         return [Field(path) for path in paths[:_MOST_SERIES]]
 
-    def svg(self) -> str:
+    def svg(self, theme: Theme) -> str:
         """All that has come as a picture."""
         type_ = catalogue.find_here(self._type) if self._type else None
         found = [
             Series(self._key, path, unit_of(type_, path) if type_ is not None else "", line.points, line.count)
             for path, line in self._whole.items()
         ]
-        return svg_of(f"{self._key}  {self._type}", panels_of(found), f"s since {date(round(self._begin * 1e9))}")
+        return svg_of(
+            f"{self._key}  {self._type}", panels_of(found), f"s since {date(round(self._begin * 1e9))}", theme=theme
+        )
 
     def picture(self, window: float, width: int, height: int) -> Group:
         """The chart with a legend above it."""

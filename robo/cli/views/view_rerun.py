@@ -1,12 +1,11 @@
 """`robo view rerun`: robots and recordings in Rerun."""
 
 import re
-import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 from robo import bag
 from robo.bag.forms.choice import form_of_input
@@ -17,6 +16,7 @@ from robo.bridges.rerun.pace import Pace
 from robo.bridges.rerun.sink import Sink, import_rerun
 from robo.bridges.rerun.viewer import Viewer, has_display
 from robo.cli.connection import connect_to_robot, nodes_of
+from robo.cli.ending import ended_by_signals
 from robo.cli.link import watched
 from robo.cli.printing import amount, note, print_line
 from robo.cli.reach import Reach
@@ -60,7 +60,7 @@ def show(reach: Reach, asked: Asked) -> int:
     """
     _check(asked)
     import_rerun()  # what is missing is told before anything is dialled
-    with _ended_by_signals():
+    with ended_by_signals():
         if asked.recording is not None:
             feed = _show_recording(asked, asked.recording, reach)
         else:
@@ -170,23 +170,6 @@ def _wait(viewer: Viewer, duration: float | None) -> None:
     with suppress(KeyboardInterrupt):
         while viewer.is_open and (end is None or time.monotonic() < end):
             time.sleep(_PERIOD)
-
-
-@contextmanager
-def _ended_by_signals() -> Iterator[None]:
-    """SIGTERM and a terminal that goes end it as Ctrl-C does: no file is cut, and no viewer left."""
-
-    def end(number: int, frame: object) -> NoReturn:
-        del number, frame
-        raise KeyboardInterrupt
-
-    numbers = [one for one in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(one) is not signal.SIG_IGN]
-    before = [signal.signal(number, end) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
 
 
 def _told(feed: Feed, asked: Asked) -> int:

@@ -2,12 +2,14 @@
 
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
-from robo.bag.look.fields import at, number
+from robo.bag.look.fields import number
 from robo.bag.read.reader import Bag
 from robo.bag.regression.report import Spot
 from robo.errors import UsageError
+from robo.interfaces.parts import Field, Missing
 from robo.text.svg import Point, plot
 
 _MOST = 2_000
@@ -36,11 +38,14 @@ def draw(folder: Path, topic: str, spot: Spot, then: Bag, now: Bag) -> Path | No
 
 
 def _points(recording: Bag, topic: str, field: str, begin: int) -> Iterable[Point]:
-    walk = at(field)
+    if not field:  # they differ as a whole
+        return
+    wanted = Field(re.sub(r"\.(\d+)", r"[\1]", field))
     for message in recording.messages(topic):
-        value = number(walk(message.value))
-        if value is not None:
-            yield (message.published - begin) * 1e-9, value
+        with suppress(Missing):
+            value = number(wanted.of(message.value))
+            if value is not None:
+                yield (message.published - begin) * 1e-9, value
 
 
 def thinned(*lines: Iterable[Point]) -> list[list[Point]]:
