@@ -16,7 +16,7 @@ _UNITS = (
     "A", "Ah", "W", "°C", "K", "N·m", "N", "Hz", "Pa", "lx", "T", "kg", "°", "B", "%",
 )  # fmt: skip
 _ONE = "|".join(map(re.escape, sorted(_UNITS, key=len, reverse=True)))
-_SAID = re.compile(rf"(?:^|[,;] )({_ONE})(?=[.,;]|$| per | \()")
+_SAID = re.compile(rf"(?:^|[,;] )({_ONE})(?=[.,;]|$| per | above | \()")
 _SEVERAL = re.compile(rf"(?:^|[,;] )(?:{_ONE})(?: and | or |, |; )(?:{_ONE})\b")
 _STEP = re.compile(r"[^.\[\]]+")
 

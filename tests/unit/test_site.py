@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from docs_tools.site.build import Broken, faults, navigation, pages, settings, stage
-from docs_tools.site.images import drawing, picture
+from docs_tools.site.images import picture
 from tests.pages import ROOT
 
 
@@ -94,9 +94,3 @@ def test_a_terminal_is_drawn_without_foreign_fonts() -> None:
     assert "ready" in drawn
     assert "r1&#160;is&#160;down" in drawn
     assert "@font-face" not in drawn
-
-
-def test_a_way_is_drawn_with_its_scale() -> None:
-    drawn = drawing([(0.0, 0.0), (4.0, 0.0), (4.0, 2.0)])
-    assert 'points="30.0,350.0 670.0,350.0 670.0,30.0"' in drawn
-    assert "1 m; green" in drawn

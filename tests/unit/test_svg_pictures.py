@@ -26,7 +26,7 @@ from robo.text.svg import Curve, Panel, Theme, curves, labels, shortened, ticks
 from robo.text.thinning import Thinned
 from robo.wire.qos import QoS
 from robo_messages import LaserScan, Message, Odometry, PoseStamped, Twist, Vector3
-from robo_messages.sensor import BatteryState
+from robo_messages.sensor import BatteryState, NavSatFix
 from tests import bags
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -49,6 +49,7 @@ def texts(svg: str) -> list[str]:
         (LaserScan, "angle_min", "rad"),
         (Twist, "linear.x", "m/s"),
         (BatteryState, "voltage", "V"),
+        (NavSatFix, "altitude", "m"),
         (BatteryState, "percentage", ""),
         (PoseStamped, "pose.position.y", "m"),
         (Twist, "no.such", ""),

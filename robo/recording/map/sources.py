@@ -184,6 +184,8 @@ def _of_log(path: str, wanted: Wanted, tell: Tell) -> Walk:
     walk.transforms([_mounted(offset, base, laser)], static=True)
     left_out = LeftOut()
     for record in _told(carmen.read(path), tell):
+        if wanted.corrected and isinstance(record, carmen.Rewritten):
+            continue  # of odometry nothing is wanted
         if left_out.takes(record):
             continue
         match record:
