@@ -36,6 +36,14 @@ def program(path: str) -> Path:
     return file
 
 
+def test_a_viewer_that_is_not_installed_is_told_before_anything_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    program("bin/robo")
+    found = resolution("groups: {a: {nodes: {rerun: {run: ./bin/robo view rerun --robot-name r1}}}}\n")
+    for spec, told in ((None, ["/rerun: Rerun is not installed: pip install 'robo-zenoh[rerun]'"]), (object(), [])):
+        monkeypatch.setattr("importlib.util.find_spec", lambda name, spec=spec: spec if name == "rerun" else None)
+        assert [problem.text for problem in missing.programs(found, "")] == told
+
+
 # -- what nodes ask for --------------------------------------------------------------------------------------
 
 PICKY = """\
