@@ -317,15 +317,19 @@ def test_nothing_is_made_up_of_a_table(change: Any, reason: str, tmp_path: Path)
 
 
 def test_a_parameter_of_any_type_stays_what_it_is(tmp_path: Path) -> None:
-    path, table, again = tmp_path / "a.mcap", tmp_path / "a.csv", tmp_path / "b.mcap"
-    values: list[Any] = [True, 3, 0.5, "3", "true", [1, 2], ["a"], float("inf")]
+    path, table, lines = tmp_path / "a.mcap", tmp_path / "a.csv", tmp_path / "a.jsonl"
+    far = float("inf")
+    values: list[Any] = [True, 3, 0.5, "3", "true", [1, 2], ["a"], far, -far, "inf", "nan", [0.5, far], ["inf"]]
     encode = cdr.encoder(Parameter)
     said = [(encode(Parameter(name="p", value=value)), START + n, START, 1) for n, value in enumerate(values)]
     written(path, [(topic_of("p", Parameter), said)])
     with bag.open(path) as opened:
         to_csv(opened, table)
-    from_csv(table, again, "none")
-    assert rows(again) == rows(path)
+        to_json_lines(opened, lines)
+    from_json_lines(lines, tmp_path / "b.mcap", "none")
+    assert rows(tmp_path / "b.mcap") == rows(path)
+    from_csv(table, tmp_path / "c.mcap", "none")
+    assert rows(tmp_path / "c.mcap") == rows(path)
 
 
 def test_forms_are_told_by_names_and_contents(tmp_path: Path) -> None:
