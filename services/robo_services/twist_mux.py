@@ -22,6 +22,9 @@ class InputParameters(msgspec.Struct, frozen=True):
     topic: Annotated[str, Meta(description="where its commands come from"), Subscribes(Twist), READ_ONLY]
     priority: Priority
     timeout: Annotated[float, Meta(ge=0.01, le=10, description="an older command is none"), Unit("s")] = 0.5
+    sole: Annotated[
+        bool, Meta(description="one sender at a time: the next one half a second after the last has ended"), READ_ONLY
+    ] = False
 
 
 class LockParameters(msgspec.Struct, frozen=True):
@@ -74,7 +77,10 @@ class TwistMux(Node):
         self._last_state = self.clock.monotonic()
         self._refuse_mixed_up_topics()
         for name, said in p.topics.items():
-            self.create_subscription(Twist, said.topic, partial(self.on_command, name), qos=QoS.COMMAND)
+            sole = _whoever if said.sole else None
+            self.create_subscription(
+                Twist, said.topic, partial(self.on_command, name), qos=QoS.COMMAND, sole_source=sole
+            )
         for name, lock in p.locks.items():
             self.create_subscription(Bool, lock.topic, partial(self.on_lock, name), depth=1)
         if not p.topics:
@@ -177,6 +183,11 @@ class TwistMux(Node):
         """Leave the robot standing, if it was this node that had it drive."""
         if self._is_driving:
             self.command.publish(Twist())
+
+
+def _whoever() -> str:
+    """Of an input for one sender at a time: the first one that comes, whatever it is called."""
+    return ""
 
 
 if __name__ == "__main__":
