@@ -2,11 +2,12 @@
 
 import asyncio
 import itertools
-import time
 from collections.abc import Callable, Collection
 from concurrent.futures import Executor
 from functools import partial
+from typing import TypeGuard
 
+import msgspec
 import zenoh
 
 from robo.dashboard import clock, protocol, requests
@@ -24,10 +25,10 @@ from robo.dashboard.protocol import (
     Release,
     Request,
     Set,
-    Take,
     Watch,
 )
 from robo.dashboard.state import Line, Picture
+from robo.dashboard.stops import Stops
 from robo.dashboard.topics import Message, Topics
 from robo.errors import InvalidName, RoboError
 from robo.web.access import Right
@@ -38,20 +39,21 @@ BEAT = 0.1
 """How often a page hears that the server lives, s."""
 MOST_KEYS = 100
 """That one page may watch."""
-_MOST_PAGES = 50
-_MOST_ASKED = 40
-"""Answers that one page may wait for, or have not read."""
-_MOST_STOPS = 4
-"""Of them emergency stops: they have threads that nothing else takes."""
+_MOST_PAGES, _FOR_DRIVERS = 50, 10
+_MOST_ASKED, _MOST_LOOKS = 40, 4
+"""Answers that one page may wait for, or have not read; and one that may only look."""
 _MOST_ENCODINGS = 4
 """Of one topic: more make no sense."""
-_LONGEST_KEY = 500
+_LONGEST_KEY, _LONGEST_ROBOT = 500, 100
 _NUMBERS = 2**16
 """Of channels, that there can be."""
 _PAST = 500
 """Lines and events for a page that is opened."""
 _MOST_LINEAR, _MOST_ANGULAR = 10.0, 20.0
 """What a page may ask for, m/s and rad/s: the robot's own limits are tighter."""
+
+
+_Blocking = Call | Publish | Command | Parameters | Set
 
 
 class Page:
@@ -68,11 +70,14 @@ class Page:
         self.channels: set[int] = set()
         """Of which it has been told what they are."""
         self.asked = self.stops = 0
-        """What it waits for, and emergency stops among that."""
+        """What it waits for, and how many emergency stops beside that."""
 
     def tell(self, kind: str, *, newest: str = "", urgent: bool = False, **what: object) -> None:
         """Tell it something; where it is the newest of something, in the place of what waits."""
-        data = protocol.news(kind, **what)
+        self.hand(protocol.news(kind, **what), newest=newest, urgent=urgent)
+
+    def hand(self, data: str, *, newest: str = "", urgent: bool = False) -> None:
+        """Tell it something that has been put into words."""
         if newest:
             self.mailbox.put(newest, data, urgent=urgent)
         else:
@@ -84,7 +89,7 @@ class Hub:
     """Knows all pages."""
 
     def __init__(
-        self, session: zenoh.Session, topics: Topics, driver: Driver, calls: Executor, stops: Executor
+        self, session: zenoh.Session, topics: Topics, driver: Driver, calls: Executor, looks: Executor, stops: Stops
     ) -> None:
         """
         Args:
@@ -92,10 +97,11 @@ class Hub:
             topics: what pages watch.
             driver: by which they drive.
             calls: does what blocks.
-            stops: does what waits for nothing else: emergency stops.
+            looks: does what those ask for who may only look.
+            stops: has robots stop, and waits for nothing else.
         """
         self._session, self._topics, self._driver = session, topics, driver
-        self._calls, self._stops = calls, stops
+        self._calls, self._looks, self._stops = calls, looks, stops
         self._pages: set[Page] = set()
         self._numbers = itertools.count(1)
         self._channels: dict[str, dict[str, int]] = {}
@@ -107,13 +113,12 @@ class Hub:
         self._picture: Picture | None = None
         self._lines: list[Line] = []
         self._events: list[Event] = []
-        self._drivers: dict[str, str] = {}
+        self._drivers = driver.drivers()
         self._tasks: set[asyncio.Task[None]] = set()
 
-    @property
-    def is_full(self) -> bool:
-        """Whether no more pages fit."""
-        return len(self._pages) >= _MOST_PAGES
+    def is_full(self, right: Right) -> bool:
+        """Whether no more pages of a right fit: those that look leave room for some that drive."""
+        return len(self._pages) >= (_MOST_PAGES if right is Right.DRIVE else _MOST_PAGES - _FOR_DRIVERS)
 
     @property
     def has_pages(self) -> bool:
@@ -128,7 +133,7 @@ class Hub:
             page.tell("picture", newest="picture", picture=self._picture)
         page.tell("lines", lines=self._lines)
         page.tell("events", events=self._events)
-        page.tell("drivers", newest="drivers", drivers=self._drivers)
+        page.tell("drivers", newest="drivers", urgent=True, **msgspec.structs.asdict(self._drivers))
         self._pages.add(page)
         return page
 
@@ -156,28 +161,23 @@ class Hub:
     def messages(self, messages: list[Message]) -> None:
         """What has come on topics that pages watch."""
         for message in messages:
-            if message.is_of_parts:
+            if message.frames is not None:
                 robot = message.key.rpartition("/")[0]
-                if self._frames.take(robot, message.payload):
-                    self._moved.add(robot)
+                self._frames.take(robot, message.frames)
+                self._moved.add(robot)
             else:
                 self._deliver(message)
 
     def beat(self) -> None:
         """Tell every page that the server lives, who drives, and where frames stand that have moved."""
-        now = time.monotonic()
-        drivers = self._driver.drivers()
-        if drivers != self._drivers:
-            self._drivers = drivers
-            self._tell_all("drivers", newest="drivers", urgent=True, drivers=drivers)
+        now = clock.steady()
+        self._tell_drivers()
         for page in self._pages:
             left = {"left_out": page.mailbox.left_out} if page.mailbox.left_out else {}
             page.tell("beat", newest="beat", urgent=True, number=page.beats.next(now), time=clock.now() / 1e6, **left)
 
         for robot in self._moved:
-            for page in self._pages:
-                if names.join(robot, "tf") in page.watched:
-                    self._tell_frames(page, robot)
+            self._tell_frames([page for page in self._pages if names.join(robot, "tf") in page.watched], robot)
         self._moved.clear()
 
     def ask(self, page: Page, asked: Request) -> None:
@@ -191,9 +191,6 @@ class Hub:
                 page.wake.set()
             case Watch():
                 self._set_watched(page, asked.keys)
-            case Take():
-                if _is_robot(asked.robot) and not self._driver.take(asked.robot, page.name):
-                    self._tell_taken(page, asked.robot)
             case Drive():
                 self._drive(page, asked)
             case Release():
@@ -201,7 +198,7 @@ class Hub:
             case _:
                 self._do(page, asked)
 
-    def _work(self, asked: Call | Publish | Command | Parameters | Set) -> Callable[[], object]:
+    def _work(self, asked: _Blocking) -> Callable[[], object]:
         """What answers a page, and blocks."""
         match asked:
             case Call():
@@ -219,7 +216,7 @@ class Hub:
         if not _is_robot(asked.robot):
             page.tell("refused", newest="refused", urgent=True, reason="that is no name of a robot")
             return
-        age = page.beats.age(asked.heard, asked.since, time.monotonic())
+        age = page.beats.age(asked.heard, asked.since, clock.steady())
         if age > MOST_AGE:
             reason = f"a command is {1e3 * min(age, 99):.0f} ms old"
             page.tell("refused", newest="refused", urgent=True, reason=reason, late=True)
@@ -227,12 +224,9 @@ class Hub:
         if not (abs(asked.linear) <= _MOST_LINEAR and abs(asked.angular) <= _MOST_ANGULAR):  # NaN neither
             page.tell("refused", newest="refused", urgent=True, reason="so fast drives no robot")
             return
-        if not self._driver.command(asked.robot, page.name, asked.linear, asked.angular):
-            self._tell_taken(page, asked.robot)
-
-    def _tell_taken(self, page: Page, robot: str) -> None:
-        who = self._driver.drivers().get(robot, "somebody else")
-        page.tell("refused", newest="refused", urgent=True, reason=f"{who} drives {robot}")
+        refusal = self._driver.command(asked.robot, page.name, asked.linear, asked.angular, asked.grip)
+        if refusal:
+            page.tell("refused", newest="refused", urgent=True, reason=refusal)
 
     def _set_watched(self, page: Page, keys: list[str]) -> None:
         before = page.watched
@@ -244,7 +238,7 @@ class Hub:
         self._watch(new)
         for key in new:
             if key.rpartition("/")[2] == "tf":
-                self._tell_frames(page, key.rpartition("/")[0])
+                self._tell_frames([page], key.rpartition("/")[0])
 
     def _watch(self, again: Collection[str] = ()) -> None:
         """Have what pages watch received, and forget what nobody does any more."""
@@ -278,40 +272,63 @@ class Hub:
             found = known[message.encoding] = next(number for number in self._next_channel if number not in taken)
         return found
 
-    def _tell_frames(self, page: Page, robot: str) -> None:
-        page.tell("frames", newest=f"frames of {robot}", robot=robot, frames=self._frames.of(robot))
+    def _tell_frames(self, pages: list[Page], robot: str) -> None:
+        if pages:
+            data = protocol.news("frames", robot=robot, frames=self._frames.of(robot))
+        for page in pages:
+            page.hand(data, newest=f"frames of {robot}")
+
+    def _tell_drivers(self) -> None:
+        """Tell pages who drives, and whose grips have been ended, where that is news."""
+        drivers = self._driver.drivers()
+        if drivers != self._drivers:
+            self._drivers = drivers
+            self._tell_all("drivers", newest="drivers", urgent=True, **msgspec.structs.asdict(drivers))
 
     def _tell_all(self, kind: str, *, newest: str = "", urgent: bool = False, **what: object) -> None:
         if not self._pages:
-            return
+            return  # nothing need be put into words
         data = protocol.news(kind, **what)
         for page in self._pages:
-            if newest:
-                page.mailbox.put(newest, data, urgent=urgent)
-            else:
-                page.mailbox.add(data)
-            page.wake.set()
+            page.hand(data, newest=newest, urgent=urgent)
 
-    def _do(self, page: Page, asked: Call | Publish | Command | Parameters | Set) -> None:
+    def _do(self, page: Page, asked: _Blocking) -> None:
         """Have something done that blocks, by a thread; the page is told what came of it."""
-        stops = isinstance(asked, Call) and asked.service.rpartition("/")[2] == "emergency_stop"
-        waiting, most = (page.stops, _MOST_STOPS) if stops else (page.asked + page.mailbox.urgent, _MOST_ASKED)
+        stops = _is_call(asked, requests.STOP)
+        self._end_grips(asked)
+        if isinstance(asked, Publish):  # a waypoint moves a robot, too
+            robot = asked.topic.rpartition("/")[0]
+            if (other := self._driver.other(robot, page.name)) is not None:
+                page.tell("refused", id=asked.id, reason=f"{other} drives {robot}")
+                return
+        most = _MOST_ASKED if page.right is Right.DRIVE else _MOST_LOOKS
+        waiting = page.stops if stops else page.asked + page.mailbox.urgent
         if waiting >= most:
-            reason = "it is being asked for already" if stops else "too much is asked for at once"
+            reason = "too much is asked for at once"
             if page.mailbox.urgent < 2 * _MOST_ASKED:  # beyond that it reads nothing anyway
                 page.tell("refused", newest=f"answer {asked.id}", urgent=True, id=asked.id, reason=reason)
             return
         page.asked += not stops
         page.stops += stops
-        task = asyncio.get_running_loop().create_task(self._done(page, asked, self._stops if stops else self._calls))
+        task = asyncio.get_running_loop().create_task(self._done(page, asked, stops=stops))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    async def _done(self, page: Page, asked: Call | Publish | Command | Parameters | Set, executor: Executor) -> None:
-        stops = executor is self._stops
+    def _end_grips(self, asked: _Blocking) -> None:
+        """Where a robot is to stop, or was stopped and may move again, whoever holds it must take hold anew."""
+        if _is_call(asked, requests.STOP) or _is_call(asked, requests.RESET):
+            self._driver.end(asked.service.rpartition("/")[0])
+            self._tell_drivers()
+
+    async def _done(self, page: Page, asked: _Blocking, *, stops: bool) -> None:
         number, name = asked.id, f"answer {asked.id}"
+        executor = self._calls if page.right is Right.DRIVE else self._looks
         try:
-            answer = await asyncio.get_running_loop().run_in_executor(executor, self._work(asked))
+            if stops:
+                assert isinstance(asked, Call)
+                answer = await self._stops.stop(asked.service)
+            else:
+                answer = await asyncio.get_running_loop().run_in_executor(executor, self._work(asked))
             page.tell("answer", newest=name, urgent=True, id=number, answer=answer)
         except (RoboError, zenoh.ZError) as error:
             page.tell("refused", newest=name, urgent=True, id=number, reason=str(error))
@@ -321,12 +338,18 @@ class Hub:
         finally:
             page.asked -= not stops
             page.stops -= stops
+            self._end_grips(asked)  # those as well that began while the robot was stopped
+
+
+def _is_call(asked: _Blocking, service: str) -> TypeGuard[Call]:
+    """Whether a robot's service of this last name is called."""
+    return isinstance(asked, Call) and asked.service.rpartition("/")[2] == service
 
 
 def _is_robot(text: str) -> bool:
     """Whether a text can be a robot's name: no pattern that would move several."""
     try:
-        return names.normalize_namespace(text) == text
+        return len(text) <= _LONGEST_ROBOT and names.normalize_namespace(text) == text
     except InvalidName:
         return False
 

@@ -10,6 +10,8 @@ SILENCE = 0.25
 """Without a command for so long the robot is told to stand, s."""
 ZEROS = 5
 """How often it is told so: one may get lost."""
+_APART = 0.04
+"""So far at least, s: else a single burst of loss would take them all."""
 _AHEAD = 0.05
 """So much may two clocks differ in how fast they run, between two beats, s."""
 
@@ -23,7 +25,17 @@ class Lease:
         self._until = 0.0
         self._last = -math.inf
         self._zeros = 0
+        self._next_zero = -math.inf
         self._moves = False
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether nobody drives, and the robot need not be told anything more."""
+        return self.driver is None and not self._moves and not self._zeros
+
+    def is_due(self, now: float) -> bool:
+        """Whether a zero is to be sent by now."""
+        return bool(self._zeros) and now >= self._next_zero
 
     def take(self, who: str, now: float) -> bool:
         """Begin to drive, or go on. Returns whether `who` is the one who does."""
@@ -40,6 +52,17 @@ class Lease:
             self.driver = None
             self._stand()
 
+    def end(self) -> str | None:
+        """Whoever drives does so no more, unasked, and the robot is told to stand. Returns who that was."""
+        who = self.driver
+        if who is not None:
+            self.give(who)
+        return who
+
+    def expire(self, now: float) -> bool:
+        """End it where its driver has been silent for too long; whether that is so."""
+        return self.driver is not None and now >= self._until and self.end() is not None
+
     def command(self, who: str, now: float) -> bool:
         """A command has come that may be carried out; whether it may, since nobody else drives."""
         if not self.take(who, now):
@@ -48,13 +71,13 @@ class Lease:
         return True
 
     def is_to_stand(self, now: float) -> bool:
-        """Whether the robot is to be told now to stand: asked some twenty times a second."""
-        if self.driver is not None and now >= self._until:
-            self.give(self.driver)
+        """Whether the robot is to be told now to stand: asked some twenty times a second, or more often."""
+        self.expire(now)
         if self._moves and now - self._last > SILENCE:
             self._stand()
-        if self._zeros:
+        if self.is_due(now):
             self._zeros -= 1
+            self._next_zero = now + _APART
             return True
         return False
 
@@ -65,7 +88,7 @@ class Lease:
 
     def _stand(self) -> None:
         if self._moves:
-            self._moves, self._zeros = False, ZEROS
+            self._moves, self._zeros, self._next_zero = False, ZEROS, -math.inf
 
 
 class Beats:

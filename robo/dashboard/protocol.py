@@ -30,12 +30,6 @@ class Read(_Request, frozen=True):
     count: Annotated[int, Meta(ge=0)]
 
 
-class Take(_Request, frozen=True):
-    """It wants to drive."""
-
-    robot: str
-
-
 class Drive(_Request, frozen=True):
     """How the robot is to move."""
 
@@ -48,6 +42,8 @@ class Drive(_Request, frozen=True):
     """The number of the newest beat that the page had from the server."""
     since: float
     """How long ago that was, by the page's own clock, s."""
+    grip: int
+    """The number for new grips that the page had been told when the hand took hold: see `driver`."""
 
 
 class Release(_Request, frozen=True):
@@ -96,8 +92,8 @@ class Set(_Request, frozen=True):
     values: dict[str, Any]
 
 
-Request = Watch | Read | Take | Drive | Release | Call | Publish | Command | Parameters | Set
-DRIVERS = (Take, Drive, Call, Publish, Set)
+Request = Watch | Read | Drive | Release | Call | Publish | Command | Parameters | Set
+DRIVERS = (Drive, Call, Publish, Set)
 """For those alone who may drive; and of the commands all but `why`."""
 
 _requests: msgspec.json.Decoder[Request] = msgspec.json.Decoder(Request)

@@ -8,11 +8,10 @@ import threading
 import time
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractAsyncContextManager, suppress
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, suppress
 from functools import partial
-from http.cookies import CookieError, SimpleCookie
 from typing import Any
-from urllib.parse import parse_qs, quote, unquote, urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 import zenoh
 
@@ -22,10 +21,13 @@ from robo.dashboard.files import Answer
 from robo.dashboard.hub import BEAT, Hub, Page
 from robo.dashboard.place import Settings
 from robo.dashboard.state import State
+from robo.dashboard.stops import Stops
 from robo.dashboard.topics import Topics
 from robo.errors import UsageError
 from robo.text.unreadable import UNREADABLE
-from robo.web.access import Doorkeeper, Right, is_loopback, is_own_host, is_own_origin
+from robo.web.access import Doorkeeper, Right, host_of, is_loopback, is_own_host, is_own_origin
+from robo.web.limits import Budget
+from robo.web.sessions import Sessions, cookie
 from robo.web.sockets import import_websockets, listening
 
 _SILENT = logging.getLogger("robo.dashboard.websockets")
@@ -37,8 +39,8 @@ COOKIE = "robo_dashboard_{port}"
 """With the port: browsers send cookies to all ports of a host, and there may be several dashboards."""
 _MOST_REQUEST = 100_000
 """Of what a page says at once, bytes."""
-_STOPS = 32
-"""Emergency stops that may be on their way at once: those to robots that hang hold up no other one."""
+_AT_ONCE, _RATE = 300, 200
+"""Requests that a page may make at once, and each second: it says some 50."""
 _HANDLING = 1.0
 """For so long a thread waits until pages have been given what it has brought, s."""
 _SILENCE = 5.0
@@ -60,41 +62,54 @@ class Dashboard:
         """
         if not (settings.tokens.drive or is_loopback(settings.host)):
             raise UsageError(f"a page at {settings.host} needs a token")
+        if "*" in settings.names and not settings.tokens.drive:
+            raise UsageError("--name '*' needs tokens, else any page of the web could drive: --token-file FILE")
         self._websockets = import_websockets("the dashboard", "dashboard")
         self._session = session
         self._settings = settings
         self._door = Doorkeeper(settings.tokens)
+        self._sessions = Sessions(settings.tokens, settings.key)
         self._port = settings.port
 
-    async def serve(self, ready: Callable[[int], object], over: Awaitable[object]) -> None:
+    async def serve(self, ready: Callable[[int], object], over: asyncio.Event) -> None:
         """Serve until `over`.
 
         Args:
             ready: is called with the port once pages are served.
-            over: ends it.
+            over: ends it when it is set.
 
         Raises:
             NetworkError: the port cannot be had.
         """
         loop = asyncio.get_running_loop()
-        calls, stops = ThreadPoolExecutor(8, "robo-dashboard-call"), ThreadPoolExecutor(_STOPS, "robo-dashboard-stop")
-        driver = Driver(self._session)
-        # What comes before there is a hub is for nobody.
-        topics = Topics(self._session, _by(loop, lambda what: hub.messages(what), waits=True))
-        hub = Hub(self._session, topics, driver, calls, stops)
-        state = State(self._session, _by(loop, hub.looked), _by(loop, hub.lines), _by(loop, hub.events))
-        beats = loop.create_task(_every(BEAT, lambda: _beat(hub, state)))
-        try:
+        async with AsyncExitStack() as made:
+
+            def ends(end: Callable[[], object]) -> None:
+                """Have something that blocks done at the end, in the turn opposite to that of the beginnings."""
+                made.push_async_callback(partial(loop.run_in_executor, None, end))
+
+            calls, looks = ThreadPoolExecutor(8, "robo-dashboard-call"), ThreadPoolExecutor(2, "robo-dashboard-looks")
+            for pool in (calls, looks):
+                made.callback(pool.shutdown, wait=False, cancel_futures=True)
+            stops = Stops(self._session)
+            made.callback(stops.close)
+            driver = Driver(self._session)
+            ends(driver.close)
+            # What comes before there is a hub is for nobody.
+            topics = Topics(self._session, _by(loop, lambda what: hub.messages(what), waits=True))
+            ends(topics.close)
+            hub = Hub(self._session, topics, driver, calls, looks, stops)
+            state = State(self._session, _by(loop, hub.looked), _by(loop, hub.lines), _by(loop, hub.events))
+            ends(state.close)
+            beats = loop.create_task(_every(BEAT, lambda: _beat(hub, state)))
+            made.callback(beats.cancel)
             async with self._listening(partial(self._page, hub, state)) as self._port:
                 ready(self._port)
-                await over
-        finally:
-            beats.cancel()
-            # Robots first: they are to stand.
-            for end in (driver.close, topics.close, state.close):
-                await loop.run_in_executor(None, end)
-            for pool in (calls, stops):
-                pool.shutdown(wait=False, cancel_futures=True)
+                try:
+                    await over.wait()
+                finally:
+                    # Robots first: they are to stand, however long pages take to go.
+                    await loop.run_in_executor(None, driver.close)
 
     def _listening(self, page: Callable[[Any], Awaitable[None]]) -> AbstractAsyncContextManager[int]:
         o = self._settings
@@ -106,6 +121,7 @@ class Dashboard:
             page,
             process_request=self._answer,
             max_size=_MOST_REQUEST,
+            max_queue=4,
             write_limit=2**16,
             ping_interval=None,  # beats are acknowledged
             logger=_SILENT,  # whoever knocks and goes is no fault
@@ -121,20 +137,25 @@ class Dashboard:
         except ValueError:
             return self._respond(files.text(http.HTTPStatus.BAD_REQUEST, "that is no address of a page"))
         if not is_own_host(host, self._settings.names, addresses=bool(tokens.drive)):
-            return self._respond(files.text(http.HTTPStatus.MISDIRECTED_REQUEST, _WRONG_NAME.format(host=host[:100])))
-        now, address = time.monotonic(), connection.remote_address[0]
-        if (wait := self._door.wait(address, now)) > 0:
-            retry = str(math.ceil(wait))
-            words = f"too many wrong tokens: again in {retry} s"
-            return self._respond(files.text(http.HTTPStatus.TOO_MANY_REQUESTS, words, Retry_After=retry))
+            words = _WRONG_NAME.format(name=host_of(host)[:100])
+            return self._respond(files.text(http.HTTPStatus.MISDIRECTED_REQUEST, words))
         name = COOKIE.format(port=self._port)
-        right = self._door.right(given or _cookie(request.headers, name), address, now)
+        # Who has been let in before waits for nobody's guesses, though they come from the same address.
+        right = self._sessions.right(cookie(request.headers.get_all("Cookie"), name)) if not given else Right.NONE
+        if right is Right.NONE:
+            now, address = time.monotonic(), connection.remote_address[0]
+            if (wait := self._door.wait(address, now)) > 0:
+                retry = str(math.ceil(wait))
+                words = f"too many wrong tokens: again in {retry} s"
+                return self._respond(files.text(http.HTTPStatus.TOO_MANY_REQUESTS, words, Retry_After=retry))
+            right = self._door.right(given, address, now)
         if right is Right.NONE:
             return self._respond(files.text(http.HTTPStatus.UNAUTHORIZED, _NO_TOKEN))
         if given:  # so that it does not stay in the address
-            # Without tokens any word is right, and none is to be remembered.
-            cookie = f"{name}={quote(given, safe='')}; HttpOnly; SameSite=Strict; Path=/"
-            told = {"Set_Cookie": cookie} if tokens.drive else {}
+            # Lax, so that a link in a mail lets in, too; what changes anything comes by the socket, which looks at the
+            # origin. Without tokens any word is right, and none is to be remembered.
+            word = f"{name}={self._sessions.word(right)}; HttpOnly; SameSite=Lax; Path=/"
+            told = {"Set_Cookie": word} if tokens.drive else {}
             return self._respond(files.text(http.HTTPStatus.SEE_OTHER, "", Location="/", **told))
         if url.path != SOCKET:
             return self._respond(files.answer(url.path))
@@ -150,17 +171,20 @@ class Dashboard:
         return self._websockets.Response(answer.status.value, answer.status.phrase, headers, answer.body)
 
     async def _page(self, hub: Hub, state: State, connection: Any) -> None:
-        if hub.is_full:
+        if hub.is_full(connection.robo_right):
             await connection.close(1013, "too many pages are open")
             return
         page = hub.join(connection.robo_right)
         state.attend(True)
         sending = asyncio.get_running_loop().create_task(self._send(page, connection))
+        budget, clock = Budget(_AT_ONCE, _RATE), asyncio.get_running_loop().time
         try:
-            while True:
+            while budget.take(clock()):
                 async with asyncio.timeout(_SILENCE):
                     said = await connection.recv()
                 hub.ask(page, protocol.request(said))
+                await asyncio.sleep(0)  # `recv` does not wait where something has come: others have their turn
+            await connection.close(1008, "it says too much")
         except (TimeoutError, self._websockets.ConnectionClosed):
             pass  # it is gone
         except UNREADABLE as error:
@@ -212,14 +236,7 @@ async def _every(period: float, work: Callable[[], None]) -> None:
         await asyncio.sleep(period)
 
 
-def _cookie(headers: Any, name: str) -> str:
-    """The token that a browser remembers; empty where it has none."""
-    found = SimpleCookie()
-    with suppress(CookieError):
-        for line in headers.get_all("Cookie"):
-            found.load(line)
-    return unquote(found[name].value) if name in found else ""
-
-
 _NO_TOKEN = "this page needs a token: open the address that `robo dashboard` has printed"
-_WRONG_NAME = "this page has no name {host}: say --name {host} where it is to have"
+_WRONG_NAME = (
+    "this page has no name {name}: `robo dashboard --name {name}` gives it that, or the parameter `names` of its node"
+)

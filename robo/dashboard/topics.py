@@ -14,6 +14,7 @@ from typing import NamedTuple
 import zenoh
 
 from robo.dashboard import clock
+from robo.dashboard.frames import Frame, read
 from robo.wire import codec
 from robo.wire.latched import kept
 
@@ -49,11 +50,13 @@ class Message(NamedTuple):
     """ns since the epoch, by the server's time."""
     payload: bytes
     """Empty where it is too large."""
+    frames: dict[str, Frame] | None = None
+    """What a message of transforms says, read by the thread that has received it; None for all others."""
 
     @property
     def is_of_parts(self) -> bool:
         """Whether others of the same topic hold beside it."""
-        return self.encoding.endswith(_OF_PARTS)
+        return self.frames is not None
 
 
 class Topics:
@@ -180,6 +183,8 @@ def _message(sample: zenoh.Sample) -> Message | None:
     stamp = codec.unpack_attachment(sample.attachment.to_bytes()) if sample.attachment is not None else None
     published = stamp.source_time if stamp is not None else None
     payload = sample.payload.to_bytes() if len(sample.payload) <= MOST_PAYLOAD else b""
+    if encoding.endswith(_OF_PARTS):
+        return Message(str(sample.key_expr), encoding, published, clock.now(), b"", read(payload))
     return Message(str(sample.key_expr), encoding, published, clock.now(), payload)
 
 

@@ -67,6 +67,8 @@ class Commands:
         if process.service == DASHBOARD:
             # Within its container it listens to all, so that a port of the outside leads to it.
             command += ["-p", "host:=0.0.0.0", "-p", f"port:={DASHBOARD_PORT}"]
+            # Else it would show the container's own name, which nobody else knows.
+            command += ["-p", "names:=[127.0.0.1]"] if "names" not in process.parameters else []
         return [self._shown(word) for word in (*command, *process.args)]
 
     def environment(self, process: ProcessPlan, router: str, mode: Mode) -> dict[str, str]:

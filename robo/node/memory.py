@@ -54,6 +54,11 @@ class Memory:
         return cls(os.path.join(folder, file_name(full_name)) if folder else None)
 
     @property
+    def folder(self) -> str:
+        """Where it is kept, for what a node keeps in a file of its own; empty where nothing is."""
+        return os.path.dirname(self._file)
+
+    @property
     def lost(self) -> bool:
         """Whether something may be lost, so that this node has to expect the worst."""
         return bool(self.problem)

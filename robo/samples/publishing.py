@@ -71,8 +71,9 @@ class Sender:
         self._key = key
         namespace, name = split(node) if node else (key.rpartition("/")[0], f"topic_pub_{os.getpid()}")
         known_type = type_name if _is_key(type_name) else ""
-        id_ = source_id(self._publisher.id)
-        token = EndpointToken(namespace, name, "pub", known_type, qos, key, id_)
+        self.id = source_id(self._publisher.id)
+        """Zenoh's id of it, as `source_id` makes it."""
+        token = EndpointToken(namespace, name, "pub", known_type, qos, key, self.id)
         self._put: Callable[..., None] = self._publisher.put
         # A latched publisher says by itself whose its messages are.
         self._source = None if qos.latched else sources.counted(self._publisher.id)

@@ -4,7 +4,9 @@ import enum
 import hashlib
 import hmac
 import ipaddress
+import os
 import secrets
+from contextlib import suppress
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -46,6 +48,17 @@ class Tokens(msgspec.Struct, frozen=True):
         return cls(secrets.token_urlsafe(18), secrets.token_urlsafe(18))
 
     @classmethod
+    def kept(cls, file: Path) -> "Tokens":
+        """Those of a file of one's own, which is made, with new ones, where there is none.
+
+        Raises:
+            UsageError: it cannot be read or written, or is no such file.
+        """
+        made = cls.new()
+        keep_secret(file, f"{made.drive}\n{made.view}\n")
+        return cls.of("", file)
+
+    @classmethod
     def of(cls, host: str, file: Path | None) -> "Tokens":
         """Those of a file; without one none for this machine alone, else two that nobody can guess.
 
@@ -80,6 +93,24 @@ class Tokens(msgspec.Struct, frozen=True):
         return Right.DRIVE if drives else Right.VIEW if views else Right.NONE
 
 
+def keep_secret(file: Path, text: str) -> str:
+    """What a file holds that only this user may read; it is made with a text where there is none.
+
+    Raises:
+        UsageError: it cannot be read or written.
+    """
+    try:
+        with suppress(FileExistsError), open(file, "x", encoding="utf-8", opener=_for_me_alone) as out:
+            out.write(text)
+        return file.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{file}: {getattr(error, 'strerror', None) or error}") from None
+
+
+def _for_me_alone(path: str, flags: int) -> int:
+    return os.open(path, flags, 0o600)
+
+
 class _Guesses(msgspec.Struct):
     wrong: int
     until: float
@@ -106,9 +137,8 @@ class Doorkeeper:
         if self.wait(address, now) > 0:
             return Right.NONE  # even if it is right: else a guess could be tried meanwhile
         right = self._tokens.right(token)
-        if right is not Right.NONE:
-            self._of.pop(self._name(address), None)
-        elif token:
+        # A right one takes back no wrong ones: else who may look could guess, in between, the token to drive.
+        if right is Right.NONE and token:
             self._count(token, address, now)
         return right
 
@@ -135,7 +165,19 @@ class Doorkeeper:
             del self._of[name]
 
     def _name(self, address: str) -> str:
-        return address if address in self._of or len(self._of) < _MOST_ADDRESSES else ""
+        name = _neighbourhood(address)
+        return name if name in self._of or len(self._of) < _MOST_ADDRESSES else ""
+
+
+def _neighbourhood(address: str) -> str:
+    """Whose guesses count together: an address, or of IPv6 the 2^64 that one host may have for itself."""
+    try:
+        found = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return address
+    if isinstance(found, ipaddress.IPv4Address):
+        return address
+    return str(found.ipv4_mapped or ipaddress.IPv6Network((int(found), 64), strict=False))
 
 
 def is_loopback(host: str) -> bool:
@@ -151,13 +193,18 @@ def is_own_host(host: str, names: tuple[str, ...] = (), *, addresses: bool = Fal
         names: by which it may be called beside those of this machine alone; `*` for any.
         addresses: whether it may be called by any address in numbers, which no name server leads here.
     """
-    try:
-        name = urlsplit(f"//{host}").hostname
-    except ValueError:
-        return False
-    if name is None:
+    name = host_of(host)
+    if not name:
         return False
     return name in _LOOPBACK or name in map(str.lower, names) or "*" in names or (addresses and _is_address(name))
+
+
+def host_of(host: str) -> str:
+    """The name in a header `Host`, without its port; empty where there is none."""
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return ""
 
 
 def _is_address(name: str) -> bool:

@@ -151,6 +151,11 @@ def tokens_of_publishers(topic: str) -> str:
     return names.join(PREFIX, "**/pub/*/*/*", _mangle(topic))
 
 
+def tokens_of_subscribers(topic: str) -> str:
+    """The key expression of the tokens of all nodes that subscribe to a topic."""
+    return names.join(PREFIX, "**/sub/*/*/*", _mangle(topic))
+
+
 def latched_key(topic: str, depth: int, *, whole: bool = True) -> str:
     """Where the latched publishers of a topic answer for what they have said last, each `depth` messages, 0 for all.
 

@@ -1,9 +1,11 @@
 """The page in a browser, as a node of the robot."""
 
 import threading
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import msgspec
 from msgspec import Meta, field
 
 import robo
@@ -11,6 +13,8 @@ from robo import READ_ONLY, Health, Node, check
 from robo.errors import RoboError, RunError
 
 if TYPE_CHECKING:
+    from tempfile import TemporaryDirectory
+
     from robo.dashboard.place import Settings
     from robo.dashboard.server import Dashboard as Server
 
@@ -24,7 +28,8 @@ class Dashboard(Node):
     """Serve the page by which people see and drive the robots of this network, as `robo dashboard` does.
 
     It drives by `cmd_vel_dashboard`, an input of the robot's mux. At another address than this machine's own who opens
-    it needs a token; where no file has any, they are made up at each start, and logged.
+    it needs a token; where no file has any they are made up, and kept in a file that this user alone may read: the log
+    says which. No token stands in the log, which everybody reads who may look.
     """
 
     class Parameters(robo.Parameters):
@@ -44,6 +49,8 @@ class Dashboard(Node):
     parameters: Parameters
 
     _thread: threading.Thread | None = None
+    _kept: "TemporaryDirectory[str] | None" = None
+    """Where the tokens are when nothing else of this node is kept anywhere."""
 
     def on_start(self) -> None:
         """Serve the page from now on."""
@@ -54,7 +61,8 @@ class Dashboard(Node):
         from robo.dashboard.server import Dashboard as Server
 
         p = self.parameters
-        settings = Settings.of(p.host, p.port, Path(p.token_file) if p.token_file else None, p.names)
+        file, key = self._secrets()
+        settings = msgspec.structs.replace(Settings.of(p.host, p.port, file, p.names), key=key)
         server = Server(self.session, settings)
         self._loop = asyncio.new_event_loop()
         self._over = asyncio.Event()
@@ -72,9 +80,32 @@ class Dashboard(Node):
         """Have robots stand that pages drive, and serve no more."""
         if self._thread is None:
             return
-        if self._thread.is_alive():
+        with suppress(RuntimeError):  # it has ended by itself
             self._loop.call_soon_threadsafe(self._over.set)
-            self._thread.join(_END)
+        self._thread.join(_END)
+        if self._kept is not None:
+            self._kept.cleanup()
+
+    def _secrets(self) -> tuple[Path | None, str]:
+        """The file with the tokens, None where none are asked for; and the key for what browsers remember."""
+        import secrets
+        import tempfile
+
+        from robo.web.access import Tokens, is_loopback, keep_secret
+
+        given = Path(self.parameters.token_file) if self.parameters.token_file else None
+        if given is None and is_loopback(self.parameters.host):
+            return None, ""
+        folder = self.memory.folder
+        if not folder:
+            self._kept = tempfile.TemporaryDirectory(prefix="robo-dashboard-")
+            folder = self._kept.name
+        stem = self.full_name.strip("/").replace("/", "%")
+        if given is None:
+            given = Path(folder, f"{stem}.tokens")
+            Tokens.kept(given)
+        self._file = given
+        return given, keep_secret(Path(folder, f"{stem}.key"), secrets.token_urlsafe(32))
 
     @check("page")
     def is_served(self) -> Health:
@@ -85,16 +116,19 @@ class Dashboard(Node):
 
     def _serve(self, server: "Server", settings: "Settings") -> None:
         def ready(port: int) -> None:
-            addresses = settings.addresses(port)
-            self.logger.info("the dashboard is at %s", addresses["drive"])
-            if "view" in addresses:
-                self.logger.info("to look and not to drive: %s", addresses["view"])
+            self.logger.info("the dashboard is at %s", settings.place(port))
+            if settings.tokens.drive:
+                words = "its tokens, a line to drive and one to look, are in %s: open the address with ?token=… once"
+                self.logger.info(words, self._file)
             self._begun.set()
 
         try:
-            self._loop.run_until_complete(server.serve(ready, self._over.wait()))
-        except Exception as error:  # told by who started it, or by the check
+            self._loop.run_until_complete(server.serve(ready, self._over))
+        except Exception as error:
             self._problem = error
+            if self._begun.is_set():  # else told by who started it
+                self.logger.error("the page is gone; the node ends", exception=error)
+                self.shutdown(1)
         finally:
             self._begun.set()
             self._loop.close()

@@ -3,9 +3,10 @@
 import pytest
 
 import robo_messages
-from robo.dashboard.frames import Frames
+from robo.dashboard.frames import Frames, read
 from robo.dashboard.place import Settings
 from robo.dashboard.state import Line, Node, newest, robots_of
+from robo.errors import UsageError
 from robo_messages import TFMessage, TransformStamped
 
 
@@ -42,18 +43,19 @@ def test_of_a_flood_of_lines_the_newest_are_shown_and_the_rest_is_counted() -> N
 
 def told(frames: Frames, robot: str, *names: str) -> None:
     transforms = [TransformStamped(child_frame_id=name) for name in names]
-    assert frames.take(robot, robo_messages.encode(TFMessage(transforms)))
+    frames.take(robot, read(robo_messages.encode(TFMessage(transforms))))
 
 
 def test_a_robot_that_makes_up_frames_hides_no_other_one() -> None:
     frames = Frames()
-    told(frames, "r1", *(f"frame_{number}" for number in range(2_000)), "x" * 1_000)
+    told(frames, "r1", *(f"frame_{number}" for number in range(1_000)), "x" * 1_000)
     told(frames, "r2", "base_link")
     assert len(frames.of("r1")) == 500
     assert list(frames.of("r2")) == ["base_link"]
     frames.keep({"r2"})
     assert frames.of("r1") == {}
-    assert not frames.take("r2", b"\xc1")
+    assert read(b"\xc1") == {}
+    assert read(bytes(1_000_000)) == {}
 
 
 def test_addresses_are_ones_that_can_be_opened() -> None:
@@ -62,3 +64,16 @@ def test_addresses_are_ones_that_can_be_opened() -> None:
     found = Settings.of("0.0.0.0", 0, None, ["r1.local"]).addresses(1234)
     assert all(address.startswith("http://r1.local:1234/?token=") for address in found.values())
     assert len(set(found.values())) == 2
+    assert Settings.of("0.0.0.0", 0, None, ["r1.local"]).place(1234) == "http://r1.local:1234/"
+
+
+@pytest.mark.parametrize("name", ["r1.local:8080", "[::1]:8080", "http://r1.local", "r1/x", ""])
+def test_a_name_is_a_name_and_no_address(name: str) -> None:
+    with pytest.raises(UsageError, match="without a port"):
+        Settings.of("127.0.0.1", 0, None, [name])
+    assert Settings.of("127.0.0.1", 0, None, ["R1.local", "*", "fe80::1"]).names[0] == "R1.local"
+
+
+def test_a_page_is_at_some_address() -> None:
+    with pytest.raises(UsageError, match="host is empty"):
+        Settings.of("", 0, None, [])

@@ -6,6 +6,8 @@ import pytest
 
 from robo.errors import UsageError
 from robo.web.access import Doorkeeper, Right, Tokens, is_own_host, is_own_origin
+from robo.web.limits import Budget, WaitingRoom
+from robo.web.sessions import Sessions, cookie
 
 TOKENS = Tokens(view="look-look-look", drive="drive-drive-drive")
 
@@ -52,8 +54,80 @@ def test_while_somebody_has_to_wait_the_right_token_is_no_better() -> None:
     assert door.wait("1.2.3.4", 0.0) == 1.0
     assert door.right("drive-drive-drive", "1.2.3.4", 0.5) is Right.NONE
     assert door.right("drive-drive-drive", "1.2.3.4", 1.1) is Right.DRIVE
-    assert door.right("guess", "1.2.3.4", 1.2) is Right.NONE
-    assert door.wait("1.2.3.4", 1.2) == 0.0, "it has begun anew"
+    assert door.right("another guess", "1.2.3.4", 1.2) is Right.NONE
+    assert door.wait("1.2.3.4", 1.2) == 2.0, "a right one takes back no wrong ones"
+
+
+def test_who_may_look_guesses_the_token_to_drive_no_faster() -> None:
+    door = Doorkeeper(TOKENS)
+    now = 0.0
+    for number in range(20):
+        door.right(f"guess {number}", "1.2.3.4", now)
+        now += door.wait("1.2.3.4", now)
+        assert door.right(TOKENS.view, "1.2.3.4", now) is Right.VIEW
+    assert now > 600.0
+
+
+def test_the_addresses_that_one_host_has_count_as_one() -> None:
+    door = Doorkeeper(TOKENS)
+    for number in range(6):
+        door.right(f"guess {number}", f"2001:db8::{number}", 0.0)
+    assert door.wait("2001:db8::ffff:1", 0.0) == 1.0
+    assert door.wait("2001:db8:0:1::1", 0.0) == 0.0
+    assert door.wait("::ffff:1.2.3.4", 0.0) == 0.0
+
+
+def test_what_a_browser_remembers_is_no_token_and_ends_with_it() -> None:
+    sessions = Sessions(TOKENS, "key")
+    word = sessions.word(Right.DRIVE)
+    assert TOKENS.drive not in word
+    assert (sessions.right(word), sessions.right(sessions.word(Right.VIEW))) == (Right.DRIVE, Right.VIEW)
+    assert sessions.right("") is sessions.right(TOKENS.drive) is sessions.right("é") is Right.NONE
+    assert Sessions(TOKENS, "key").right(word) is Right.DRIVE, "it outlives a restart"
+    assert Sessions(TOKENS).right(word) is Right.NONE
+    assert Sessions(Tokens(drive="another-one-now"), "key").right(word) is Right.NONE
+
+
+@pytest.mark.parametrize(
+    ("lines", "found"),
+    [
+        (["robo=word"], "word"),
+        (['prefs={"a":1}; robo=word'], "word"),
+        (["a=b", "c = d;robo=word; x"], "word"),
+        (["xrobo=word"], ""),
+        ([""], ""),
+        ([], ""),
+    ],
+)
+def test_what_others_remember_is_in_nobodys_way(lines: list[str], found: str) -> None:
+    assert cookie(lines, "robo") == found
+
+
+def test_tokens_that_are_made_up_are_kept_for_this_user_alone(tmp_path: Path) -> None:
+    file = tmp_path / "tokens"
+    made = Tokens.kept(file)
+    assert "" not in (made.drive, made.view)
+    assert file.stat().st_mode & 0o777 == 0o600
+    assert Tokens.kept(file) == made
+    with pytest.raises(UsageError, match="No such file"):
+        Tokens.kept(tmp_path / "none" / "tokens")
+
+
+def test_who_waits_longest_goes_first() -> None:
+    room = WaitingRoom[str](2)
+    assert room.enter("a") is None
+    assert room.enter("b") is None
+    assert room.enter("c") == "a"
+    room.leave("b")
+    assert room.enter("d") is None
+    assert room.enter("e") == "c"
+
+
+def test_a_budget_is_so_much_at_once_and_so_much_a_second() -> None:
+    budget = Budget(10, 5.0)
+    assert [budget.take(0.0) for _ in range(12)] == [True] * 10 + [False] * 2
+    budget = Budget(10, 5.0)
+    assert all(budget.take(number / 5) for number in range(1000))
 
 
 def test_who_shows_nothing_does_not_guess() -> None:

@@ -42,7 +42,7 @@ async def _serve(dashboard: Dashboard, ready: Callable[[int], object]) -> None:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, over.set)
-    await dashboard.serve(ready, over.wait())
+    await dashboard.serve(ready, over)
 
 
 def _tell(settings: Settings, port: int, *, json: bool) -> None:

@@ -33,6 +33,8 @@ class Link {
     this.unread = 0;
     this.name = "";
     this.drives = false;
+    /** The number of a grip that begins now: an emergency stop ends those of lower ones. */
+    this.grip = 0;
     this.frames = 0;
     this.failures = 0;
     this.problem = "";
@@ -197,6 +199,7 @@ class Link {
       this.drives = news.drives;
       this.offsets = [];
     }
+    if (news.kind === "drivers") this.grip = news.grip;
     const asked = news.id === undefined || news.id === null ? undefined : this.waiting.get(news.id);
     if (asked !== undefined) {
       this.waiting.delete(news.id);

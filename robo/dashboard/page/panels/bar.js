@@ -5,6 +5,8 @@ import { link } from "../link.js";
 import { robot } from "../robot.js";
 
 const STALE = 1500;
+/** Without an answer for so long an emergency stop is said to be unconfirmed, ms. */
+const UNSURE = 300;
 /** Inputs of the reference robot's mux by which people drive. */
 const MANUAL = ["joystick", "keyboard", "dashboard"];
 /** Of what is said once a second. */
@@ -35,24 +37,36 @@ export function bar(place, lost) {
   lost.append(alarm, since);
   place.append(choice, facts, told, el("div", { class: "stops" }, stop, reset));
 
+  let unsure = ""; // of an emergency stop that has not been confirmed
+
   const seen = { odom: null, safety: null, mux: null, battery: null };
 
   function press() {
-    if (!stop.disabled) call("emergency_stop");
+    if (stop.disabled) return;
+    link.hear({ kind: "stand" });
+    call("emergency_stop");
   }
 
   async function call(service) {
     const begin = performance.now();
+    const name = robot.name;
+    const stops = service === "emergency_stop";
+    const late = setTimeout(() => { if (stops) unsure = `The stop of ${name} is not confirmed yet.`; }, UNSURE);
     try {
       const answer = await link.ask({ do: "call", service: robot.key(service), type: "std/Trigger" });
       say(told, `${answer.message || service.replaceAll("_", " ")} (${Math.round(performance.now() - begin)} ms)`);
+      clearTimeout(late);
+      if (stops) unsure = "";
     } catch (error) {
       say(told, `${service.replaceAll("_", " ")}: ${error.message}`);
+      clearTimeout(late);
+      if (stops) unsure = `Emergency stop of ${name}: ${error.message}.`;
     }
   }
 
   robot.onChange(() => {
     for (const name of Object.keys(seen)) seen[name] = null;
+    unsure = "";
   });
   robot.watch("odom", ["nav/Odometry"], (message, { arrived }) => {
     const { linear, angular } = message.twist.twist;
@@ -81,6 +95,7 @@ export function bar(place, lost) {
     show(safety, seen.safety, STATES_STALE);
     safety.dataset.level = seen.safety ? ["ok", "warn", "error", "stale"][seen.safety.level] ?? "" : "";
     const latched = Boolean(seen.safety?.latched);
+    if (latched) unsure = "";
     stop.classList.toggle("latched", latched);
     say(stop, latched ? "STOPPED" : "EMERGENCY STOP");
     stop.setAttribute("aria-label", latched ? "Emergency stop: the robot is stopped" : "Emergency stop");
@@ -98,8 +113,8 @@ export function bar(place, lost) {
       : link.problem
         ? `The server lets nobody in with what this browser has: ${link.problem}.`
         : "No link to the server: what you see is old, and nothing can be driven.";
-    lost.hidden = !gone;
-    say(alarm, gone);
+    lost.hidden = !gone && !unsure;
+    say(alarm, [unsure, gone].filter(Boolean).join(" "));
     say(since, gone && !link.isAlive ? ` ${age(Math.min(link.silence + link.lag, performance.now()))}` : "");
     document.body.classList.toggle("lost", !link.isAlive);
   }, 100);

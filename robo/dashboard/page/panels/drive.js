@@ -7,6 +7,8 @@ import { robot } from "../robot.js";
 
 /** How often a command is said while a dead-man is held, ms. */
 const PERIOD = 50;
+/** Without odometry for so long, where there has been some, the robot is gone, ms. */
+const GONE = 1500;
 const KEYS = {
   ArrowUp: [1, 0], w: [1, 0], ArrowDown: [-1, 0], s: [-1, 0],
   ArrowLeft: [0, 1], a: [0, 1], ArrowRight: [0, -1], d: [0, -1],
@@ -33,6 +35,9 @@ export function drive() {
   const made = panel("drive", "Drive", [], el("div", { class: "driving" }, pad, el("div", {}, fast.place, turn.place, told)));
 
   let wanted = null; // while a dead-man is held: parts of the full speed, forwards and to the left
+  let grip = 0; // the number of the one that holds
+  let stopped = false; // by an emergency stop, whoever has pressed it
+  let moved = null; // when the robot last told how it moves, ms by `link.now`
   let pointer = null; // the one that holds the joystick
   const held = new Set(); // keys that are down
 
@@ -48,8 +53,18 @@ export function drive() {
     link.send({ do: "release" });
   }
 
+  /** Why nothing can be driven; empty where it can. */
+  function lock() {
+    if (!link.isAlive) return "no link: driving is locked";
+    if (!link.drives) return "this page may look and not drive";
+    if (moved !== null && link.now - moved > GONE) return "the robot is gone: driving is locked";
+    if (stopped) return "emergency stop: driving is locked until its reset";
+    return "";
+  }
+
   function want(forwards, left) {
-    if (!link.drives || !link.isAlive || document.visibilityState !== "visible") return stand();
+    if (lock() || document.visibilityState !== "visible") return stand();
+    if (wanted === null) grip = link.grip;
     wanted = [forwards, left];
     pad.classList.add("held");
     return undefined;
@@ -57,7 +72,7 @@ export function drive() {
 
   function tell() {
     if (wanted === null) return;
-    if (!link.isAlive) {
+    if (lock()) {
       stand(); // it takes a new grip to drive on
       return;
     }
@@ -69,6 +84,7 @@ export function drive() {
       angular: left * turn.value,
       heard: link.beat,
       since: link.silence / 1000,
+      grip,
     });
   }
 
@@ -127,7 +143,17 @@ export function drive() {
   window.addEventListener("blur", stand);
   window.addEventListener("pagehide", stand);
   document.addEventListener("visibilitychange", () => document.visibilityState === "hidden" && stand());
-  robot.onChange(stand);
+  robot.onChange(() => {
+    stand();
+    stopped = false;
+    moved = null;
+  });
+  link.on("stand", stand); // the button for the emergency stop is pressed here
+  robot.watch("odom", ["nav/Odometry"], (message, { arrived }) => { moved = arrived; });
+  robot.watch("safety_state", ["diagnostic/DiagnosticStatus"], (message) => {
+    stopped = message.values.some(({ key, value }) => key === "reason" && value === "emergency_stop");
+    if (stopped) stand();
+  });
   setInterval(tell, PERIOD);
 
   let refusal = "";
@@ -140,14 +166,15 @@ export function drive() {
   let drivers = {};
   link.on("drivers", (news) => {
     drivers = news.drivers;
+    if (wanted !== null && grip < (news.ended[robot.name ?? ""] ?? 0)) stand();
   });
   setInterval(() => {
     const who = drivers[robot.name ?? ""];
     const mine = who === link.name;
-    pad.classList.toggle("locked", !link.drives || !link.isAlive || (who !== undefined && !mine));
-    pad.setAttribute("aria-disabled", String(!link.drives || !link.isAlive));
-    if (!link.isAlive) say(told, "no link: driving is locked");
-    else if (!link.drives) say(told, "this page may look and not drive");
+    const locked = lock();
+    pad.classList.toggle("locked", Boolean(locked) || (who !== undefined && !mine));
+    pad.setAttribute("aria-disabled", String(Boolean(locked)));
+    if (locked) say(told, locked);
     else if (performance.now() - refusedAt < 2000) say(told, `refused: ${refusal}`);
     else if (mine) say(told, wanted ? `${number(wanted[0] * fast.value)} m/s, ${number(wanted[1] * turn.value)} rad/s` : "stands");
     else say(told, who === undefined ? "hold the joystick, or its keys, to drive" : `${who} drives`);
