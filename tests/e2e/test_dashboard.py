@@ -24,6 +24,7 @@ from robo.wire.reports import LogRecord
 from robo.wire.session import close_session, open_session
 from robo_messages import Odometry, Twist
 from tests.npm import file_of
+from tests.proxy import Proxy
 from tests.support import PATIENCE, Running, eventually, plain_environment
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -45,9 +46,9 @@ PANELS = ["Map", "Drive", "Nodes", "Log", "Plots", "Parameters", "Topics", "Came
 class Served:
     """`robo dashboard` for a robot, as a process."""
 
-    def __init__(self, robot: Robot, *words: str) -> None:
+    def __init__(self, endpoint: str, *words: str) -> None:
         self.running = Running(
-            [sys.executable, "-m", "robo", "dashboard", "--connect", robot.endpoint, *LISTEN, *words],
+            [sys.executable, "-m", "robo", "dashboard", "--connect", endpoint, *LISTEN, *words],
             env=plain_environment(),
         )
         self.address: str = msgspec.json.decode(self.running.wait_for('"drive"'))["drive"]
@@ -126,7 +127,7 @@ def robot(launch: Launch) -> Robot:
 
 @pytest.fixture
 def served(robot: Robot) -> Iterator[Served]:
-    with closing(Served(robot)) as found:
+    with closing(Served(robot.endpoint)) as found:
         yield found
 
 
@@ -334,6 +335,88 @@ def test_a_cut_of_five_seconds_stops_the_robot_until_somebody_grips_anew(
         driven.has_stood()
 
 
+def stood_since(driven: Driven, begin: float) -> None:
+    """For two seconds more it does not move, whatever was said before."""
+    eventually(lambda: driven.speeds[-1][0] > begin + 2.0, "the robot tells how it moves")
+    assert [speed for at, speed in driven.speeds if at > begin + SLACK and speed > 0.001] == []
+
+
+def test_a_link_to_the_browser_that_is_cut_for_five_seconds_moves_nothing_afterwards(
+    chromium: Any, served: Served, driven: Driven
+) -> None:
+    with (
+        closing(Proxy(urlsplit(served.address).port or 0)) as proxy,
+        opened(chromium, f"http://127.0.0.1:{proxy.port}/") as page,
+    ):
+        grip(page)
+        driven.has_driven()
+        proxy.cut()
+        cut = time.monotonic()
+        driven.has_stood()
+        page.wait_for_selector("#pad.locked")
+        says(page, "#lost", "nothing can be driven")
+        eventually(lambda: time.monotonic() - cut > 5.0, "the cut is over")
+        mended = time.monotonic()
+        proxy.mend()
+        page.wait_for_selector("#pad:not(.locked)")
+        page.mouse.move(200, 200)
+        stood_since(driven, mended)
+        page.mouse.up()
+        grip(page)
+        driven.has_driven()
+        page.mouse.up()
+        driven.has_stood()
+
+
+def test_a_link_to_the_robot_that_is_cut_for_five_seconds_moves_nothing_afterwards(
+    chromium: Any, robot: Robot, driven: Driven
+) -> None:
+    with (
+        closing(Proxy(int(robot.endpoint.rpartition(":")[2]))) as proxy,
+        closing(Served(f"tcp/127.0.0.1:{proxy.port}")) as served,
+        opened(chromium, served.address) as page,
+    ):
+        grip(page)
+        driven.has_driven()
+        proxy.cut()
+        cut = time.monotonic()
+        driven.has_stood()
+        page.wait_for_selector("#pad.locked")
+        says(page, "#drive .told", "the robot is gone")
+        eventually(lambda: time.monotonic() - cut > 5.0, "the cut is over")
+        mended = time.monotonic()
+        proxy.mend()
+        page.wait_for_selector("#pad:not(.locked)")
+        page.mouse.move(200, 200)
+        stood_since(driven, mended)
+        page.mouse.up()
+        grip(page)
+        driven.has_driven()
+        page.mouse.up()
+        driven.has_stood()
+
+
+def test_a_hand_that_never_lets_go_moves_nothing_after_a_stop_and_its_reset(
+    chromium: Any, served: Served, driven: Driven
+) -> None:
+    with opened(chromium, served.address) as page, opened(chromium, served.address) as second:
+        grip(page)
+        driven.has_driven()
+        second.click("#stop")
+        driven.has_stood()
+        says(page, "#drive .told", "emergency stop")
+        second.click("#reset")
+        page.wait_for_selector("#stop:not(.latched)")
+        page.wait_for_selector("#pad:not(.locked)")
+        reset = time.monotonic()
+        page.mouse.move(200, 200)
+        stood_since(driven, reset)
+        page.mouse.up()
+        grip(page)
+        driven.has_driven()
+        page.mouse.up()
+
+
 def test_a_robot_brings_its_dashboard_along(chromium: Any, launch: Launch) -> None:
     robot = launch("robot.yaml", demo="none", dashboard=True, options=["-p", "dashboard.port:=0"])
     address = robot.wait_for_line("the dashboard is at").rpartition(" ")[2]
@@ -415,7 +498,7 @@ def test_what_robots_say_is_shown_as_text(chromium: Any, served: Served, robot: 
 def test_without_the_token_there_is_nothing(chromium: Any, robot: Robot, tmp_path: Path) -> None:
     tokens = tmp_path / "tokens"
     tokens.write_text("drive-drive-drive\nlook-look-look\n")
-    with closing(Served(robot, "--token-file", str(tokens))) as served:
+    with closing(Served(robot.endpoint, "--token-file", str(tokens))) as served:
         place = urlsplit(served.address)._replace(query="").geturl()
         context = chromium.new_context()
         page = context.new_page()

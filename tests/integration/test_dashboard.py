@@ -1,7 +1,12 @@
 """The server of the page, as a browser and others meet it."""
 
+import math
+import socket
+import sys
+import time
 from collections.abc import Iterator
 from contextlib import closing
+from pathlib import Path
 
 import pytest
 import zenoh
@@ -15,8 +20,8 @@ from robo.samples.publishing import Sender
 from robo.samples.stream import Stream
 from robo.wire.qos import QoS
 from robo_messages import Point, String, TFMessage, Transform, TransformStamped
-from tests.page import TOKENS, Served, twists
-from tests.support import eventually
+from tests.served import TOKENS, Served, twists
+from tests.support import Running, eventually, plain_environment
 
 exceptions = pytest.importorskip("websockets.exceptions")
 
@@ -81,6 +86,70 @@ def test_guesses_are_slowed_down(guarded: Served) -> None:
     assert codes == [401] * 6 + [429] * 4
     answer = guarded.get(f"/?token={TOKENS.drive}")
     assert (answer.status, answer.headers["Retry-After"]) == (429, "1")
+
+
+def own_address() -> str:
+    """An address of this machine that others reach; another one of loopback where it has none."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
+        try:
+            asking.connect(("192.0.2.1", 9))  # sends nothing
+        except OSError:
+            return "127.0.0.2"
+        return str(asking.getsockname()[0])
+
+
+def test_from_another_address_there_is_nothing_without_the_token(session: zenoh.Session) -> None:
+    host = own_address()
+    with closing(Served(session, Settings("0.0.0.0", 0, TOKENS))) as everywhere:
+        for path in ("/", "/main.js", "/socket", "/?token=wrong"):
+            assert everywhere.get(path, host).status == 401
+        with pytest.raises(exceptions.InvalidStatus), everywhere.page(host=host):
+            pass
+        cookie = everywhere.cookie(TOKENS.drive)
+        assert everywhere.get("/main.js", host, **cookie).status == 200
+        with everywhere.page(host=host, additional_headers=cookie) as page:
+            assert page.hears("welcome")["drives"]
+
+
+def test_a_foreign_page_gets_no_socket_though_the_browser_has_been_let_in(guarded: Served) -> None:
+    cookie = guarded.cookie(TOKENS.drive)
+    for origin in ("http://evil.example", "null", f"http://localhost:{guarded.port}", "http://127.0.0.1:1"):
+        with pytest.raises(exceptions.InvalidStatus) as refused, guarded.page(origin=origin, additional_headers=cookie):
+            pass
+        assert refused.value.response.status_code == 403
+    with guarded.page(origin=f"http://127.0.0.1:{guarded.port}", additional_headers=cookie) as page:
+        page.hears("welcome")
+
+
+def test_a_thousand_wrong_tokens_hold_up_who_guesses_and_nobody_else(guarded: Served) -> None:
+    cookie = guarded.cookie(TOKENS.drive)
+    begin = time.monotonic()
+    codes = [guarded.get(f"/?token=guess{number}").status for number in range(1000)]
+    # Five that cost nothing, and then one after 1, 2, 4 … s.
+    assert codes.count(401) <= 6 + math.log2(2 + time.monotonic() - begin)
+    assert set(codes) == {401, 429}
+    assert guarded.get(f"/?token={TOKENS.drive}").status == 429
+    assert guarded.get("/main.js", **cookie).status == 200, "who has been let in goes on"
+    assert guarded.get(f"/?token={TOKENS.drive}", "127.0.0.2").status == 303, "somebody else is not held up"
+
+
+def test_a_node_keeps_its_tokens_out_of_the_log(tmp_path: Path) -> None:
+    words = ["run", "robo_services.dashboard", "-p", "host:=0.0.0.0", "-p", "port:=0", "-p", "names:=[r1.local]"]
+    environment = plain_environment() | {"ROBO_MEMORY": str(tmp_path)}
+    tokens = tmp_path / "dashboard.tokens"
+    for _ in range(2):
+        running = Running([sys.executable, "-m", "robo", *words], env=environment)
+        try:
+            line = running.wait_for("its tokens, a line to drive and one to look, are in")
+            assert str(tokens) in line
+            assert "http://r1.local:" in running.output
+            drive, look = tokens.read_text().split()
+            assert drive not in running.output
+            assert look not in running.output
+            assert tokens.stat().st_mode & 0o777 == 0o600
+        finally:
+            running.close()
+    assert tokens.read_text().split() == [drive, look], "they outlive a restart"
 
 
 def test_who_may_only_look_moves_nothing(guarded: Served, other: zenoh.Session) -> None:

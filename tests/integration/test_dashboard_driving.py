@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
+from functools import partial
 from typing import Any
 
 import pytest
@@ -16,7 +17,7 @@ from robo.samples.stream import Stream
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from robo_messages import Bool, String, Twist
-from tests.page import TOKENS, Browser, Served, twists
+from tests.served import TOKENS, Browser, Served, twists
 from tests.support import eventually
 
 exceptions = pytest.importorskip("websockets.exceptions", reason="the extra dashboard is not installed")
@@ -73,14 +74,11 @@ class Motions:
 @contextmanager
 def monitor(session: zenoh.Session, robot: str, *services: str) -> Iterator[None]:
     """A robot's services that answer at once."""
-    ends = [
-        session.declare_queryable(
-            f"{robot}/{name}",
-            lambda query, name=name: query.reply(f"{robot}/{name}", robo_messages.encode(String(name))),
-            complete=True,
-        )
-        for name in services
-    ]
+
+    def answer(name: str, query: zenoh.Query) -> None:
+        query.reply(f"{robot}/{name}", robo_messages.encode(String(name)))
+
+    ends = [session.declare_queryable(f"{robot}/{name}", partial(answer, name), complete=True) for name in services]
     yield
     for end in ends:
         end.undeclare()

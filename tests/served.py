@@ -49,9 +49,10 @@ class Served:
         """What a browser says that has been let in."""
         return {"Cookie": self.get(f"/?token={token}").headers["Set-Cookie"].partition(";")[0]}
 
-    def get(self, path: str, source: str = "127.0.0.1", **headers: str) -> http.client.HTTPResponse:
-        """What the server answers somebody who comes from an address."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=10, source_address=(source, 0))
+    def get(self, path: str, address: str = "127.0.0.1", **headers: str) -> http.client.HTTPResponse:
+        """What the server answers somebody who comes from an address of this machine, and to it where it is there."""
+        to = "127.0.0.1" if address.startswith("127.") else address
+        connection = http.client.HTTPConnection(to, self.port, timeout=10, source_address=(address, 0))
         connection.putrequest("GET", path, skip_host="Host" in headers)
         for name, value in headers.items():
             connection.putheader(name, value)
@@ -62,9 +63,9 @@ class Served:
         return answer
 
     @contextmanager
-    def page(self, **settings: Any) -> Iterator["Browser"]:
+    def page(self, host: str = "127.0.0.1", **settings: Any) -> Iterator["Browser"]:
         """A page that is open."""
-        with client.connect(f"ws://127.0.0.1:{self.port}/socket", open_timeout=20, **settings) as socket:
+        with client.connect(f"ws://{host}:{self.port}/socket", open_timeout=20, **settings) as socket:
             yield Browser(socket)
 
     def close(self) -> None:
