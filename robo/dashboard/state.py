@@ -25,6 +25,8 @@ _PAST = LogsRequest(lines=300)
 """Of each robot's log, for a page that is opened."""
 _MOST_PAST = 1_000
 """Lines that are kept for pages that are opened later."""
+_CLOSING = 3.0
+"""So long a robot that is being asked may hold up the end, s."""
 _SLOTS = 1_000
 _MOST_LINES = 200
 """Lines at one look: of a flood pages are told the newest, and how many were left out."""
@@ -141,7 +143,7 @@ class State:
         self._over.set()
         self._attended.set()
         for thread in self._threads:
-            thread.join()
+            thread.join(_CLOSING)
         self._lines.undeclare()
         self._events.undeclare()
 
@@ -163,30 +165,43 @@ class State:
             self._over.wait(max(_LOOK, begin + PERIOD - time.monotonic()))
 
     def _listen(self) -> None:
-        self._tell_past()
+        self._guarded(self._tell_past)
         while not self._over.wait(_LOOK):
-            lines: list[Line] = []
-            while (sample := self._lines.handler.try_recv()) is not None:
-                record = read(sample, LogRecord)
-                if record is not None:
-                    lines.append(line_of(_robot_of(str(sample.key_expr), log_key(_ALL)), record))
-            lines = [line for line in lines if line not in self._told_past]
-            self._told_past = set()
-            if lines:
-                self._tell_lines(newest(lines))
-            events: list[Event] = []
-            while (sample := self._events.handler.try_recv()) is not None:
-                event = read(sample, Event)
-                if event is not None:
-                    events.append(event)
-            if events:
-                self._tell_events(events[-_MOST_LINES:])
+            self._guarded(self._tell_new)
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        """Whatever one of these says, the logs and events of others are told."""
+        try:
+            work()
+        except Exception:  # nobody has thought of it
+            if not self._over.is_set():
+                _logger.exception("the dashboard could not tell logs or events")
+
+    def _tell_new(self) -> None:
+        lines: list[Line] = []
+        while (sample := self._lines.handler.try_recv()) is not None:
+            record = read(sample, LogRecord)
+            if record is not None:
+                lines.append(line_of(_robot_of(str(sample.key_expr), log_key(_ALL)), record))
+        lines = [line for line in lines if line not in self._told_past]
+        self._told_past = set()
+        if lines:
+            self._tell_lines(newest(lines))
+        events: list[Event] = []
+        while (sample := self._events.handler.try_recv()) is not None:
+            event = read(sample, Event)
+            if event is not None:
+                events.append(event)
+        if events:
+            self._tell_events(events[-_MOST_LINES:])
 
     def _tell_past(self) -> None:
         try:
             self._tell_events(runs.EventStream(self._session).past())
             lines: deque[Line] = deque(maxlen=_MOST_PAST)
             for robot in sorted({token.robot for token in runs.supervisors(self._session)}):
+                if self._over.is_set():
+                    return
                 try:
                     said = runs.output(self._session, robot, _PAST)
                 except RoboError:
