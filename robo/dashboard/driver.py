@@ -133,6 +133,13 @@ class Driver:
             self._changed.notify()
             return ""
 
+    def hold(self, robot: str, who: str) -> None:
+        """Who drives a robot has said something that came too late to be done: it is slow, and not gone."""
+        with self._changed:
+            found, now = self._robots.get(robot), clock.steady()
+            if found is not None and found.lease.driver == who and not found.lease.is_over(now):
+                found.lease.take(who, now)
+
     def other(self, robot: str, who: str) -> str | None:
         """Who else drives a robot; None where nobody does."""
         with self._changed:

@@ -220,6 +220,7 @@ class Hub:
         if age > MOST_AGE:
             reason = f"a command is {1e3 * min(age, 99):.0f} ms old"
             page.tell("refused", newest="refused", urgent=True, reason=reason, late=True)
+            self._driver.hold(asked.robot, page.name)
             return
         if not (abs(asked.linear) <= _MOST_LINEAR and abs(asked.angular) <= _MOST_ANGULAR):  # NaN neither
             page.tell("refused", newest="refused", urgent=True, reason="so fast drives no robot")

@@ -59,9 +59,13 @@ class Lease:
             self.give(who)
         return who
 
+    def is_over(self, now: float) -> bool:
+        """Whether its driver has been silent for too long."""
+        return self.driver is not None and now >= self._until
+
     def expire(self, now: float) -> bool:
         """End it where its driver has been silent for too long; whether that is so."""
-        return self.driver is not None and now >= self._until and self.end() is not None
+        return self.is_over(now) and self.end() is not None
 
     def command(self, who: str, now: float) -> bool:
         """A command has come that may be carried out; whether it may, since nobody else drives."""

@@ -41,6 +41,27 @@ def test_the_robot_is_told_to_stand_several_times_when_commands_cease() -> None:
     assert zeros(lease, 5.0, 10.0) == ZEROS
 
 
+def test_zeros_come_one_after_another_however_often_it_is_asked() -> None:
+    lease = Lease()
+    assert lease.command("a", 0.0)
+    lease.give("a")
+    assert sum(lease.is_to_stand(step / 1000) for step in range(20)) == 1
+    assert not lease.is_idle
+    assert zeros(lease, 0.05, 1.0) == ZEROS - 1
+    assert lease.is_idle
+
+
+def test_it_ends_unasked_and_by_silence() -> None:
+    lease = Lease()
+    assert lease.command("a", 0.0)
+    assert not lease.expire(LEASE - 0.01)
+    assert lease.end() == "a"
+    assert lease.end() is None
+    assert lease.command("b", 1.0)
+    assert lease.expire(1.0 + LEASE)
+    assert lease.driver is None
+
+
 def test_a_robot_that_nobody_has_moved_is_told_nothing() -> None:
     lease = Lease()
     assert lease.take("a", 0.0)
