@@ -55,6 +55,28 @@ def test_the_higher_one_drives_and_when_it_ends_the_base_is_told_once_to_stand(r
     assert passed(mux) == [0.0]
 
 
+def test_an_input_for_one_sender_takes_one_at_a_time(run_node: RunNode, clock: Clock) -> None:
+    mux = run_node(
+        TwistMux,
+        parameters={
+            "topics.page.topic": "cmd_vel_page",
+            "topics.page.priority": 80,
+            "topics.page.timeout": 0.3,
+            "topics.page.sole": True,
+        },
+    )
+    for _ in range(10):
+        mux.send("cmd_vel_page", twist(0.5), source="/r1/dashboard_desk")
+        mux.send("cmd_vel_page", twist(-0.5), source="/r1/dashboard_laptop")
+        mux.send("cmd_vel_page", twist(-0.9), source=None)
+        clock.advance(0.05)
+    assert passed(mux) == 10 * [0.5]
+    clock.advance(0.6)
+    assert passed(mux) == [0.0]
+    mux.send("cmd_vel_page", twist(-0.5), source="/r1/dashboard_laptop")
+    assert passed(mux) == [-0.5]
+
+
 def test_who_takes_over_from_a_higher_one_does_so_from_standstill(run_node: RunNode, clock: Clock) -> None:
     mux = start(run_node)
     for _ in range(10):
