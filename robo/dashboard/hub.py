@@ -2,7 +2,7 @@
 
 import asyncio
 import itertools
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from concurrent.futures import Executor
 from functools import partial
 from typing import TypeGuard
@@ -29,7 +29,7 @@ from robo.dashboard.protocol import (
 )
 from robo.dashboard.state import Line, Picture
 from robo.dashboard.stops import Stops
-from robo.dashboard.topics import Message, Topics
+from robo.dashboard.topics import TRANSFORMS, Message, Topics
 from robo.errors import InvalidName, RoboError
 from robo.web.access import Right
 from robo.wire import names
@@ -67,6 +67,8 @@ class Page:
         self.wake = asyncio.Event()
         self.beats = Beats()
         self.watched: set[str] = set()
+        self.frames: set[str] = set()
+        """Robots of which it shows where their frames stand."""
         self.channels: set[int] = set()
         """Of which it has been told what they are."""
         self.asked = self.stops = 0
@@ -110,6 +112,8 @@ class Hub:
         self._frames = Frames()
         self._moved: set[str] = set()
         """Robots whose frames pages have not been told of."""
+        self._last: dict[str, Message] = {}
+        """What came last of each topic that somebody watches: whoever looks later gets it, too."""
         self._picture: Picture | None = None
         self._lines: list[Line] = []
         self._events: list[Event] = []
@@ -150,12 +154,12 @@ class Hub:
 
     def lines(self, lines: list[Line]) -> None:
         """New lines of logs."""
-        self._lines = [*self._lines, *lines][-_PAST:]
+        self._lines = sorted([*self._lines, *lines], key=lambda one: one.time)[-_PAST:]  # of the past some come late
         self._tell_all("lines", lines=lines)
 
     def events(self, events: list[Event]) -> None:
         """New events."""
-        self._events = [*self._events, *events][-_PAST:]
+        self._events = sorted([*self._events, *events], key=lambda one: one.time)[-_PAST:]
         self._tell_all("events", events=events)
 
     def messages(self, messages: list[Message]) -> None:
@@ -165,8 +169,7 @@ class Hub:
                 robot = message.key.rpartition("/")[0]
                 self._frames.take(robot, message.frames)
                 self._moved.add(robot)
-            else:
-                self._deliver(message)
+            self._deliver(message)
 
     def beat(self) -> None:
         """Tell every page that the server lives, who drives, and where frames stand that have moved."""
@@ -177,7 +180,7 @@ class Hub:
             page.tell("beat", newest="beat", urgent=True, number=page.beats.next(now), time=clock.now() / 1e6, **left)
 
         for robot in self._moved:
-            self._tell_frames([page for page in self._pages if names.join(robot, "tf") in page.watched], robot)
+            self._tell_frames([page for page in self._pages if robot in page.frames], robot)
         self._moved.clear()
 
     def ask(self, page: Page, asked: Request) -> None:
@@ -190,7 +193,7 @@ class Hub:
                 page.mailbox.has_read(asked.count)
                 page.wake.set()
             case Watch():
-                self._set_watched(page, asked.keys)
+                self._set_watched(page, asked)
             case Drive():
                 self._drive(page, asked)
             case Release():
@@ -229,39 +232,53 @@ class Hub:
         if refusal:
             page.tell("refused", newest="refused", urgent=True, reason=refusal)
 
-    def _set_watched(self, page: Page, keys: list[str]) -> None:
-        before = page.watched
-        page.watched = {key for key in keys[:MOST_KEYS] if _is_key(key)}
+    def _set_watched(self, page: Page, asked: Watch) -> None:
+        before, framed = page.watched, page.frames
+        page.watched = {key for key in asked.keys[:MOST_KEYS] if _is_key(key)}
+        page.frames = {robot for robot in asked.frames[:MOST_KEYS] if _is_robot(robot)}
         for gone in before - page.watched:
             page.mailbox.drop(gone)
-        new = page.watched - before
-        # Others may have looked at it before: what is latched comes once more.
-        self._watch(new)
-        for key in new:
-            if key.rpartition("/")[2] == "tf":
-                self._tell_frames([page], key.rpartition("/")[0])
+        self._watch()
+        # Others may have looked at it before: what is latched does not come once more.
+        for key in page.watched - before:
+            if key in self._last:
+                self._hand([page], self._last[key])
+        for robot in page.frames - framed:
+            self._tell_frames([page], robot)
 
-    def _watch(self, again: Collection[str] = ()) -> None:
+    def _watch(self) -> None:
         """Have what pages watch received, and forget what nobody does any more."""
+        framed = {robot for page in self._pages for robot in page.frames}
         wanted = {key for page in self._pages for key in page.watched}
-        self._topics.watch(wanted, again)
-        self._frames.keep({key.rpartition("/")[0] for key in wanted})
+        self._topics.watch(wanted | {names.join(robot, topic) for robot in framed for topic in TRANSFORMS})
+        self._frames.keep(framed)
+        self._last = {key: message for key, message in self._last.items() if key in wanted}
         gone = {number for key in self._channels.keys() - wanted for number in self._channels.pop(key).values()}
         for page in self._pages:
             page.channels -= gone
 
     def _deliver(self, message: Message) -> None:
         lookers = [page for page in self._pages if message.key in page.watched]
-        channel = self._channel(message) if lookers else None
+        if lookers:
+            self._hand(lookers, message)
+
+    def _hand(self, pages: list[Page], message: Message) -> None:
+        """Give pages a message."""
+        channel = self._channel(message)
         if channel is None:
             return
+        if not message.each_counts:
+            self._last[message.key] = message
         data = protocol.frame(channel, message.published, message.arrived, message.payload)
-        for page in lookers:
+        for page in pages:
             if channel not in page.channels:
                 page.channels.add(channel)
                 about = {"number": channel, "key": message.key, "encoding": message.encoding}
                 page.tell("channel", newest=f"channel {channel}", urgent=True, **about)
-            page.mailbox.put(message.key, data)
+            if message.each_counts:
+                page.mailbox.add(data)
+            else:
+                page.mailbox.put(message.key, data)
             page.wake.set()
 
     def _channel(self, message: Message) -> int | None:

@@ -22,6 +22,8 @@ class Watch(_Request, frozen=True):
     """It shows these topics, and no others."""
 
     keys: list[str]
+    frames: list[str] = []
+    """Robots of which it is wanted where their frames stand."""
 
 
 class Read(_Request, frozen=True):

@@ -3,8 +3,9 @@
 import logging
 import threading
 import time
-from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
+from itertools import islice
+from typing import Generic, TypeVar
 
 import msgspec
 import zenoh
@@ -17,6 +18,8 @@ from robo.wire.reports import Event, HealthLevel, LogRecord, LogsRequest, NodeSt
 
 PERIOD = 1.0
 """How often supervisors are asked, s."""
+_ASK_AGAIN = 0.5
+"""How long after a robot has been met, or has not answered, it is asked for its past, s."""
 _LOOK = 0.1
 """How often lines and events are looked for, s."""
 _TIMEOUT = 0.5
@@ -25,8 +28,6 @@ _PAST = LogsRequest(lines=300)
 """Of each robot's log, for a page that is opened."""
 _MOST_PAST = 1_000
 """Lines that are kept for pages that are opened later."""
-_CLOSING = 3.0
-"""So long a robot that is being asked may hold up the end, s."""
 _SLOTS = 1_000
 _MOST_LINES = 200
 """Lines at one look: of a flood pages are told the newest, and how many were left out."""
@@ -99,6 +100,26 @@ class Picture(msgspec.Struct, frozen=True):
     """Nodes and topics for which there was no room."""
 
 
+_T = TypeVar("_T", bound=Hashable)
+
+
+class Told(Generic[_T]):
+    """What has been told, as far as it is remembered: what comes by the subscription may be of the past as well."""
+
+    def __init__(self) -> None:
+        self._known: dict[_T, None] = {}
+        self._lock = threading.Lock()
+
+    def new(self, found: Iterable[_T]) -> list[_T]:
+        """Those that have not been told before; from now on they have."""
+        with self._lock:
+            fresh = [one for one in found if one not in self._known]
+            self._known.update(dict.fromkeys(fresh))
+            for one in list(islice(self._known, max(0, len(self._known) - _MOST_PAST))):
+                del self._known[one]
+        return fresh
+
+
 class State:
     """Looks at what runs, and tells what is new."""
 
@@ -113,20 +134,22 @@ class State:
         Args:
             session: the network.
             looked: gets all that runs, once a second while somebody attends, by a thread.
-            lines: gets new lines of logs, by another thread, those of the past first.
+            lines: gets new lines of logs, by other threads; those of a robot's past once it has been met.
             events: gets new events, by the same.
         """
         self._session = session
         self._tell_look, self._tell_lines, self._tell_events = looked, lines, events
         self._over = threading.Event()
         self._attended = threading.Event()
-        self._told_past: set[Line] = set()
+        self._runs: set[str] = set()
+        """The runs that the last look has found."""
+        self._told_lines, self._told_events = Told[Line](), Told[Event]()
         # Before the past is asked for, so that nothing falls between.
         self._lines = session.declare_subscriber(log_key(_ALL), zenoh.handlers.RingChannel(_SLOTS))
         self._events = session.declare_subscriber(event_key(_ALL), zenoh.handlers.RingChannel(_SLOTS))
         self._threads = [
             threading.Thread(target=run, name=f"robo-dashboard-{name}", daemon=True)
-            for name, run in (("look", self._look), ("lines", self._listen))
+            for name, run in (("look", self._look), ("lines", self._listen), ("past", self._ask_past))
         ]
         for thread in self._threads:
             thread.start()
@@ -143,7 +166,7 @@ class State:
         self._over.set()
         self._attended.set()
         for thread in self._threads:
-            thread.join(_CLOSING)
+            thread.join()
         self._lines.undeclare()
         self._events.undeclare()
 
@@ -160,57 +183,66 @@ class State:
             except Exception:  # nobody has thought of it: it is told, and looked at again
                 _logger.exception("the dashboard could not look at what runs")
             else:
+                self._runs = {one.robot for one in processes if one.robot}
                 if not self._over.is_set():
                     self._tell_look(picture(processes, statuses, listed))
             self._over.wait(max(_LOOK, begin + PERIOD - time.monotonic()))
 
     def _listen(self) -> None:
-        self._guarded(self._tell_past)
         while not self._over.wait(_LOOK):
-            self._guarded(self._tell_new)
+            try:
+                self._hear()
+            except zenoh.ZError:
+                pass  # the network has been left
+            except Exception:  # nobody has thought of it: it is told, and listened on
+                _logger.exception("the dashboard could not take in lines and events")
 
-    def _guarded(self, work: Callable[[], None]) -> None:
-        """Whatever one of these says, the logs and events of others are told."""
-        try:
-            work()
-        except Exception:  # nobody has thought of it
-            if not self._over.is_set():
-                _logger.exception("the dashboard could not tell logs or events")
-
-    def _tell_new(self) -> None:
+    def _hear(self) -> None:
         lines: list[Line] = []
         while (sample := self._lines.handler.try_recv()) is not None:
             record = read(sample, LogRecord)
             if record is not None:
                 lines.append(line_of(_robot_of(str(sample.key_expr), log_key(_ALL)), record))
-        lines = [line for line in lines if line not in self._told_past]
-        self._told_past = set()
-        if lines:
-            self._tell_lines(newest(lines))
+        if fresh := self._told_lines.new(lines):
+            self._tell_lines(newest(fresh))
         events: list[Event] = []
         while (sample := self._events.handler.try_recv()) is not None:
             event = read(sample, Event)
             if event is not None:
                 events.append(event)
-        if events:
-            self._tell_events(events[-_MOST_LINES:])
+        if found := self._told_events.new(events):
+            self._tell_events(found[-_MOST_LINES:])
 
-    def _tell_past(self) -> None:
-        try:
-            self._tell_events(runs.EventStream(self._session).past())
-            lines: deque[Line] = deque(maxlen=_MOST_PAST)
-            for robot in sorted({token.robot for token in runs.supervisors(self._session)}):
-                if self._over.is_set():
-                    return
-                try:
-                    said = runs.output(self._session, robot, _PAST)
-                except RoboError:
-                    continue  # it has just ended
-                lines += [line_of(robot, one) for one in said]
-            self._told_past = set(lines)  # some of them have come by the subscription as well
-            self._tell_lines(sorted(lines, key=lambda line: line.time))
-        except zenoh.ZError:
-            return
+    def _ask_past(self) -> None:
+        """Ask each robot that is met for its past, until it has answered; and anew where it was away meanwhile."""
+        heard: set[str] = set()
+        while not self._over.wait(_ASK_AGAIN):
+            heard &= self._runs
+            new = self._runs - heard
+            try:
+                heard |= self._tell_past(new) if new else set()
+            except zenoh.ZError:
+                pass  # the network has been left
+            except Exception:  # nobody has thought of it: it is told, and asked again
+                _logger.exception("the dashboard could not ask for what has been")
+
+    def _tell_past(self, robots: set[str]) -> set[str]:
+        """Tell the past of robots; returns those that have answered."""
+        past = [event for event in runs.EventStream(self._session).past() if event.robot in robots]
+        if events := self._told_events.new(past):
+            self._tell_events(events)
+        answered: set[str] = set()
+        lines: list[Line] = []
+        for robot in sorted(robots & {event.robot for event in past}):
+            try:
+                said = runs.output(self._session, robot, _PAST)
+            except RoboError:
+                continue  # it has just ended, or is asked again
+            answered.add(robot)
+            lines += [line_of(robot, one) for one in said]
+        if found := self._told_lines.new(lines):
+            self._tell_lines(sorted(found, key=lambda line: line.time)[-_MOST_PAST:])
+        return answered
 
 
 def picture(

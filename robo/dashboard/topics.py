@@ -4,19 +4,20 @@ Nothing runs for a single message: Zenoh keeps the newest ones of each topic, an
 topics never waits for the network: the same thread declares what is watched.
 """
 
+import logging
 import threading
 import time
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import zenoh
 
 from robo.dashboard import clock
 from robo.dashboard.frames import Frame, read
-from robo.wire import codec
-from robo.wire.latched import kept
+from robo.wire import codec, keys
+from robo.wire.latched import ASK_AGAIN, kept
 
 PERIOD = 0.05
 """How often somebody looks, s: of a quicker topic a page shows the newest one 20 times a second."""
@@ -25,18 +26,21 @@ _MOVING = ("sensor/CompressedImage", "sensor/Image")
 MOST_PAYLOAD = 8_000_000
 """A larger message is not shown: a page is told that it came, bytes."""
 _SLOTS = 64
-"""Messages of a key that wait for a look. Transforms count all: each may be of other frames."""
+"""Messages of a key that wait for a look, where all count: transforms may each be of other frames."""
 _FEW_SLOTS = 2
 """Of all others the newest one counts; a key may have several publishers' encodings."""
-_LATCHED_WAIT = 0.5
-"""For what latched publishers keep, s."""
+_LATCHED_WAIT = 2.0
+"""For what a latched publisher keeps, s."""
 _OF_PARTS = "tf2/TFMessage"
 """Of this type the newest message is not all that holds."""
-_TRANSFORMS = ("tf", "tf_static")
+TRANSFORMS = ("tf", "tf_static")
 """The topics that have this type."""
+_MOST_CHANGE = 20_000
+"""Of changed parameters each message counts, unless it is longer, bytes."""
 _MOST_KEPT = 32
 """Of a latched topic: it may have as many publishers."""
 _LONGEST_ENCODING = 300
+_logger = logging.getLogger("robo.dashboard")
 
 
 class Message(NamedTuple):
@@ -58,6 +62,52 @@ class Message(NamedTuple):
         """Whether others of the same topic hold beside it."""
         return self.frames is not None
 
+    @property
+    def each_counts(self) -> bool:
+        """Whether none may be left out, though a newer one has come."""
+        is_change = self.key.rpartition("/")[2] == keys.PARAMETER_EVENTS_TOPIC
+        return is_change and len(self.payload) <= _MOST_CHANGE
+
+
+class _Watched:
+    """A topic, and the tokens of its latched publishers: each of them is asked what it has said last."""
+
+    def __init__(self, session: zenoh.Session, key: str) -> None:
+        all_count = key.rpartition("/")[2] in (*TRANSFORMS, keys.PARAMETER_EVENTS_TOPIC)
+        self.key = key
+        self.messages: Any = session.declare_subscriber(
+            key, zenoh.handlers.RingChannel(_SLOTS if all_count else _FEW_SLOTS)
+        )
+        # After that, so that nothing falls between.
+        tokens = keys.tokens_of_latched(key)
+        channel: Any = zenoh.handlers.RingChannel(_SLOTS)
+        try:
+            self._tokens: Any = session.liveliness().declare_subscriber(tokens, channel, history=True)
+        except zenoh.ZError:
+            self.messages.undeclare()
+            raise
+        self.heard = False
+        """Whether anything has come; a token may be lost, so that until then all are asked again and again."""
+        self._pauses = iter(ASK_AGAIN)
+        self._pause = next(self._pauses)
+        self._again = time.monotonic() + self._pause
+
+    def due(self) -> Iterator[tuple[str, bool]]:
+        """The keys that are to be asked now, and whether each is a whole topic's rather than a publisher's."""
+        while (token := self._tokens.handler.try_recv()) is not None:
+            if token.kind == zenoh.SampleKind.PUT:
+                yield str(token.key_expr), False
+        if not self.heard and time.monotonic() >= self._again:
+            self._pause = next(self._pauses, self._pause)
+            self._again = time.monotonic() + self._pause
+            yield self.key, True
+
+    def undeclare(self) -> None:
+        """Receive no more."""
+        for end in (self.messages, self._tokens):
+            with suppress(zenoh.ZError):
+                end.undeclare()
+
 
 class Topics:
     """Receives what is watched."""
@@ -72,11 +122,11 @@ class Topics:
         self._deliver = deliver
         self._lock = threading.Lock()
         self._wanted: frozenset[str] = frozenset()
-        self._again: set[str] = set()
-        """Keys of which it is wanted what latched publishers said last."""
+        self._anew: set[str] = set()
+        """Topics that somebody watches who has heard nothing of them, though somebody else may just have left."""
         self._asked: set[str] = set()
-        """Those of them for which somebody is asking now."""
-        self._ends: dict[str, zenoh.Subscriber[zenoh.handlers.Handler[zenoh.Sample]]] = {}
+        """Keys for which somebody is asking now."""
+        self._ends: dict[str, _Watched] = {}
         self._newest: dict[str, int] = {}
         """When the newest message of a key was published that has come since it is watched, ns."""
         self._moving: set[str] = set()
@@ -86,17 +136,12 @@ class Topics:
         self._thread = threading.Thread(target=self._run, name="robo-dashboard-topics", daemon=True)
         self._thread.start()
 
-    def watch(self, keys: Iterable[str], again: Collection[str] = ()) -> None:
-        """Receive these, and no others, from now on. Returns at once.
-
-        Args:
-            keys: of topics.
-            again: those of them of which is wanted what latched publishers said last, though it has come before:
-                somebody looks who has not heard it.
-        """
+    def watch(self, keys: Iterable[str]) -> None:
+        """Receive these, and no others, from now on. Returns at once."""
+        wanted = frozenset(keys)
         with self._lock:
-            self._wanted = frozenset(keys)
-            self._again.update(again)
+            self._anew |= wanted - self._wanted
+            self._wanted = wanted
 
     def close(self) -> None:
         """Receive no more."""
@@ -104,19 +149,22 @@ class Topics:
         self._thread.join()
         self._askers.shutdown(wait=False, cancel_futures=True)
         for end in self._ends.values():
-            with suppress(zenoh.ZError):
-                end.undeclare()
+            end.undeclare()
         self._ends.clear()
 
     def _run(self) -> None:
         while not self._over.wait(PERIOD / 2 if self._moving else PERIOD):
-            if self._moving:
-                self._tell(self._moving)
-                if self._over.wait(PERIOD / 2):
-                    return
-            with suppress(zenoh.ZError):  # the network has been left; it is tried again
+            try:
+                if self._moving:
+                    self._tell(self._moving)
+                    if self._over.wait(PERIOD / 2):
+                        return
                 self._declare()
-            self._tell(self._ends.keys())
+                self._tell(self._ends.keys())
+            except zenoh.ZError:
+                pass  # the network has been left; it is tried again
+            except Exception:  # nobody has thought of it: it is told, and tried again
+                _logger.exception("the dashboard could not take in what topics say")
 
     def _tell(self, keys: Iterable[str]) -> None:
         """Deliver what has come of some topics."""
@@ -126,29 +174,30 @@ class Topics:
 
     def _declare(self) -> None:
         with self._lock:
-            wanted, again = self._wanted, self._again
-            self._again = set()
-        for key in self._ends.keys() - wanted:
+            wanted, anew = self._wanted, self._anew
+            self._anew = set()
+        for key in self._ends.keys() - wanted | self._ends.keys() & anew:
             self._newest.pop(key, None)
             self._moving.discard(key)
             self._ends.pop(key).undeclare()
         for key in wanted - self._ends.keys():
-            slots = _SLOTS if key.rpartition("/")[2] in _TRANSFORMS else _FEW_SLOTS
-            self._ends[key] = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(slots))
-            again.add(key)  # after that, so that nothing falls between
-        for key in again & wanted - self._asked:
-            self._asked.add(key)
-            self._askers.submit(self._ask, key)
+            self._ends[key] = _Watched(self._session, key)
+        for end in self._ends.values():
+            for key, whole in end.due():
+                if key not in self._asked:
+                    self._asked.add(key)
+                    self._askers.submit(self._ask, end, key, whole)
 
     def _look(self, keys: list[str]) -> list[Message]:
         parts: list[Message] = []
         newest: dict[str, Message] = {}
         for key in keys:
-            while (sample := self._ends[key].handler.try_recv()) is not None:
+            while (sample := self._ends[key].messages.handler.try_recv()) is not None:
+                self._ends[key].heard = True
                 message = _message(sample)
                 if message is None:
                     continue
-                if message.is_of_parts:
+                if message.is_of_parts or message.each_counts:
                     parts.append(message)
                 else:
                     newest[message.key] = message
@@ -159,16 +208,17 @@ class Topics:
                 self._newest[key] = min(message.published, time.time_ns())  # a stranger may say any time
         return [*parts, *newest.values()]
 
-    def _ask(self, key: str) -> None:
-        """Deliver what latched publishers of a key said last, but for what is older than what has come since."""
+    def _ask(self, end: _Watched, key: str, whole: bool) -> None:
+        """Deliver what latched publishers of a topic said last, but for what is older than what has come since."""
         try:
-            said = [_message(sample) for sample in kept(self._session, key, _MOST_KEPT, _LATCHED_WAIT)]
+            said = [_message(sample) for sample in kept(self._session, key, _MOST_KEPT, _LATCHED_WAIT, whole=whole)]
         except zenoh.ZError:
             return  # the network has been left
         finally:
             self._asked.discard(key)
+        end.heard = bool(said) or (end.heard and whole)
         found = [_latched(one) for one in said if one is not None]
-        newest = self._newest.get(key, 0)
+        newest = self._newest.get(end.key, 0)
         fresh = [one for one in found if one.is_of_parts or one.published is None or one.published >= newest]
         if fresh and not self._over.is_set():
             self._deliver(sorted(fresh, key=lambda one: one.published or 0))
@@ -184,7 +234,7 @@ def _message(sample: zenoh.Sample) -> Message | None:
     published = stamp.source_time if stamp is not None else None
     payload = sample.payload.to_bytes() if len(sample.payload) <= MOST_PAYLOAD else b""
     if encoding.endswith(_OF_PARTS):
-        return Message(str(sample.key_expr), encoding, published, clock.now(), b"", read(payload))
+        return Message(str(sample.key_expr), encoding, published, clock.now(), payload, read(payload))
     return Message(str(sample.key_expr), encoding, published, clock.now(), payload)
 
 

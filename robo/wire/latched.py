@@ -81,16 +81,19 @@ class LatchedPublisher:
             self._plain.undeclare()
 
 
-def kept(session: zenoh.Session, key: str, depth: int, timeout: float = ASK_TIMEOUT) -> Iterator[zenoh.Sample]:
+def kept(
+    session: zenoh.Session, key: str, depth: int, timeout: float = ASK_TIMEOUT, *, whole: bool = True
+) -> Iterator[zenoh.Sample]:
     """What latched publishers of a key expression have said last, of each in order.
 
     Args:
         session: the network.
-        key: of the topics.
+        key: of the topics; or that of a publisher's token.
         depth: how many messages of each; KEEP_ALL for all that they keep.
         timeout: how long to wait for one that hangs, s.
+        whole: whether the key is of topics.
     """
-    for reply in session.get(keys.latched_key(key, depth), timeout=timeout, **_OF_ALL):
+    for reply in session.get(keys.latched_key(key, depth, whole=whole), timeout=timeout, **_OF_ALL):
         if reply.ok is not None:
             yield reply.ok
 

@@ -17,12 +17,14 @@ import pytest
 import zenoh
 
 import robo_messages
+from robo.samples.publishing import Sender
 from robo.testing import Launch, Robot
 from robo.wire.keys import log_key
 from robo.wire.network import Network
+from robo.wire.qos import QoS
 from robo.wire.reports import LogRecord
 from robo.wire.session import close_session, open_session
-from robo_messages import Odometry, Twist
+from robo_messages import Image, Odometry, Twist
 from tests.npm import file_of
 from tests.proxy import Proxy
 from tests.support import PATIENCE, Running, eventually, plain_environment
@@ -143,9 +145,15 @@ def opened(chromium: Any, address: str) -> Iterator[Any]:
     context = chromium.new_context(viewport={"width": 1360, "height": 860})
     page = context.new_page()
     page.set_default_timeout(PATIENCE * 1000)
+    faults: list[str] = []
+    page.on("requestfailed", lambda request: faults.append(f"{request.url}: {request.failure}"))
+    page.on("console", lambda said: faults.append(said.text))
     page.goto(address)
-    page.wait_for_selector("#map canvas[data-drawn]")
-    page.wait_for_selector("#pad:not(.locked)")
+    try:
+        page.wait_for_selector("#map canvas[data-drawn]")
+        page.wait_for_selector("#pad:not(.locked)")
+    except sync_api.TimeoutError as error:
+        raise AssertionError(f"the page did not come up: {faults}\n{page.inner_text('body')}") from error
     try:
         yield page
     finally:
@@ -267,6 +275,47 @@ def test_one_drives_and_no_other_one_takes_over(chromium: Any, served: Served, d
         driven.has_driven()
         second.keyboard.up("ArrowUp")
         driven.has_stood()
+
+
+def test_a_robot_that_is_gone_locks_driving_and_comes_back_without_a_grip(
+    chromium: Any, served: Served, driven: Driven, robot: Robot
+) -> None:
+    with opened(chromium, served.address) as page:
+        hold_keys(page)
+        driven.has_driven()
+        robot.pause("diff_drive_sim")
+        page.wait_for_selector("#pad.locked:not(.held)")
+        says(page, "#lost", "it cannot be driven")
+        robot.resume("diff_drive_sim")
+        page.wait_for_selector("#pad:not(.locked)")
+        count = len(driven.commands)
+        page.keyboard.down("ArrowUp")  # as a key does that is held: again and again
+        driven.has_stood()
+        assert all(linear == angular == 0.0 for _, linear, angular in driven.commands[count:])
+        page.keyboard.up("ArrowUp")
+        hold_keys(page)
+        driven.has_driven()
+        page.keyboard.up("ArrowUp")
+        # One that never was is not driven either.
+        page.goto(f"{served.address}#nobody")
+        says(page, "#lost", "Nothing runs of nobody")
+        hold_keys(page)
+        says(page, "#drive .told", "driving is locked")
+        assert page.locator("#pad.locked:not(.held)").count() == 1
+        page.keyboard.up("ArrowUp")
+
+
+def test_a_key_that_is_let_go_while_another_one_hides_it_drives_no_more(
+    chromium: Any, served: Served, driven: Driven
+) -> None:
+    with opened(chromium, served.address) as page:
+        page.focus("#pad")
+        page.keyboard.down("w")
+        driven.has_driven()
+        page.keyboard.down("Meta")
+        driven.has_stood()
+        page.keyboard.up("Meta")
+        page.keyboard.up("w")
 
 
 def close_tab(page: Any, served: Served) -> None:
@@ -452,7 +501,33 @@ def test_the_emergency_stop_holds_until_it_is_reset(chromium: Any, served: Serve
         page.keyboard.up("ArrowUp")
 
 
-def test_parameters_keep_their_ranges_and_two_editors_see_each_other(chromium: Any, served: Served) -> None:
+@pytest.mark.parametrize("cut", [2.0, 6.0])
+def test_an_emergency_stop_that_did_not_arrive_is_asked_for_again(
+    chromium: Any, served: Served, driven: Driven, cut: float
+) -> None:
+    with opened(chromium, served.address) as page:
+        says(page, "#bar .safety", "nothing in the way")
+        served.signal(signal.SIGSTOP)
+        begin = time.monotonic()
+        says(page, "#lost", "No link")
+        page.click("#stop")
+        says(page, "#stop", "STOPPING")
+        says(page, "#lost", "NOT CONFIRMED")
+        says(page, "#bar dd.stale", "ago: ")
+        eventually(lambda: time.monotonic() - begin > cut, "the cut is over")
+        served.signal(signal.SIGCONT)
+        page.wait_for_selector("#stop.latched")
+        page.wait_for_selector("#lost", state="hidden")
+        count = len(driven.speeds)
+        hold_keys(page)
+        eventually(lambda: len(driven.speeds) > count + 50, "a second is over")
+        assert not driven.moves
+        page.keyboard.up("ArrowUp")
+
+
+def test_parameters_keep_their_ranges_and_two_editors_see_each_other(
+    chromium: Any, served: Served, robot: Robot
+) -> None:
     with opened(chromium, served.address) as page, opened(chromium, served.address) as second:
         for one in (page, second):
             one.select_option("#parameters select", label="velocity_smoother")
@@ -461,12 +536,22 @@ def test_parameters_keep_their_ranges_and_two_editors_see_each_other(chromium: A
         page.fill(field, "0.6")
         page.press(field, "Enter")
         sync_api.expect(second.locator(field)).to_have_value("0.6", timeout=PATIENCE * 1000)
+        own = page.locator(".field", has=page.locator(field)).locator(".refusal")
+        sync_api.expect(own).to_be_empty()
         second.fill(field, "-5")
         second.press(field, "Enter")
         refusal = second.locator(".field", has=second.locator(field)).locator(".refusal")
         sync_api.expect(refusal).not_to_be_empty(timeout=PATIENCE * 1000)
         sync_api.expect(second.locator(field)).to_have_value("0.6")
         sync_api.expect(page.locator(field)).to_have_value("0.6")
+        sync_api.expect(own).to_be_empty()
+        # Several changes that follow one another at once are all seen.
+        wanted = {"linear.max_velocity": 0.55, "angular.max_velocity": 0.77, "velocity_timeout": 0.44}
+        for name, value in wanted.items():
+            robot.set("velocity_smoother", **{name: value})
+        for name, value in wanted.items():
+            for one in (page, second):
+                sync_api.expect(one.locator(f"[id='parameter-{name}']")).to_have_value(str(value))
 
 
 def test_what_robots_say_is_shown_as_text(chromium: Any, served: Served, robot: Robot) -> None:
@@ -487,6 +572,11 @@ def test_what_robots_say_is_shown_as_text(chromium: Any, served: Served, robot: 
             ("map", "nav/OccupancyGrid", {"info": {"width": 2**31, "height": 2**31, "resolution": 1.0}, "data": b""}),
             ("safety_zones", "visualization/MarkerArray", {"markers": [{"ns": hostile, "id": 1, "type": 4}]}),
             ("path", "nav/Path", {"poses": None}),
+            ("path", "nav/Path", {"header": {"frame_id": "odom"}, "poses": [{"pose": {}}]}),
+            ("scan", "sensor/LaserScan", {"ranges": [1.0]}),
+            ("safety_zones", "visualization/MarkerArray", {"markers": [{"ns": "x", "id": 2, "type": 4, "action": 0}]}),
+            ("safety_state", "diagnostic/DiagnosticStatus", {"level": 0, "message": 5, "values": []}),
+            ("mux_state", "diagnostic/DiagnosticStatus", {"level": {}, "message": [], "values": [{"key": "driver"}]}),
         ):
             for payload in (msgspec.msgpack.encode(message), b"\xc1", b"\xdd\xff\xff\xff\xff", b"\x91" * 100_000):
                 session.put(f"{robot.name}/{key}", payload, encoding=f"application/msgpack;{type_}")
@@ -494,6 +584,11 @@ def test_what_robots_say_is_shown_as_text(chromium: Any, served: Served, robot: 
         drawn = int(page.get_attribute("#map canvas", "data-drawn"))
         page.wait_for_selector(f"#map canvas:not([data-drawn='{drawn}'])")
         says(page, "#map .told", "heading")
+        # The bar, too, goes on: it says that the link is lost, and that it is back.
+        served.signal(signal.SIGSTOP)
+        says(page, "#lost", "No link")
+        served.signal(signal.SIGCONT)
+        page.wait_for_selector("#lost", state="hidden")
         assert page.title() == "robo"
         assert page.locator("img, #panels script").count() == 0
         assert faults == []
@@ -524,3 +619,59 @@ def test_without_the_token_there_is_nothing(chromium: Any, robot: Robot, tmp_pat
         })"""
         assert stranger.evaluate(script, place.replace("http", "ws") + "socket") == "refused"
         context.close()
+
+
+def test_a_file_that_fails_once_is_loaded_again(chromium: Any, served: Served) -> None:
+    for file in ("main.js", "style.css", "panels/map.js"):
+        context = chromium.new_context()
+        page = context.new_page()
+        page.set_default_timeout(PATIENCE * 1000)
+        failed: list[str] = []
+
+        def once(route: Any, failed: list[str] = failed) -> None:
+            if failed.count(route.request.url) < 2:  # a module is asked for again where its preload has failed
+                failed.append(route.request.url)
+                route.abort()
+            else:
+                route.continue_()
+
+        page.route(f"**/{file}", once)
+        page.goto(served.address)
+        page.wait_for_selector("#map canvas[data-drawn]")
+        page.wait_for_selector("#loading", state="detached")
+        assert failed
+        for _ in range(100):
+            if page.evaluate("getComputedStyle(document.querySelector('header')).position") == "sticky":
+                break
+            page.wait_for_timeout(100)
+        else:
+            raise AssertionError(f"without its style after {file} has failed")
+        context.close()
+
+
+def test_a_camera_shows_no_picture_of_another_one(chromium: Any, served: Served, robot: Robot) -> None:
+    session = open_session(Network(mode="client", connect=(robot.endpoint,)))
+    senders = [Sender(session, f"{robot.name}/cam_{one}", "sensor/Image", QoS.DEFAULT, "/r1/cams") for one in "ab"]
+    picture = Image(height=30, width=40, encoding="mono8", step=40, data=bytes(1200))
+    with opened(chromium, served.address) as page:
+        page.wait_for_selector("#camera option >> nth=1", state="attached")
+        page.locator("#camera").scroll_into_view_if_needed()
+        page.select_option("#camera select", f"{robot.name}/cam_a")
+        eventually(lambda: senders[0].wait_for_subscriber(0.1), "the page looks")
+        senders[0].send(robo_messages.encode(picture))
+        page.wait_for_selector("#camera canvas", state="visible")
+        page.select_option("#camera select", f"{robot.name}/cam_b")
+        page.wait_for_selector("#camera canvas", state="hidden")
+        says(page, "#camera .told", "no picture yet from r1/cam_b")
+    for sender in senders:
+        sender.close()
+    close_session(session)
+
+
+def test_transforms_and_what_is_latched_are_shown_as_messages(chromium: Any, served: Served) -> None:
+    with opened(chromium, served.address) as page:
+        for topic in ("tf", "tf_static", "safety_zones"):
+            page.click(f"#topics button.link:text-is('{topic}')")
+            says(page, "#topics .message", "frame_id")
+        # A row that goes takes the focus of no other one.
+        assert page.evaluate("document.activeElement.textContent") == "safety_zones"

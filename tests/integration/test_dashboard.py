@@ -302,11 +302,48 @@ def test_frames_of_all_who_say_them_come_together(served: Served, other: zenoh.S
         sender.send(robo_messages.encode(TFMessage([transform])))
     for _ in range(2):
         with served.page() as page:
-            page.ask(do="watch", keys=["r1/tf", "r1/tf_static"])
+            page.ask(do="watch", keys=[], frames=["r1"])
             frames = page.hears("frames", lambda news: len(news["frames"]) == 2)["frames"]
             assert frames["laser"]["parent"] == frames["camera"]["parent"] == "base_link"
     for sender in senders:
         sender.close()
+
+
+def test_transforms_are_messages_too_for_who_wants_them(served: Served, other: zenoh.Session) -> None:
+    sender = Sender(other, "r1/tf_static", "tf2/TFMessage", QoS(latched=True), "/r1/base")
+    said = robo_messages.encode(TFMessage([TransformStamped(child_frame_id="laser")]))
+    sender.send(said)
+    with served.page() as page:
+        page.ask(do="watch", keys=[], frames=["r1"])
+        page.hears("frames", lambda news: "laser" in news["frames"])
+        page.ask(do="watch", keys=["r1/tf_static"], frames=["r1"])
+        sender.send(said)
+        assert page.gets("r1/tf_static") == said
+    sender.close()
+
+
+def test_a_latched_publisher_that_comes_late_or_comes_again_is_heard(served: Served, other: zenoh.Session) -> None:
+    with served.page() as page:
+        page.ask(do="watch", keys=["r1/state"])
+        page.hears("beat")
+        for word in ("first", "second"):
+            sender = Sender(other, "r1/state", "std/String", QoS(latched=True), "/r1/base")
+            sender.send(robo_messages.encode(String(word)))
+            while robo_messages.decode(page.gets("r1/state"), String).data != word:
+                pass
+            sender.close()
+
+
+def test_of_changed_parameters_each_counts(served: Served, other: zenoh.Session) -> None:
+    sender = Sender(other, "r1/parameter_events", "system/ParameterEvent", QoS.DEFAULT, "/r1/base")
+    with served.page() as page:
+        page.ask(do="watch", keys=["r1/parameter_events"])
+        sender.wait_for_subscriber()
+        for number in range(30):
+            sender.send(robo_messages.encode(String(str(number))))
+        found = [robo_messages.decode(page.gets("r1/parameter_events"), String).data for _ in range(30)]
+        assert found == [str(number) for number in range(30)]
+    sender.close()
 
 
 def test_a_page_that_reads_nothing_holds_up_nobody(served: Served, other: zenoh.Session) -> None:

@@ -1,11 +1,14 @@
 """What pages are told of robots."""
 
+import re
+
 import pytest
 
 import robo_messages
+from robo.dashboard.files import ROOM
 from robo.dashboard.frames import Frames, read
 from robo.dashboard.place import Settings
-from robo.dashboard.state import Line, Node, newest, robots_of
+from robo.dashboard.state import Line, Node, Told, newest, robots_of
 from robo.errors import UsageError
 from robo_messages import TFMessage, TransformStamped
 
@@ -39,6 +42,22 @@ def test_of_a_flood_of_lines_the_newest_are_shown_and_the_rest_is_counted() -> N
     assert shown[0].message.startswith("800 lines or more were left out")
     assert [line.message for line in shown[1:]] == [str(number) for number in range(800, 1_000)]
     assert newest(lines[:10]) == lines[:10]
+
+
+def test_what_is_of_the_past_and_has_come_already_is_told_once() -> None:
+    seen = Told[int]()
+    assert seen.new([1, 2, 2]) == [1, 2, 2]
+    assert seen.new([2, 3]) == [3]
+    assert seen.new(range(10, 5_000)) == list(range(10, 5_000))
+    assert seen.new([4_999]) == []
+    assert seen.new([1]) == [1], "it remembers no more than it shows"
+
+
+def test_the_page_names_all_its_modules_that_they_are_loaded_at_once() -> None:
+    text = (ROOM / "index.html").read_text(encoding="utf-8")
+    named = re.findall(r'modulepreload" href="([^"]+)"', text)
+    there = {path.relative_to(ROOM).as_posix() for path in ROOM.rglob("*.js")} - {"start.js"}
+    assert sorted(named) == sorted(there)
 
 
 def told(frames: Frames, robot: str, *names: str) -> None:

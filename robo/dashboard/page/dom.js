@@ -7,7 +7,7 @@ export function el(tag, attributes = {}, ...children) {
     if (value === undefined || value === false) continue;
     if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
     else if (name === "class") made.className = value;
-    else made.setAttribute(name, value === true ? "" : value);
+    else made.setAttribute(name, value === true ? "" : plain(value));
   }
   made.append(...children.filter((one) => one !== null && one !== undefined).map((one) => (typeof one === "string" ? plain(one) : one)));
   return made;
@@ -21,7 +21,7 @@ export function say(element, words) {
 
 /** Words as they are, but for what would make them look like others: codes of terminals, signs that turn the line. */
 export function plain(words) {
-  return words.replace(/[\u0000-\u0008\u000b-\u001f\u007f-\u009f\u200b-\u200f\u2028-\u202e\u2066-\u2069\ufeff]/g, escaped);
+  return String(words).replace(/[\u0000-\u0008\u000b-\u001f\u007f-\u009f\u200b-\u200f\u2028-\u202e\u2066-\u2069\ufeff]/g, escaped);
 }
 
 function escaped(sign) {
@@ -36,11 +36,16 @@ export class Rows {
   }
 
   show(items) {
-    const wanted = new Set();
+    // Those that are gone first: no other row is moved then, and the focus and a click that is half done stay.
+    const wanted = new Set(items.map(this.key));
+    for (const [name, row] of this.rows) {
+      if (wanted.has(name)) continue;
+      row.remove();
+      this.rows.delete(name);
+    }
     let before = null;
     for (const item of items) {
       const name = this.key(item);
-      wanted.add(name);
       let row = this.rows.get(name);
       if (row === undefined) {
         row = this.make(item);
@@ -50,11 +55,6 @@ export class Rows {
       const place = before === null ? this.parent.firstChild : before.nextSibling;
       if (place !== row) this.parent.insertBefore(row, place);
       before = row;
-    }
-    for (const [name, row] of this.rows) {
-      if (wanted.has(name)) continue;
-      row.remove();
-      this.rows.delete(name);
     }
   }
 }

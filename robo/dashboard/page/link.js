@@ -6,6 +6,8 @@ import { decode } from "./msgpack.js";
 export const LOST = 1000;
 /** After so long it is opened anew, whatever the browser still believes of it. */
 const HOPELESS = 3000;
+/** So long it may take to be opened: a machine that has much to do takes its time. */
+const OPENING = 10_000;
 const AGAIN = [200, 500, 1000, 2000];
 const HEAD = 18;
 /** What has been read is said together, ms; sooner where it is so much, bytes: the server waits for that. */
@@ -19,13 +21,18 @@ const BEATS = 300;
 class Link {
   constructor() {
     this.listeners = new Map();
+    /** By topic: who watches it, and what has come last. */
     this.watched = new Map();
+    /** Of which robot it is wanted where its frames stand. */
+    this.framesOf = null;
     this.channels = new Map();
     this.waiting = new Map();
     this.number = 0;
     this.tries = 0;
     this.beat = 0;
     this.beatAt = -Infinity;
+    /** Whether this socket has brought a beat. */
+    this.isHeard = false;
     this.offsets = [];
     this.offset = 0;
     this.lag = 0;
@@ -48,6 +55,7 @@ class Link {
     socket.onopen = () => {
       if (this.socket !== socket) return;
       this.tries = 0;
+      this.openedAt = performance.now();
       this.problem = "";
       this.read = 0;
       this.channels.clear();
@@ -61,7 +69,7 @@ class Link {
   /** The link is gone: who waits is told, and it is opened once more. */
   lose() {
     this.socket = null;
-    this.beatAt = -Infinity;
+    this.isHeard = false;
     for (const { reject } of this.waiting.values()) reject(new Error("the link is gone"));
     this.waiting.clear();
     const pause = AGAIN[Math.min(this.tries++, AGAIN.length - 1)];
@@ -82,7 +90,8 @@ class Link {
   /** See whether a socket that says nothing has to be given up. */
   look() {
     const since = Math.max(this.beatAt, this.openedAt ?? -Infinity);
-    if (this.socket && performance.now() - since > HOPELESS) {
+    const patience = this.socket?.readyState === WebSocket.OPEN ? HOPELESS : OPENING;
+    if (this.socket && performance.now() - since > patience) {
       const socket = this.socket;
       this.lose();
       socket.close();
@@ -102,7 +111,7 @@ class Link {
 
   /** Whether what comes is new: beats come, and have not been long on their way. */
   get isAlive() {
-    return this.silence + this.lag < LOST;
+    return this.isHeard && this.silence + this.lag < LOST;
   }
 
   /** The server's time of now, ms since the epoch: by it ages are told, whatever this machine's clock says. */
@@ -119,19 +128,26 @@ class Link {
   /**
    * Have a function called with messages of a topic: (message, {type, arrived, …}). Returns what ends that.
    * With `types` only messages of these come, and of those only what can be read; without it all, and undefined for
-   * what cannot.
+   * what cannot. What has come last for somebody else comes at once: of a latched topic nothing may follow.
    */
   watch(key, types, listener) {
     const entry = { types, listener };
-    if (!this.watched.has(key)) this.watched.set(key, new Set());
-    const entries = this.watched.get(key);
-    entries.add(entry);
+    if (!this.watched.has(key)) this.watched.set(key, { entries: new Set(), last: null });
+    const topic = this.watched.get(key);
+    topic.entries.add(entry);
+    if (topic.last) queueMicrotask(() => topic.entries.has(entry) && topic.last && this.tell(entry, topic.last));
     this.watchSoon();
     return () => {
-      entries.delete(entry);
-      if (entries.size === 0 && this.watched.get(key) === entries) this.watched.delete(key);
+      topic.entries.delete(entry);
+      if (topic.entries.size === 0 && this.watched.get(key) === topic) this.watched.delete(key);
       this.watchSoon();
     };
+  }
+
+  /** Have the news `frames` of a robot, and of no other one. */
+  watchFrames(robot) {
+    this.framesOf = robot;
+    this.watchSoon();
   }
 
   watchSoon() {
@@ -144,7 +160,8 @@ class Link {
   }
 
   sendWatched() {
-    this.send({ do: "watch", keys: [...this.watched.keys()] });
+    const frames = this.framesOf === null ? [] : [this.framesOf];
+    this.send({ do: "watch", keys: [...this.watched.keys()], frames });
   }
 
   /** Tell the server something; whether there is a link. */
@@ -213,6 +230,7 @@ class Link {
   /** The beat that came the quickest tells the server's time; by it, how long another one was on its way. */
   hearBeat({ number, time }) {
     this.beat = number;
+    this.isHeard = true;
     this.beatAt = performance.now();
     const offset = time - this.beatAt;
     this.offsets.push(offset);
@@ -225,8 +243,8 @@ class Link {
     this.frames++;
     const head = new DataView(data);
     const channel = this.channels.get(head.getUint16(0, true));
-    const entries = channel && this.watched.get(channel.key);
-    if (!entries) return;
+    const topic = channel && this.watched.get(channel.key);
+    if (!topic) return;
     const type = channel.encoding.split(";")[1] ?? "";
     let message;
     try {
@@ -240,10 +258,13 @@ class Link {
       arrived: head.getFloat64(10, true),
       size: data.byteLength - HEAD,
     };
-    for (const { types, listener } of [...entries]) {
-      if (types && (message === undefined || message === null || !types.includes(type))) continue;
-      this.guarded(() => listener(message, about));
-    }
+    topic.last = { message, about };
+    for (const entry of [...topic.entries]) this.tell(entry, topic.last);
+  }
+
+  tell({ types, listener }, { message, about }) {
+    if (types && (message === undefined || message === null || !types.includes(about.type))) return;
+    this.guarded(() => listener(message, about));
   }
 
   /** A message may lie about its type: who cannot show it holds up nobody else. */

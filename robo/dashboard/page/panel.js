@@ -15,14 +15,17 @@ export function panel(id, title, tools, ...children) {
   );
 }
 
-/** A place that says how old something is. `when()` returns its time, ms by `link.now`; null where there is none. */
-export function ageOf(when, stale = 1000) {
+/**
+ * A place that says how old something is. `when()` returns its time, ms by `link.now`; null where there is none, of
+ * which `nothing()` says what there is to say.
+ */
+export function ageOf(when, stale = 1000, nothing = () => "nothing yet") {
   const place = el("span", { class: "age" });
   clocks.push(() => {
     const at = when();
     const old = at === null ? null : Math.max(0, link.now - at);
-    say(place, old === null ? "nothing yet" : `${age(old)} old`);
-    place.classList.toggle("stale", old === null || old > stale);
+    say(place, old === null ? nothing() : `${age(old)} old`);
+    place.classList.toggle("stale", old !== null && old > stale);
   });
   return place;
 }

@@ -3,6 +3,9 @@
 import { link } from "./link.js";
 
 const changed = [];
+/** For so long a look at what runs is believed, and odometry where the robot has told of it, ms. */
+const LOOK = 5000;
+const ODOMETRY = 1500;
 
 export const robot = {
   name: null,
@@ -10,6 +13,8 @@ export const robot = {
   picture: { robots: [], nodes: [], topics: [] },
   /** When it was told, ms by `link.now`; null before. */
   pictureAt: null,
+  /** When its odometry came last; null where it has none. */
+  odometryAt: null,
 
   key(topic) {
     return this.name ? `${this.name}/${topic}` : topic;
@@ -30,9 +35,23 @@ export const robot = {
     return this.picture.topics.filter((topic) => isWithin(topic.key, this.name));
   },
 
+  /** Why it cannot be driven, in words: nothing runs of it, or it is not heard. Empty where it is there. */
+  get absence() {
+    if (this.name === null || this.pictureAt === null) return "no robot is seen yet";
+    const who = this.name || "the robot";
+    if (link.now - this.pictureAt > LOOK) return `${who} is not heard`;
+    if (this.nodes.length === 0) return `nothing runs of ${who}`;
+    return this.odometryAt !== null && link.now - this.odometryAt > ODOMETRY ? `${who} does not say how it moves` : "";
+  },
+
+  get isThere() {
+    return this.absence === "";
+  },
+
   choose(name) {
     if (name === this.name) return;
     this.name = name;
+    this.odometryAt = null;
     history.replaceState(null, "", name ? `#${encodeURIComponent(name)}` : "#");
     for (const listener of changed) listener(name);
   },
@@ -53,6 +72,8 @@ export const robot = {
   },
 };
 
+robot.watch("odom", ["nav/Odometry"], (message, { arrived }) => { robot.odometryAt = arrived; });
+
 function isWithin(name, namespace) {
   return !namespace || name.replace(/^\//, "").startsWith(`${namespace}/`);
 }
@@ -68,6 +89,13 @@ link.on("picture", ({ picture }) => {
   else if (robot.all.length) robot.choose(robot.all[0]);
 });
 window.addEventListener("hashchange", () => wanted() && robot.choose(wanted()));
+
+/** How a node does: ok, warn, error or stale; empty where it does not run, and is not meant to. */
+export function levelOf({ state, health }) {
+  if (state === "ready" || state === "completed") return health ?? "ok";
+  if (state === "standby" || state === "stopped") return "";
+  return state === "failed" ? "error" : "warn";
+}
 
 /** The robot that the page's address names; empty where it names none. */
 function wanted() {

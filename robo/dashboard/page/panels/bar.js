@@ -1,16 +1,19 @@
 // The bar above all: which robot, how it does, whether it is heard; and the emergency stop, always in view.
 
 import { age, el, number, say } from "../dom.js";
+import { isPending, stopRobot, unconfirmed, withdraw } from "../emergency.js";
 import { link } from "../link.js";
-import { robot } from "../robot.js";
+import { levelOf, robot } from "../robot.js";
 
 const STALE = 1500;
-/** Without an answer for so long an emergency stop is said to be unconfirmed, ms. */
-const UNSURE = 300;
 /** Inputs of the reference robot's mux by which people drive. */
 const MANUAL = ["joystick", "keyboard", "dashboard"];
 /** Of what is said once a second. */
 const STATES_STALE = 3500;
+/** What has come of a button is shown for so long, ms. */
+const SHOWN = 15_000;
+/** So long it may take until a robot is seen, ms. */
+const FIRST = 3000;
 
 /** Fill the bar, and the alert below it. */
 export function bar(place, lost) {
@@ -18,7 +21,7 @@ export function bar(place, lost) {
   const facts = el("dl", { class: "facts" });
   const fact = (name) => {
     const value = el("dd", {}, "–");
-    facts.append(el("div", {}, el("dt", {}, name), value));
+    facts.append(el("div", { class: name.toLowerCase() }, el("dt", {}, name), value));
     return value;
   };
   const mode = fact("Mode");
@@ -28,45 +31,47 @@ export function bar(place, lost) {
   const battery = fact("Battery");
   const nodes = fact("Nodes");
   const told = el("p", { class: "told", role: "status" });
-  const stop = el("button", { id: "stop", type: "button", onclick: (event) => event.detail === 0 && press() }, "EMERGENCY STOP");
-  // When it is pressed, not when it is let go; a click without a pointer is the keyboard's, or a reader's.
-  stop.addEventListener("pointerdown", (event) => event.button === 0 && press());
-  const reset = el("button", { id: "reset", type: "button", onclick: () => call("reset_emergency_stop") }, "Reset stop");
+  let toldAt = -Infinity;
+  const report = (words) => {
+    toldAt = performance.now();
+    say(told, words);
+  };
+  // When it is pressed, not when it is let go; a click that no pointer began is the keyboard's, or a reader's.
+  let pressedAt = -Infinity;
+  const stop = el("button", { id: "stop", type: "button", onclick: () => performance.now() - pressedAt > 1000 && press() }, "EMERGENCY STOP");
+  stop.addEventListener("pointerdown", (event) => {
+    if (event.button !== 0) return;
+    pressedAt = performance.now();
+    press();
+  });
+  const reset = el("button", { id: "reset", type: "button", onclick: () => (withdraw(robot.name) ? report("the stop is asked for no more") : call("reset_emergency_stop")) }, "Reset stop");
   const alarm = el("span");
   const since = el("span", { "aria-hidden": "true" }); // else a reader would say it all again at each second
   lost.append(alarm, since);
   place.append(choice, facts, told, el("div", { class: "stops" }, stop, reset));
 
-  let unsure = ""; // of an emergency stop that has not been confirmed
-
   const seen = { odom: null, safety: null, mux: null, battery: null };
 
-  function press() {
+  async function press() {
     if (stop.disabled) return;
-    link.hear({ kind: "stand" });
-    call("emergency_stop");
+    const begun = stopRobot(robot.name, robot.key("emergency_stop"));
+    tell();
+    const answer = await begun;
+    if (answer) report(`${answer.message || "emergency stop"} (${Math.round(answer.took)} ms)`);
   }
 
   async function call(service) {
     const begin = performance.now();
-    const name = robot.name;
-    const stops = service === "emergency_stop";
-    const late = setTimeout(() => { if (stops) unsure = `The stop of ${name} is not confirmed yet.`; }, UNSURE);
     try {
       const answer = await link.ask({ do: "call", service: robot.key(service), type: "std/Trigger" });
-      say(told, `${answer.message || service.replaceAll("_", " ")} (${Math.round(performance.now() - begin)} ms)`);
-      clearTimeout(late);
-      if (stops) unsure = "";
+      report(`${answer.message || service.replaceAll("_", " ")} (${Math.round(performance.now() - begin)} ms)`);
     } catch (error) {
-      say(told, `${service.replaceAll("_", " ")}: ${error.message}`);
-      clearTimeout(late);
-      if (stops) unsure = `Emergency stop of ${name}: ${error.message}.`;
+      report(`${service.replaceAll("_", " ")}: ${error.message}`);
     }
   }
 
   robot.onChange(() => {
     for (const name of Object.keys(seen)) seen[name] = null;
-    unsure = "";
   });
   robot.watch("odom", ["nav/Odometry"], (message, { arrived }) => {
     const { linear, angular } = message.twist.twist;
@@ -85,43 +90,81 @@ export function bar(place, lost) {
     seen.battery = { arrived, text: `${number(message.voltage, 1)} V${share}` };
   });
 
-  setInterval(() => {
+  function choices() {
     const all = robot.name === null || robot.all.includes(robot.name) ? robot.all : [...robot.all, robot.name];
     if (choice.options.length !== all.length || [...choice.options].some((one, i) => one.value !== all[i])) {
       choice.replaceChildren(...all.map((name) => el("option", { value: name }, name || "(no name)")));
     }
     choice.value = robot.name ?? "";
+  }
+
+  /** What is not as it should be, in words. */
+  function trouble() {
+    if (link.isAlive) {
+      if (robot.name === null) return performance.now() > FIRST ? "No robot is seen yet: is one started, on this network?" : "";
+      return robot.isThere ? "" : `${upper(robot.absence)}: what you see of it is old, and it cannot be driven.`;
+    }
+    return link.problem
+      ? `The server lets nobody in with what this browser has: ${link.problem}.`
+      : "No link to the server: what you see is old, and nothing can be driven.";
+  }
+
+  function alarms() {
+    const gone = trouble();
+    const words = [unconfirmed(), gone].filter(Boolean).join(" ");
+    lost.hidden = !words;
+    say(alarm, words);
+    say(since, gone && !link.isAlive ? ` ${age(Math.min(link.silence + link.lag, performance.now()))}` : "");
+    document.body.classList.toggle("lost", !link.isAlive || !robot.isThere);
+  }
+
+  /** Whether it is latched is known only while the robot says so. */
+  const isLatched = () => Boolean(seen.safety?.latched) && link.now - seen.safety.arrived <= STATES_STALE;
+
+  function buttons() {
+    const [latched, pending] = [isLatched(), isPending(robot.name)];
+    stop.classList.toggle("latched", latched);
+    stop.classList.toggle("pending", pending && !latched);
+    say(stop, latched ? "STOPPED" : pending ? "STOPPING …" : "EMERGENCY STOP");
+    stop.setAttribute("aria-label", latched ? "Emergency stop: the robot is stopped" : pending ? "Emergency stop: not confirmed yet" : "Emergency stop");
+    stop.disabled = !link.drives;
+    say(reset, pending ? "Withdraw stop" : "Reset stop");
+    reset.disabled = !link.drives || !(latched || pending);
+  }
+
+  function values() {
     show(speed, seen.odom, STALE);
     show(safety, seen.safety, STATES_STALE);
     safety.dataset.level = seen.safety ? ["ok", "warn", "error", "stale"][seen.safety.level] ?? "" : "";
-    const latched = Boolean(seen.safety?.latched);
-    if (latched) unsure = "";
-    stop.classList.toggle("latched", latched);
-    say(stop, latched ? "STOPPED" : "EMERGENCY STOP");
-    stop.setAttribute("aria-label", latched ? "Emergency stop: the robot is stopped" : "Emergency stop");
-    reset.disabled = !link.drives || !seen.safety?.latched;
-    stop.disabled = !link.drives;
-    say(mode, latched ? "stopped" : seen.mux === null ? "–" : MANUAL.includes(seen.mux.driver) ? "manual" : seen.mux.driver ? "autonomous" : "idle");
+    show(mode, modeOf(seen.mux, isLatched() ? seen.safety : null), STATES_STALE);
     show(driver, seen.mux, STATES_STALE);
     show(battery, seen.battery, 10_000);
     battery.parentElement.hidden = seen.battery === null;
-    const bad = robot.nodes.filter((node) => node.state !== "ready" || !["ok", null].includes(node.health));
-    say(nodes, robot.nodes.length ? (bad.length ? `${bad.length} of ${robot.nodes.length} in trouble` : `${robot.nodes.length} well`) : "none");
+    const bad = robot.nodes.filter((node) => !["ok", ""].includes(levelOf(node)));
+    const text = robot.nodes.length ? (bad.length ? `${bad.length} of ${robot.nodes.length} in trouble` : `${robot.nodes.length} well`) : "none";
+    show(nodes, robot.pictureAt === null ? null : { arrived: robot.pictureAt, text }, STATES_STALE);
     nodes.dataset.level = bad.length ? "warn" : "ok";
-    const gone = link.isAlive
-      ? robot.name !== null && robot.nodes.length === 0 ? `Nothing runs of ${robot.name}: what you see of it is old.` : ""
-      : link.problem
-        ? `The server lets nobody in with what this browser has: ${link.problem}.`
-        : "No link to the server: what you see is old, and nothing can be driven.";
-    lost.hidden = !gone && !unsure;
-    say(alarm, [unsure, gone].filter(Boolean).join(" "));
-    say(since, gone && !link.isAlive ? ` ${age(Math.min(link.silence + link.lag, performance.now()))}` : "");
-    document.body.classList.toggle("lost", !link.isAlive);
-  }, 100);
+  }
+
+  /** The alarm and the buttons first; and what cannot be shown, since somebody has sent nonsense, holds up nothing else. */
+  function tell() {
+    for (const part of [alarms, buttons, choices, values]) link.guarded(part);
+    if (performance.now() - toldAt > SHOWN) say(told, "");
+  }
+  setInterval(tell, 100);
 }
 
+function modeOf(mux, stopped) {
+  if (stopped) return { arrived: stopped.arrived, text: "stopped" };
+  if (mux === null) return null;
+  return { arrived: mux.arrived, text: MANUAL.includes(mux.driver) ? "manual" : mux.driver ? "autonomous" : "idle" };
+}
+
+const upper = (words) => words.charAt(0).toUpperCase() + words.slice(1);
+
+/** A value; one that is old with its age, which comes first, since the end may be cut. */
 function show(place, fact, stale) {
-  const old = fact ? link.now - fact.arrived : Infinity;
+  const old = fact ? link.now - fact.arrived : 0;
   place.classList.toggle("stale", old > stale);
-  say(place, fact === null ? "–" : old > stale ? `${fact.text}, ${age(old)} ago` : fact.text);
+  say(place, fact === null ? "–" : old > stale ? `${age(old)} ago: ${fact.text}` : fact.text);
 }

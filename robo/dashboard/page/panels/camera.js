@@ -26,22 +26,28 @@ export function camera() {
     end = () => {};
     watched = key;
     at = null;
-    canvas.hidden = !key;
-    say(told, key ? "" : "no camera");
+    // What another camera has shown is not this one's.
+    canvas.width = canvas.height = 0;
+    canvas.hidden = true;
+    say(told, key ? `no picture yet from ${key}` : "no camera");
     if (!key || !isSeen) return;
     end = link.watch(key, TYPES, async (message, { arrived, type }) => {
       if (busy) return; // the next one is newer
       busy = true;
       try {
-        if (type === "sensor/CompressedImage") await compressed(canvas, message);
-        else plain(canvas, message);
+        if (type === "sensor/CompressedImage") {
+          const picture = await createImageBitmap(new Blob([message.data]));
+          if (key === watched) compressed(canvas, picture);
+          picture.close();
+        } else plain(canvas, message);
         if (key !== watched) return;
+        canvas.hidden = false;
         at = arrived;
         drawn += 1;
         canvas.dataset.drawn = String(drawn);
         say(told, "");
       } catch (error) {
-        say(told, `no picture: ${error.message}`);
+        if (key === watched) say(told, `no picture: ${error.message}`);
       } finally {
         busy = false;
       }
@@ -62,7 +68,7 @@ export function camera() {
     choice.replaceChildren();
     choose("");
   });
-  const made = panel("camera", "Camera", [choice, ageOf(() => at)], canvas, told);
+  const made = panel("camera", "Camera", [choice, ageOf(() => at, 1000, () => "")], canvas, told);
   function see(inView) {
     const seen = inView && document.visibilityState === "visible";
     if (seen === isSeen) return;
@@ -78,12 +84,10 @@ export function camera() {
   return made;
 }
 
-async function compressed(canvas, message) {
-  const picture = await createImageBitmap(new Blob([message.data]));
+function compressed(canvas, picture) {
   canvas.width = picture.width;
   canvas.height = picture.height;
   canvas.getContext("2d").drawImage(picture, 0, 0);
-  picture.close();
 }
 
 function plain(canvas, { width, height, encoding, step, data }) {

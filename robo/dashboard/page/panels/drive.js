@@ -1,20 +1,21 @@
 // Driving: by a joystick that stands when it is let go, by keys while they are held; one driver at a time.
 
 import { el, number, say } from "../dom.js";
+import { isPending } from "../emergency.js";
 import { link } from "../link.js";
 import { panel } from "../panel.js";
 import { robot } from "../robot.js";
 
 /** How often a command is said while a dead-man is held, ms. */
 const PERIOD = 50;
-/** Without odometry for so long, where there has been some, the robot is gone, ms. */
-const GONE = 1500;
+/** For so long it is believed that an emergency stop holds, ms: it is said once a second. */
+const KNOWN = 3500;
+/** By their places, so that they are there on each keyboard, whatever its letters are. */
 const KEYS = {
-  ArrowUp: [1, 0], w: [1, 0], ArrowDown: [-1, 0], s: [-1, 0],
-  ArrowLeft: [0, 1], a: [0, 1], ArrowRight: [0, -1], d: [0, -1],
+  ArrowUp: [1, 0], KeyW: [1, 0], ArrowDown: [-1, 0], KeyS: [-1, 0],
+  ArrowLeft: [0, 1], KeyA: [0, 1], ArrowRight: [0, -1], KeyD: [0, -1],
 };
-
-const nameOf = (event) => (event.key.length === 1 ? event.key.toLowerCase() : event.key);
+const MODIFIERS = ["Meta", "Control", "Alt", "OS"];
 
 /** The panel for driving. */
 export function drive() {
@@ -31,13 +32,15 @@ export function drive() {
     },
     knob,
   );
-  const told = el("p", { class: "told", role: "status" });
-  const made = panel("drive", "Drive", [], el("div", { class: "driving" }, pad, el("div", {}, fast.place, turn.place, told)));
+  // What a reader is told; and what changes too often for that.
+  const told = el("span", { role: "status" });
+  const moves = el("span");
+  const words = el("p", { class: "told" }, told, moves);
+  const made = panel("drive", "Drive", [], el("div", { class: "driving" }, pad, el("div", {}, fast.place, turn.place, words)));
 
   let wanted = null; // while a dead-man is held: parts of the full speed, forwards and to the left
   let grip = 0; // the number of the one that holds
-  let stopped = false; // by an emergency stop, whoever has pressed it
-  let moved = null; // when the robot last told how it moves, ms by `link.now`
+  let stoppedAt = -Infinity; // when it was said last that an emergency stop holds, whoever has pressed it, ms by `link.now`
   let pointer = null; // the one that holds the joystick
   const held = new Set(); // keys that are down
 
@@ -57,8 +60,9 @@ export function drive() {
   function lock() {
     if (!link.isAlive) return "no link: driving is locked";
     if (!link.drives) return "this page may look and not drive";
-    if (moved !== null && link.now - moved > GONE) return "the robot is gone: driving is locked";
-    if (stopped) return "emergency stop: driving is locked until its reset";
+    if (!robot.isThere) return `${robot.absence}: driving is locked`;
+    if (isPending(robot.name)) return "it is being stopped: driving is locked";
+    if (link.now - stoppedAt < KNOWN) return "emergency stop: driving is locked until its reset";
     return "";
   }
 
@@ -118,16 +122,21 @@ export function drive() {
   pad.addEventListener("contextmenu", (event) => event.preventDefault());
 
   pad.addEventListener("keydown", (event) => {
-    const key = nameOf(event);
-    if (!(key in KEYS) || event.ctrlKey || event.metaKey || event.altKey) return;
+    // Of a key that is let go while Cmd is down macOS says nothing.
+    if (event.ctrlKey || event.metaKey || event.altKey || MODIFIERS.includes(event.key)) {
+      if (held.size) stand();
+      return;
+    }
+    if (!(event.code in KEYS)) return;
     event.preventDefault();
     if (event.repeat || pointer !== null) return; // one that was down when the robot was made to stand
-    held.add(key);
+    held.add(event.code);
     follow();
   });
   // Wherever the key is let go, and with whatever else.
   window.addEventListener("keyup", (event) => {
-    if (!held.delete(nameOf(event))) return;
+    if (MODIFIERS.includes(event.key) && held.size) stand();
+    if (!held.delete(event.code)) return;
     if (held.size) follow();
     else stand();
   });
@@ -145,13 +154,11 @@ export function drive() {
   document.addEventListener("visibilitychange", () => document.visibilityState === "hidden" && stand());
   robot.onChange(() => {
     stand();
-    stopped = false;
-    moved = null;
+    stoppedAt = -Infinity;
   });
-  link.on("stand", stand); // the button for the emergency stop is pressed here
-  robot.watch("odom", ["nav/Odometry"], (message, { arrived }) => { moved = arrived; });
-  robot.watch("safety_state", ["diagnostic/DiagnosticStatus"], (message) => {
-    stopped = message.values.some(({ key, value }) => key === "reason" && value === "emergency_stop");
+  robot.watch("safety_state", ["diagnostic/DiagnosticStatus"], (message, { arrived }) => {
+    const stopped = message.values.some(({ key, value }) => key === "reason" && value === "emergency_stop");
+    stoppedAt = stopped ? arrived : -Infinity;
     if (stopped) stand();
   });
   setInterval(tell, PERIOD);
@@ -174,9 +181,10 @@ export function drive() {
     const locked = lock();
     pad.classList.toggle("locked", Boolean(locked) || (who !== undefined && !mine));
     pad.setAttribute("aria-disabled", String(Boolean(locked)));
+    say(moves, !locked && mine && wanted ? `${number(wanted[0] * fast.value)} m/s, ${number(wanted[1] * turn.value)} rad/s` : "");
     if (locked) say(told, locked);
     else if (performance.now() - refusedAt < 2000) say(told, `refused: ${refusal}`);
-    else if (mine) say(told, wanted ? `${number(wanted[0] * fast.value)} m/s, ${number(wanted[1] * turn.value)} rad/s` : "stands");
+    else if (mine) say(told, wanted ? "" : "stands");
     else say(told, who === undefined ? "hold the joystick, or its keys, to drive" : `${who} drives`);
   }, 100);
   return made;

@@ -14,16 +14,27 @@ export function events() {
   let all = [];
 
   function show() {
-    list.replaceChildren(...all.filter((one) => robot.has(one.robot, one.node)).map(row));
-    scroll.scrollTop = scroll.scrollHeight;
+    list.replaceChildren();
+    add(all);
+  }
+
+  /** Those that are new at the end: a reader reads them, and no other ones again. */
+  function add(some) {
+    const atEnd = scroll.scrollTop + scroll.clientHeight >= scroll.scrollHeight - 20;
+    list.append(...some.filter((one) => robot.has(one.robot, one.node)).map(row));
+    while (list.childElementCount > MOST) list.firstChild.remove();
+    if (atEnd) scroll.scrollTop = scroll.scrollHeight;
   }
 
   let first = true;
   link.on("welcome", () => { first = true; });
   link.on("events", (news) => {
-    all = (first ? news.events : [...all, ...news.events]).slice(-MOST);
+    const isLate = first || news.events[0]?.time < all.at(-1)?.time; // of the past
+    all = first ? news.events : [...all, ...news.events];
+    all = all.sort((a, b) => a.time - b.time).slice(-MOST);
     first = false;
-    show();
+    if (isLate) show();
+    else add(news.events);
   });
   robot.onChange(show);
   return panel("events", "Events", [], scroll);

@@ -1,6 +1,6 @@
 // The graph: who says what to whom. Nodes and topics are boxes in columns of their own, so that no words overlap.
 
-import { el, plain } from "../dom.js";
+import { el, plain, say } from "../dom.js";
 import { link } from "../link.js";
 import { panel } from "../panel.js";
 import { robot } from "../robot.js";
@@ -8,6 +8,8 @@ import { robot } from "../robot.js";
 const SVG = "http://www.w3.org/2000/svg";
 const QUIET = ["log", "parameter_events", "diagnostics"];
 const [HIGH, DOWN, GAP, EDGE] = [24, 34, 56, 10];
+/** How far an arrow that leads back reaches to both sides, and down. */
+const LOOP = 40;
 /** How wide a sign is about, and how many of them are shown. */
 const SIGN = 7;
 const LONGEST = 28;
@@ -18,10 +20,13 @@ const MOST = 150;
 export function graph() {
   const all = el("input", { type: "checkbox", onchange: () => show() });
   const place = el("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "Graph" });
+  const left = el("span", { class: "age" });
   let before = "";
 
   function show() {
-    const topics = robot.topics.filter((one) => isShown(one, all.checked)).slice(0, MOST);
+    const found = robot.topics.filter((one) => isShown(one, all.checked));
+    const topics = found.slice(0, MOST);
+    say(left, found.length > MOST ? `${found.length - MOST} more topics are not drawn` : "");
     const text = JSON.stringify(topics.map(({ key, publishers, subscribers }) => [key, publishers, subscribers]));
     if (text === before) return;
     before = text;
@@ -29,7 +34,7 @@ export function graph() {
   }
   link.on("picture", show);
   robot.onChange(show);
-  return panel("graph", "Graph", [el("label", {}, all, "dead ends, too")], place);
+  return panel("graph", "Graph", [left, el("label", {}, all, "dead ends, too")], place);
 }
 
 function isShown(topic, withEnds) {
@@ -89,7 +94,9 @@ function place(boxes) {
 function picture(topics) {
   const columns = place(boxesOf(topics));
   const tallest = Math.max(1, ...columns.map((column) => column.length));
-  let x = EDGE;
+  const goesBack = columns.flat().some((from) => from.to.some((to) => to.column <= from.column));
+  const room = goesBack ? LOOP : 0;
+  let x = EDGE + room;
   for (const column of columns) {
     for (const box of column) box.words = short(box.name);
     const wide = Math.max(...column.map(({ words }) => words.length)) * SIGN + 16;
@@ -98,11 +105,14 @@ function picture(topics) {
     }
     x += wide + GAP;
   }
-  const [width, height] = [Math.max(x - GAP + EDGE, 2 * EDGE), tallest * DOWN + EDGE];
+  const [width, height] = [Math.max(x - GAP + EDGE + room, 2 * EDGE), tallest * DOWN + EDGE + room / 2];
   const boxes = columns.flat();
   const said = boxes.filter(({ kind }) => kind === "topic").map(inWords).join("; ");
   const svg = svgOf("svg", { width, height, viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": plain(said) || "no topics" });
-  for (const from of boxes) for (const to of from.to) svg.append(arrow(from, to));
+  const marker = svgOf("marker", { id: "head", viewBox: "0 0 8 8", refX: 8, refY: 4, markerWidth: 7, markerHeight: 7, orient: "auto" });
+  marker.append(svgOf("path", { class: "tip", d: "M0 0 L8 4 L0 8 z" }));
+  svg.append(marker);
+  for (const from of boxes) for (const to of from.to) svg.append(arrow(from, to, height - EDGE));
   for (const box of boxes) {
     const title = svgOf("title", {});
     title.textContent = plain(box.kind === "topic" ? inWords(box) : box.name);
@@ -115,10 +125,14 @@ function picture(topics) {
   return svg;
 }
 
-function arrow(from, to) {
+function arrow(from, to, low) {
   const [x1, y1, x2, y2] = [from.x + from.wide, from.y + HIGH / 2, to.x, to.y + HIGH / 2];
-  const bend = x2 > x1 ? (x2 - x1) / 2 : 60;
-  return svgOf("path", { class: "arrow", d: `M${x1} ${y1} C${x1 + bend} ${y1} ${x2 - bend} ${y2} ${x2} ${y2}` });
+  const bend = (x2 - x1) / 2;
+  const d = x2 > x1
+    ? `M${x1} ${y1} C${x1 + bend} ${y1} ${x2 - bend} ${y2} ${x2} ${y2}`
+    // One that leads back goes below all boxes.
+    : `M${x1} ${y1} C${x1 + LOOP} ${y1} ${x1 + LOOP} ${low} ${x1} ${low} L${x2} ${low} C${x2 - LOOP} ${low} ${x2 - LOOP} ${y2} ${x2} ${y2}`;
+  return svgOf("path", { class: "arrow", "marker-end": "url(#head)", d });
 }
 
 function inWords({ name, from, to }) {

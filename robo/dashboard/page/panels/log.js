@@ -14,13 +14,13 @@ export function log() {
   const node = el("input", { type: "search", placeholder: "node", "aria-label": "Node", oninput: show });
   const words = el("input", { type: "search", placeholder: "words", "aria-label": "Words", oninput: show });
   const list = el("ol", { class: "lines" });
-  const scroll = el("div", { class: "scroll", tabindex: 0, role: "log", "aria-label": "Lines of the log" }, list);
+  const scroll = el("div", { class: "scroll", tabindex: 0, role: "log", "aria-live": "off", "aria-label": "Lines of the log" }, list);
   let all = [];
 
   const isWanted = (line) =>
     robot.has(line.robot, "") &&
     (LEVELS.indexOf(line.level) < 0 || LEVELS.indexOf(line.level) >= LEVELS.indexOf(level.value)) &&
-    line.node.includes(node.value) &&
+    line.node.toLowerCase().includes(node.value.toLowerCase()) &&
     line.message.toLowerCase().includes(words.value.toLowerCase());
 
   function add(lines) {
@@ -38,15 +38,13 @@ export function log() {
   let first = true;
   link.on("welcome", () => { first = true; });
   link.on("lines", ({ lines }) => {
-    if (first) {
-      // What the server remembers: after a lost link it says it again.
-      all = lines;
-      first = false;
-      show();
-      return;
-    }
-    all = [...all, ...lines].slice(-MOST);
-    add(lines);
+    // What the server remembers: after a lost link it says it again. And of a robot that it has met late, its past.
+    const isLate = first || lines[0]?.time < all.at(-1)?.time;
+    all = first ? lines : [...all, ...lines];
+    first = false;
+    all = all.sort((a, b) => a.time - b.time).slice(-MOST);
+    if (isLate) show();
+    else add(lines);
   });
   robot.onChange(show);
   return panel("log", "Log", [level, node, words], scroll);

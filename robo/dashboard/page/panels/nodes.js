@@ -1,9 +1,9 @@
 // The nodes: how each does, what it takes; starting, stopping, and why it is as it is.
 
-import { Rows, age, el, number, say, size } from "../dom.js";
+import { Rows, age, el, number, plain, say, size } from "../dom.js";
 import { link } from "../link.js";
 import { ageOf, panel } from "../panel.js";
-import { robot } from "../robot.js";
+import { levelOf, robot } from "../robot.js";
 
 /** The panel of nodes. */
 export function nodes() {
@@ -15,7 +15,7 @@ export function nodes() {
 
   function make(node) {
     const cells = Array.from({ length: 7 }, () => el("td"));
-    const name = node.node.split("/").at(-1);
+    const name = node.node.replace(`/${robot.name}/`, "");
     const act = (verb) => el("button", { type: "button", onclick: () => command(verb, row.node), "aria-label": `${verb} ${name}` }, verb);
     const acts = Object.fromEntries(["why", "restart", "stop", "start"].map((verb) => [verb, act(verb)]));
     const row = el("tr", {}, ...cells, el("td", { class: "acts" }, ...Object.values(acts)));
@@ -35,13 +35,19 @@ export function nodes() {
       node.uptime === null ? "–" : age(node.uptime * 1000),
     ];
     words.forEach((text, i) => say(row.cells_[i], text));
-    row.cells_[1].title = node.reason;
-    row.cells_[2].title = node.trouble;
-    row.dataset.level = node.state === "ready" || node.state === "completed" ? node.health ?? "ok" : node.state === "failed" ? "error" : "warn";
+    row.cells_[1].title = plain(node.reason);
+    row.cells_[2].title = plain(node.trouble);
+    row.dataset.level = levelOf(node);
     const runs = node.pid !== null;
-    row.acts.start.hidden = runs;
-    row.acts.stop.hidden = row.acts.restart.hidden = !runs;
+    const [start, stop] = [row.acts.start, row.acts.stop];
+    const focused = document.activeElement;
+    start.hidden = runs;
+    stop.hidden = row.acts.restart.hidden = !runs;
+    // Who has pressed a button that is gone is at the one that has come for it.
+    if (focused?.hidden && row.contains(focused)) row.focusOn = runs ? stop : start;
     for (const verb of ["start", "stop", "restart"]) row.acts[verb].disabled = !link.drives || node.robot === "";
+    row.focusOn?.focus();
+    row.focusOn = null;
   }
 
   async function command(verb, node) {

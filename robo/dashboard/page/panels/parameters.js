@@ -5,6 +5,9 @@ import { link } from "../link.js";
 import { panel } from "../panel.js";
 import { robot } from "../robot.js";
 
+/** A slider of fractions reaches at most so many times as far as the value. */
+const WIDE = 20;
+
 /** The panel of parameters. */
 export function parameters() {
   const node = el("select", { "aria-label": "Node", onchange: load });
@@ -64,32 +67,27 @@ export function parameters() {
     rows.clear();
     list.replaceChildren();
   });
-  return panel("parameters", "Parameters", [node, words, el("button", { type: "button", onclick: load }, "Again")], told, list);
+  return panel("parameters", "Parameters", [node, words, el("button", { type: "button", onclick: load, "aria-label": "Ask for the values again" }, "Again")], told, list);
 }
 
 function row(node, one) {
   const id = `parameter-${one.name}`;
-  const refusal = el("span", { class: "refusal", role: "alert" });
-  const { minimum, maximum } = range(one.constraints);
+  const refusal = el("span", { class: "refusal", role: "alert", id: `${id}-refusal` });
   const kind = kindOf(one);
   const field = control(one, id, kind);
-  const slide = kind === "number" && minimum !== undefined && maximum !== undefined && maximum - minimum <= 1e4
-    ? el("input", {
-        type: "range", min: minimum, max: maximum, step: one.constraints.step ?? (one.type === "int" ? 1 : "any"), value: one.value,
-        disabled: one.read_only || !link.drives, "aria-label": `${one.name}, slider`,
-        oninput: () => { field.value = String(Number(Number(slide.value).toPrecision(3))); },
-        onchange: () => set(),
-      })
-    : null;
+  const slide = slider(one, kind, field);
+  slide?.addEventListener("change", () => set());
   field.addEventListener("change", () => set());
 
   let said = one.value;
-  let isAsking = false;
+  let asking = 0;
+  let shown = field.value; // what it had before somebody began to type
 
   function show(value) {
     if (field.type === "checkbox") field.checked = value;
     else field.value = written(value, kind);
     if (slide) slide.value = value;
+    shown = field.value;
   }
 
   async function set() {
@@ -100,7 +98,7 @@ function row(node, one) {
       say(refusal, error.message);
       return;
     }
-    isAsking = true;
+    asking++;
     try {
       await link.ask({ do: "set", node, values: { [one.name]: value } });
       said = value;
@@ -108,14 +106,14 @@ function row(node, one) {
     } catch (error) {
       say(refusal, error.message);
     }
-    isAsking = false;
-    show(said);
+    if (--asking === 0) show(said); // else a newer one is on its way
   }
 
   /** The node says that it has another value. Who is typing goes on, and is told. */
   function follow(value) {
+    const isNews = JSON.stringify(value) !== JSON.stringify(said);
     said = value;
-    if (isAsking) return;
+    if (asking || !isNews) return; // it is what has been set here
     const isTyping = document.activeElement === field && field.type !== "checkbox" && field.value !== shown;
     if (isTyping) say(refusal, `somebody has set it to ${written(value, kind)}`);
     else {
@@ -123,8 +121,8 @@ function row(node, one) {
       say(refusal, "");
     }
   }
-  let shown = field.value;
   field.addEventListener("focus", () => { shown = field.value; });
+  field.setAttribute("aria-describedby", `${id}-about ${id}-refusal`);
 
   const about = [one.unit, rangeText(one.constraints), one.read_only ? "read-only" : ""].filter(Boolean).join(", ");
   return {
@@ -132,11 +130,28 @@ function row(node, one) {
       "div", { class: "field" },
       el("label", { for: id }, one.name),
       el("span", { class: "controls" }, slide, field, one.unit ? el("span", { class: "unit" }, one.unit) : null),
-      el("small", {}, [one.description, about].filter(Boolean).join(" · ")),
+      el("small", { id: `${id}-about` }, [one.description, about].filter(Boolean).join(" · ")),
       refusal,
     ),
     follow,
   };
+}
+
+/** A slider beside a field of numbers; none where its range is so wide that a finger would jump over what makes sense. */
+function slider(one, kind, field) {
+  const { minimum, maximum } = range(one.constraints);
+  if (kind !== "number" || minimum === undefined || maximum === undefined) return null;
+  const span = maximum - minimum;
+  const isInt = one.type === "int";
+  if (!(span > 0 && span <= (isInt ? 2000 : WIDE * Math.max(1, Math.abs(one.value))))) return null;
+  const step = isInt ? 1 : 10 ** Math.floor(Math.log10(span / 100));
+  const rounded = (value) => Math.min(maximum, Math.max(minimum, Number((Math.round(value / step) * step).toPrecision(12))));
+  const made = el("input", {
+    type: "range", min: minimum, max: maximum, step: isInt ? 1 : "any", value: one.value,
+    disabled: one.read_only || !link.drives, "aria-label": `${one.name}, slider`,
+    oninput: () => { field.value = String(rounded(Number(made.value))); },
+  });
+  return made;
 }
 
 function control(one, id, kind) {

@@ -21,7 +21,8 @@ export function plots() {
   const span = el("select", { "aria-label": "Range" }, ...[10, 30, 60, 300].map((s) => el("option", { value: s, selected: s === 30 }, `${s} s`)));
   const pause = el("button", { type: "button", "aria-pressed": "false", onclick: toggle }, "Pause");
   const list = el("div", { class: "curves" });
-  const made = panel("plots", "Plots", [topic, field, add, span, pause], list);
+  const told = el("p", { class: "told", role: "status" });
+  const made = panel("plots", "Plots", [topic, field, add, span, pause], told, list);
   let curves = [];
   let paused = null;
   let end = () => {};
@@ -35,17 +36,31 @@ export function plots() {
   function ask() {
     end();
     field.replaceChildren();
+    add.disabled = true;
+    say(told, topic.value ? `${topic.value} has said nothing yet` : "");
     if (!topic.value) return;
     end = link.watch(robot.key(topic.value), undefined, (message) => {
       if (message === undefined || message === null) return;
       end();
-      field.replaceChildren(...numbers(message).map((name) => el("option", {}, name)));
+      const names = numbers(message);
+      field.replaceChildren(...names.map((name) => el("option", {}, name)));
+      add.disabled = names.length === 0;
+      say(told, names.length ? "" : `${topic.value} has no numbers`);
     });
   }
 
   function draw(topicName, fieldName) {
-    if (!topicName || !fieldName || curves.length >= MOST_CURVES || curves.some((one) => one.topic === topicName && one.field === fieldName)) return;
-    const value = el("output", {}, "–");
+    if (!topicName || !fieldName) return;
+    if (curves.some((one) => one.topic === topicName && one.field === fieldName)) {
+      say(told, "that curve is there");
+      return;
+    }
+    if (curves.length >= MOST_CURVES) {
+      say(told, `there are ${MOST_CURVES} curves: remove one first`);
+      return;
+    }
+    say(told, "");
+    const value = el("span", {}, "–");
     const canvas = el("canvas", { role: "img", "aria-label": `Curve of ${topicName} ${fieldName}` });
     const curve = { topic: topicName, field: fieldName, points: [], canvas, value };
     const remove = el("button", { type: "button", "aria-label": `Remove ${topicName} ${fieldName}`, onclick: () => drop(curve) }, "×");
@@ -76,8 +91,10 @@ export function plots() {
     if (topic.value !== before) ask();
   });
   robot.onChange(() => {
+    // The same of the other robot.
+    const before = curves.length ? curves.map((one) => [one.topic, one.field]) : FIRST;
     for (const curve of [...curves]) drop(curve);
-    for (const [topicName, fieldName] of FIRST) draw(topicName, fieldName);
+    for (const [topicName, fieldName] of before) draw(topicName, fieldName);
   });
 
   function paintAll() {
@@ -103,6 +120,12 @@ function paint({ canvas, points, value, unit: of }, now, span) {
   pen.clearRect(0, 0, box.width, box.height);
   const words = (v) => (of ? `${number(v, 3)} ${of}` : number(v, 3));
   say(value, shown.length ? words(shown.at(-1)[1]) : "nothing in this range");
+  pen.fillStyle = style.getPropertyValue("--quiet");
+  pen.font = "11px system-ui, sans-serif";
+  pen.textAlign = "right";
+  pen.fillText("now", box.width - 4, box.height - 4);
+  pen.textAlign = "left";
+  pen.fillText(`−${span / 1000} s`, LEFT, box.height - 4);
   if (!shown.length) return;
   let low = Infinity;
   let high = -Infinity;
@@ -113,11 +136,12 @@ function paint({ canvas, points, value, unit: of }, now, span) {
   const room = Math.max((high - low) * 0.1, 1e-3);
   [low, high] = [low - room, high + room];
   const x = (at) => LEFT + ((at - now + span) / span) * (box.width - LEFT);
-  const y = (v) => box.height - ((v - low) / (high - low)) * box.height;
+  const bottom = box.height - 16; // below stands the time
+  const y = (v) => bottom - ((v - low) / (high - low)) * bottom;
   pen.fillStyle = pen.strokeStyle = style.getPropertyValue("--text");
   pen.font = "11px system-ui, sans-serif";
   pen.fillText(words(high), 4, 12);
-  pen.fillText(words(low), 4, box.height - 4);
+  pen.fillText(words(low), 4, bottom - 2);
   pen.strokeStyle = style.getPropertyValue("--trail");
   pen.lineWidth = 1.5;
   pen.beginPath();

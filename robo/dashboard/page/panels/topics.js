@@ -1,6 +1,6 @@
 // The topics: who says what how often; of the one that is chosen its last message, its age and what got lost of it.
 
-import { Rows, el, number, say } from "../dom.js";
+import { Rows, el, number, plain, say } from "../dom.js";
 import { shown } from "../fields.js";
 import { link } from "../link.js";
 import { ageOf, panel } from "../panel.js";
@@ -22,7 +22,7 @@ export function topics() {
   const made = panel(
     "topics", "Topics", [left, ageOf(() => robot.pictureAt, 3500), search],
     el("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "All topics" }, el("table", {}, el("thead", {}, el("tr", {}, ...head)), body)),
-    el("div", { class: "head" }, title, ageOf(() => at)),
+    el("div", { class: "head" }, title, ageOf(() => at, 1000, () => (chosen ? "nothing yet" : ""))),
     text,
   );
   const rows = new Rows(body, (topic) => topic.key, make, fill);
@@ -39,7 +39,7 @@ export function topics() {
     say(row.cells_[2], topic.rate === null ? "–" : `${number(topic.rate, 1)} Hz`);
     say(row.cells_[3], String(topic.dropped));
     say(row.cells_[4], `${topic.publishers.length} → ${topic.subscribers.length}`);
-    row.cells_[4].title = `${topic.publishers.join(", ") || "nobody"} → ${topic.subscribers.join(", ") || "nobody"}`;
+    row.cells_[4].title = plain(`${topic.publishers.join(", ") || "nobody"} → ${topic.subscribers.join(", ") || "nobody"}`);
     row.classList.toggle("chosen", topic.key === chosen);
   }
 
