@@ -11,10 +11,9 @@ import msgspec
 import zenoh
 
 from robo.dashboard import clock, protocol, requests
+from robo.dashboard.delivery import Delivery, Page, is_robot
 from robo.dashboard.driver import Driver
-from robo.dashboard.frames import Frames
-from robo.dashboard.lease import MOST_AGE, Beats
-from robo.dashboard.mailbox import Mailbox
+from robo.dashboard.lease import MOST_AGE
 from robo.dashboard.protocol import (
     Call,
     Command,
@@ -29,24 +28,16 @@ from robo.dashboard.protocol import (
 )
 from robo.dashboard.state import Line, Picture
 from robo.dashboard.stops import Stops
-from robo.dashboard.topics import TRANSFORMS, Message, Topics
-from robo.errors import InvalidName, RoboError
+from robo.dashboard.topics import Message, Topics
+from robo.errors import RoboError
 from robo.web.access import Right
-from robo.wire import names
 from robo.wire.reports import Event
 
 BEAT = 0.1
 """How often a page hears that the server lives, s."""
-MOST_KEYS = 100
-"""That one page may watch."""
 _MOST_PAGES, _FOR_DRIVERS = 50, 10
 _MOST_ASKED, _MOST_LOOKS = 40, 4
 """Answers that one page may wait for, or have not read; and one that may only look."""
-_MOST_ENCODINGS = 4
-"""Of one topic: more make no sense."""
-_LONGEST_KEY, _LONGEST_ROBOT = 500, 100
-_NUMBERS = 2**16
-"""Of channels, that there can be."""
 _PAST = 500
 """Lines and events for a page that is opened."""
 _MOST_LINEAR, _MOST_ANGULAR = 10.0, 20.0
@@ -54,37 +45,6 @@ _MOST_LINEAR, _MOST_ANGULAR = 10.0, 20.0
 
 
 _Blocking = Call | Publish | Command | Parameters | Set
-
-
-class Page:
-    """One that is open."""
-
-    def __init__(self, number: int, right: Right) -> None:
-        self.name = f"browser {number}"
-        """By which others know who drives."""
-        self.right = right
-        self.mailbox = Mailbox()
-        self.wake = asyncio.Event()
-        self.beats = Beats()
-        self.watched: set[str] = set()
-        self.frames: set[str] = set()
-        """Robots of which it shows where their frames stand."""
-        self.channels: set[int] = set()
-        """Of which it has been told what they are."""
-        self.asked = self.stops = 0
-        """What it waits for, and how many emergency stops beside that."""
-
-    def tell(self, kind: str, *, newest: str = "", urgent: bool = False, **what: object) -> None:
-        """Tell it something; where it is the newest of something, in the place of what waits."""
-        self.hand(protocol.news(kind, **what), newest=newest, urgent=urgent)
-
-    def hand(self, data: str, *, newest: str = "", urgent: bool = False) -> None:
-        """Tell it something that has been put into words."""
-        if newest:
-            self.mailbox.put(newest, data, urgent=urgent)
-        else:
-            self.mailbox.add(data)
-        self.wake.set()
 
 
 class Hub:
@@ -102,18 +62,11 @@ class Hub:
             looks: does what those ask for who may only look.
             stops: has robots stop, and waits for nothing else.
         """
-        self._session, self._topics, self._driver = session, topics, driver
+        self._session, self._driver = session, driver
         self._calls, self._looks, self._stops = calls, looks, stops
         self._pages: set[Page] = set()
         self._numbers = itertools.count(1)
-        self._channels: dict[str, dict[str, int]] = {}
-        """The numbers of channels by topic and encoding, of topics that somebody watches."""
-        self._next_channel = itertools.cycle(range(_NUMBERS))
-        self._frames = Frames()
-        self._moved: set[str] = set()
-        """Robots whose frames pages have not been told of."""
-        self._last: dict[str, Message] = {}
-        """What came last of each topic that somebody watches: whoever looks later gets it, too."""
+        self._delivery = Delivery(topics, self._pages)
         self._picture: Picture | None = None
         self._lines: list[Line] = []
         self._events: list[Event] = []
@@ -145,7 +98,7 @@ class Hub:
         """A page is gone, or cannot be heard any more."""
         self._pages.discard(page)
         self._driver.leave(page.name)
-        self._watch()
+        self._delivery.forget()
 
     def looked(self, picture: Picture) -> None:
         """What runs."""
@@ -164,12 +117,7 @@ class Hub:
 
     def messages(self, messages: list[Message]) -> None:
         """What has come on topics that pages watch."""
-        for message in messages:
-            if message.frames is not None:
-                robot = message.key.rpartition("/")[0]
-                self._frames.take(robot, message.frames)
-                self._moved.add(robot)
-            self._deliver(message)
+        self._delivery.messages(messages)
 
     def beat(self) -> None:
         """Tell every page that the server lives, who drives, and where frames stand that have moved."""
@@ -179,9 +127,7 @@ class Hub:
             left = {"left_out": page.mailbox.left_out} if page.mailbox.left_out else {}
             page.tell("beat", newest="beat", urgent=True, number=page.beats.next(now), time=clock.now() / 1e6, **left)
 
-        for robot in self._moved:
-            self._tell_frames([page for page in self._pages if robot in page.frames], robot)
-        self._moved.clear()
+        self._delivery.tell_frames()
 
     def ask(self, page: Page, asked: Request) -> None:
         """What a page asks for."""
@@ -193,7 +139,7 @@ class Hub:
                 page.mailbox.has_read(asked.count)
                 page.wake.set()
             case Watch():
-                self._set_watched(page, asked)
+                self._delivery.watch(page, asked.keys, asked.frames)
             case Drive():
                 self._drive(page, asked)
             case Release():
@@ -216,7 +162,7 @@ class Hub:
                 return partial(requests.set_parameters, self._session, asked.node, asked.values)
 
     def _drive(self, page: Page, asked: Drive) -> None:
-        if not _is_robot(asked.robot):
+        if not is_robot(asked.robot):
             page.tell("refused", newest="refused", urgent=True, reason="that is no name of a robot")
             return
         age = page.beats.age(asked.heard, asked.since, clock.steady())
@@ -231,70 +177,6 @@ class Hub:
         refusal = self._driver.command(asked.robot, page.name, asked.linear, asked.angular, asked.grip)
         if refusal:
             page.tell("refused", newest="refused", urgent=True, reason=refusal)
-
-    def _set_watched(self, page: Page, asked: Watch) -> None:
-        before, framed = page.watched, page.frames
-        page.watched = {key for key in asked.keys[:MOST_KEYS] if _is_key(key)}
-        page.frames = {robot for robot in asked.frames[:MOST_KEYS] if _is_robot(robot)}
-        for gone in before - page.watched:
-            page.mailbox.drop(gone)
-        self._watch()
-        # Others may have looked at it before: what is latched does not come once more.
-        for key in page.watched - before:
-            if key in self._last:
-                self._hand([page], self._last[key])
-        for robot in page.frames - framed:
-            self._tell_frames([page], robot)
-
-    def _watch(self) -> None:
-        """Have what pages watch received, and forget what nobody does any more."""
-        framed = {robot for page in self._pages for robot in page.frames}
-        wanted = {key for page in self._pages for key in page.watched}
-        self._topics.watch(wanted | {names.join(robot, topic) for robot in framed for topic in TRANSFORMS})
-        self._frames.keep(framed)
-        self._last = {key: message for key, message in self._last.items() if key in wanted}
-        gone = {number for key in self._channels.keys() - wanted for number in self._channels.pop(key).values()}
-        for page in self._pages:
-            page.channels -= gone
-
-    def _deliver(self, message: Message) -> None:
-        lookers = [page for page in self._pages if message.key in page.watched]
-        if lookers:
-            self._hand(lookers, message)
-
-    def _hand(self, pages: list[Page], message: Message) -> None:
-        """Give pages a message."""
-        channel = self._channel(message)
-        if channel is None:
-            return
-        if not message.each_counts:
-            self._last[message.key] = message
-        data = protocol.frame(channel, message.published, message.arrived, message.payload)
-        for page in pages:
-            if channel not in page.channels:
-                page.channels.add(channel)
-                about = {"number": channel, "key": message.key, "encoding": message.encoding}
-                page.tell("channel", newest=f"channel {channel}", urgent=True, **about)
-            if message.each_counts:
-                page.mailbox.add(data)
-            else:
-                page.mailbox.put(message.key, data)
-            page.wake.set()
-
-    def _channel(self, message: Message) -> int | None:
-        """The number of a message's channel; None where a stranger makes some up."""
-        known = self._channels.setdefault(message.key, {})
-        found = known.get(message.encoding)
-        if found is None and len(known) < _MOST_ENCODINGS:
-            taken = {number for channels in self._channels.values() for number in channels.values()}
-            found = known[message.encoding] = next(number for number in self._next_channel if number not in taken)
-        return found
-
-    def _tell_frames(self, pages: list[Page], robot: str) -> None:
-        if pages:
-            data = protocol.news("frames", robot=robot, frames=self._frames.of(robot))
-        for page in pages:
-            page.hand(data, newest=f"frames of {robot}")
 
     def _tell_drivers(self) -> None:
         """Tell pages who drives, and whose grips have been ended, where that is news."""
@@ -362,19 +244,3 @@ class Hub:
 def _is_call(asked: _Blocking, service: str) -> TypeGuard[Call]:
     """Whether a robot's service of this last name is called."""
     return isinstance(asked, Call) and asked.service.rpartition("/")[2] == service
-
-
-def _is_robot(text: str) -> bool:
-    """Whether a text can be a robot's name: no pattern that would move several."""
-    try:
-        return len(text) <= _LONGEST_ROBOT and names.normalize_namespace(text) == text
-    except InvalidName:
-        return False
-
-
-def _is_key(text: str) -> bool:
-    """Whether a text is the key of one topic."""
-    try:
-        return len(text) <= _LONGEST_KEY and not set(text) & set("*$") and bool(zenoh.KeyExpr(text))
-    except zenoh.ZError:
-        return False

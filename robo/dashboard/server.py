@@ -16,9 +16,10 @@ from urllib.parse import parse_qs, urlsplit
 import zenoh
 
 from robo.dashboard import files, protocol
+from robo.dashboard.delivery import Page
 from robo.dashboard.driver import Driver
 from robo.dashboard.files import Answer
-from robo.dashboard.hub import BEAT, Hub, Page
+from robo.dashboard.hub import BEAT, Hub
 from robo.dashboard.place import Settings
 from robo.dashboard.state import State
 from robo.dashboard.stops import Stops

@@ -28,6 +28,8 @@ _PAST = LogsRequest(lines=300)
 """Of each robot's log, for a page that is opened."""
 _MOST_PAST = 1_000
 """Lines that are kept for pages that are opened later."""
+_CLOSING = 3.0
+"""So long a robot that is being asked may hold up the end, s."""
 _SLOTS = 1_000
 _MOST_LINES = 200
 """Lines at one look: of a flood pages are told the newest, and how many were left out."""
@@ -166,7 +168,7 @@ class State:
         self._over.set()
         self._attended.set()
         for thread in self._threads:
-            thread.join()
+            thread.join(_CLOSING)
         self._lines.undeclare()
         self._events.undeclare()
 
@@ -234,6 +236,8 @@ class State:
         answered: set[str] = set()
         lines: list[Line] = []
         for robot in sorted(robots & {event.robot for event in past}):
+            if self._over.is_set():
+                break
             try:
                 said = runs.output(self._session, robot, _PAST)
             except RoboError:
