@@ -81,6 +81,7 @@ class Delivery:
                 robot = message.key.rpartition("/")[0]
                 self._frames.take(robot, message.frames)
                 self._moved.add(robot)
+                self._last[message.key] = message
             lookers = [page for page in self._pages if message.key in page.watched]
             if lookers:
                 self._hand(lookers, message)
@@ -104,9 +105,10 @@ class Delivery:
         """Have what pages watch received, and forget what nobody does any more."""
         framed = {robot for page in self._pages for robot in page.frames}
         wanted = {key for page in self._pages for key in page.watched}
-        self._topics.watch(wanted | {names.join(robot, topic) for robot in framed for topic in TRANSFORMS})
+        received = wanted | {names.join(robot, topic) for robot in framed for topic in TRANSFORMS}
+        self._topics.watch(received)
         self._frames.keep(framed)
-        self._last = {key: message for key, message in self._last.items() if key in wanted}
+        self._last = {key: message for key, message in self._last.items() if key in received}
         gone = {number for key in self._channels.keys() - wanted for number in self._channels.pop(key).values()}
         for page in self._pages:
             page.channels -= gone

@@ -30,6 +30,8 @@ _MOST_PAST = 1_000
 """Lines that are kept for pages that are opened later."""
 _CLOSING = 3.0
 """So long a robot that is being asked may hold up the end, s."""
+_MOST_TOLD = 10_000
+"""Lines, and events, that are remembered so that they are not told twice."""
 _SLOTS = 1_000
 _MOST_LINES = 200
 """Lines at one look: of a flood pages are told the newest, and how many were left out."""
@@ -117,7 +119,7 @@ class Told(Generic[_T]):
         with self._lock:
             fresh = [one for one in found if one not in self._known]
             self._known.update(dict.fromkeys(fresh))
-            for one in list(islice(self._known, max(0, len(self._known) - _MOST_PAST))):
+            for one in list(islice(self._known, max(0, len(self._known) - _MOST_TOLD))):
                 del self._known[one]
         return fresh
 
@@ -197,7 +199,8 @@ class State:
             except zenoh.ZError:
                 pass  # the network has been left
             except Exception:  # nobody has thought of it: it is told, and listened on
-                _logger.exception("the dashboard could not take in lines and events")
+                if not self._over.is_set():
+                    _logger.exception("the dashboard could not take in lines and events")
 
     def _hear(self) -> None:
         lines: list[Line] = []
@@ -226,7 +229,8 @@ class State:
             except zenoh.ZError:
                 pass  # the network has been left
             except Exception:  # nobody has thought of it: it is told, and asked again
-                _logger.exception("the dashboard could not ask for what has been")
+                if not self._over.is_set():
+                    _logger.exception("the dashboard could not ask for what has been")
 
     def _tell_past(self, robots: set[str]) -> set[str]:
         """Tell the past of robots; returns those that have answered."""

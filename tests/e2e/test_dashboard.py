@@ -439,7 +439,7 @@ def test_a_link_to_the_robot_that_is_cut_for_five_seconds_moves_nothing_afterwar
         cut = time.monotonic()
         driven.has_stood()
         page.wait_for_selector("#pad.locked")
-        says(page, "#drive .told", "the robot is gone")
+        says(page, "#drive .told", "driving is locked")
         eventually(lambda: time.monotonic() - cut > 5.0, "the cut is over")
         mended = time.monotonic()
         proxy.mend()
@@ -506,7 +506,7 @@ def test_an_emergency_stop_that_did_not_arrive_is_asked_for_again(
     chromium: Any, served: Served, driven: Driven, cut: float
 ) -> None:
     with opened(chromium, served.address) as page:
-        says(page, "#bar .safety", "nothing in the way")
+        says(page, "#bar .safety", "no command")
         served.signal(signal.SIGSTOP)
         begin = time.monotonic()
         says(page, "#lost", "No link")
@@ -621,21 +621,26 @@ def test_without_the_token_there_is_nothing(chromium: Any, robot: Robot, tmp_pat
         context.close()
 
 
+def failing(failed: list[str]) -> Callable[[Any], None]:
+    """What lets no file through until two have failed: a module is asked for again where its preload has."""
+
+    def answer(route: Any) -> None:
+        if len(failed) < 2:
+            failed.append(route.request.url)
+            route.abort()
+        else:
+            route.continue_()
+
+    return answer
+
+
 def test_a_file_that_fails_once_is_loaded_again(chromium: Any, served: Served) -> None:
     for file in ("main.js", "style.css", "panels/map.js"):
         context = chromium.new_context()
         page = context.new_page()
         page.set_default_timeout(PATIENCE * 1000)
         failed: list[str] = []
-
-        def once(route: Any, failed: list[str] = failed) -> None:
-            if failed.count(route.request.url) < 2:  # a module is asked for again where its preload has failed
-                failed.append(route.request.url)
-                route.abort()
-            else:
-                route.continue_()
-
-        page.route(f"**/{file}", once)
+        page.route(f"**/{file}", failing(failed))
         page.goto(served.address)
         page.wait_for_selector("#map canvas[data-drawn]")
         page.wait_for_selector("#loading", state="detached")
@@ -652,7 +657,7 @@ def test_a_file_that_fails_once_is_loaded_again(chromium: Any, served: Served) -
 def test_a_camera_shows_no_picture_of_another_one(chromium: Any, served: Served, robot: Robot) -> None:
     session = open_session(Network(mode="client", connect=(robot.endpoint,)))
     senders = [Sender(session, f"{robot.name}/cam_{one}", "sensor/Image", QoS.DEFAULT, "/r1/cams") for one in "ab"]
-    picture = Image(height=30, width=40, encoding="mono8", step=40, data=bytes(1200))
+    picture = Image(height=30, width=40, encoding="mono8", step=40, data=memoryview(bytes(1200)))
     with opened(chromium, served.address) as page:
         page.wait_for_selector("#camera option >> nth=1", state="attached")
         page.locator("#camera").scroll_into_view_if_needed()

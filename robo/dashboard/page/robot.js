@@ -11,8 +11,12 @@ export const robot = {
   name: null,
   all: [],
   picture: { robots: [], nodes: [], topics: [] },
-  /** When it was told, ms by `link.now`; null before. */
-  pictureAt: null,
+  /** When it was told, ms by this machine's clock; null before. */
+  toldAt: null,
+  /** The same, ms by `link.now`, of which more is known with each beat. */
+  get pictureAt() {
+    return this.toldAt === null ? null : this.toldAt + link.offset;
+  },
   /** When its odometry came last; null where it has none. */
   odometryAt: null,
 
@@ -80,7 +84,7 @@ function isWithin(name, namespace) {
 
 link.on("picture", ({ picture }) => {
   robot.picture = picture;
-  robot.pictureAt = link.now;
+  robot.toldAt = performance.now();
   robot.all = picture.robots;
   if (robot.name !== null) return;
   // One that the address names is waited for: another one would be driven by mistake.

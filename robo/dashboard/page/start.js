@@ -25,7 +25,8 @@
   /** The style sheet; without it the emergency stop would not stay in view. */
   function style() {
     const sheet = document.querySelector("link[rel=stylesheet]");
-    if (sheet.sheet !== null) return;
+    // Browsers differ in what a sheet is that has failed; what it does is the same.
+    if (getComputedStyle(document.querySelector("header")).position === "sticky") return;
     const other = sheet.cloneNode();
     other.addEventListener("error", () => setTimeout(style, AGAIN));
     sheet.replaceWith(other);
