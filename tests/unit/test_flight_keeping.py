@@ -93,7 +93,8 @@ def left_behind(tmp_path: Path, log: Log) -> LeftBehind:
         most_files=20, most_size=10**9, compression="none",
     )  # fmt: skip
     witnesses: Any = None  # nobody is asked
-    files = FlightFiles(Recorder("/r1/recorder", "r1", "run", True), settings, witnesses, log, lambda _: None, lambda _: None)
+    recorder = Recorder("/r1/recorder", "r1", "run", True)
+    files = FlightFiles(recorder, settings, witnesses, log, log.warning, lambda _: None)
     return LeftBehind(files, Place(bases, "r1", "run"))
 
 
