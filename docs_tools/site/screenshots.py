@@ -64,6 +64,7 @@ def main() -> None:
             pages = [(shot, _open(browser, address, shot)) for shot in SHOTS]
             time.sleep(DRIVES)
             for shot, page in pages:
+                page.wait_for_selector("#pad:not(.locked)")  # the link is there, however busy the machine is
                 file = FOLDER / f"{shot.name}.png"
                 file.write_bytes(_small(browser, page.screenshot(full_page=shot.whole)))
                 print(f"{file.relative_to(ROOT)}: {file.stat().st_size / 1e3:.0f} kB")
