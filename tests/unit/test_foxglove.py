@@ -271,7 +271,8 @@ def test_one_viewer_drives_and_each_is_told_to_stand_once() -> None:
     assert drivers.command("r1/cmd_vel", "two", 0.5) == "one"
     assert not drivers.is_to_stand("r1/cmd_vel", "one", 0.1)
     assert not drivers.is_over("r1/cmd_vel", "one")
-    assert [drivers.is_to_stand("r1/cmd_vel", "one", 0.6) for _ in range(ZEROS + 1)] == [True] * ZEROS + [False]
+    looks = [0.6 + 0.05 * number for number in range(ZEROS + 1)]
+    assert [drivers.is_to_stand("r1/cmd_vel", "one", now) for now in looks] == [True] * ZEROS + [False]
     assert drivers.is_over("r1/cmd_vel", "one")
     assert drivers.command("r1/cmd_vel", "two", 1.5) == ""
     assert not drivers.is_to_stand("r1/cmd_vel", "one", 5.0), "that is another one's now"
