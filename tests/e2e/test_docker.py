@@ -4,6 +4,8 @@ import json
 import shutil
 import socket
 import time
+import urllib.error
+import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -59,7 +61,9 @@ class Project:
         self.profiles = ""
         """The profiles that commands concern, as COMPOSE_PROFILES names them."""
         self.image = image
-        self._environment = {"ROBO_PORT": str(port), "ROBOT_NAME": "r1"}
+        self.dashboard = free_port()
+        ports = {"ROBO_PORT": str(port), "ROBO_DASHBOARD_PORT": str(self.dashboard)}
+        self._environment = {**ports, "ROBOT_NAME": "r1"}
 
     def __call__(self, *words: str, check: bool = True) -> str:
         environment = {**self._environment, "ROBO_IMAGE": self.image, "COMPOSE_PROFILES": self.profiles}
@@ -222,6 +226,20 @@ def test_a_second_robot_is_a_profile(project: Project, published: None) -> None:
     names = {json.loads(line)["node"] for line in listed.stdout.splitlines()}
     assert {"/r1/safety_monitor", "/r1_2/safety_monitor"} <= names
     assert len(names) == 12
+
+
+def test_the_dashboard_is_a_profile(project: Project, published: None) -> None:
+    del published
+    project.profiles = "dashboard"
+    project("up", "--wait", "--detach", "dashboard")
+    place = f"http://127.0.0.1:{project.dashboard}/"
+    with pytest.raises(urllib.error.HTTPError, match="401"):
+        urllib.request.urlopen(place, timeout=PATIENCE)
+    token = project("exec", "-T", "dashboard", "sh", "-c", "cat /var/lib/robo/*.tokens").split()[0]
+    assert token not in project("logs", "dashboard")
+    opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+    with opener.open(f"{place}?token={token}", timeout=PATIENCE) as page:
+        assert "<title>robo" in page.read().decode()
 
 
 def test_the_log_of_a_real_robot_is_a_profile(
