@@ -3,9 +3,13 @@
 `robo run A B --one-process` becomes this. Nodes end by themselves, and the process after the last one, or with Ctrl-C.
 """
 
+import signal
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it is handled: no traceback of half a start
+
 import argparse
 import queue
-import signal
 import sys
 import threading
 from collections.abc import Sequence
@@ -32,7 +36,6 @@ from robo.wire.network import Network
 
 def main() -> None:
     """Run the nodes, and exit with the largest of their exit codes."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # until it is handled: no traceback of half a start
     try:
         code = run(specs(sys.argv[1:]))
     except RoboError as error:

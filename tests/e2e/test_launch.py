@@ -125,7 +125,8 @@ def test_the_plan_as_data_and_as_text() -> None:
 
 def test_arguments_are_listed() -> None:
     text = run_robo("up", "simulation.yaml", "--show-args").stdout
-    assert re.search(r"^  viewer +choice, default none, one of none, position, rates, mujoco$", text, re.MULTILINE)
+    viewers = "none, position, rates, rerun, mujoco"
+    assert re.search(rf"^  viewer +choice, default none, one of {viewers}$", text, re.MULTILINE)
     listed = json.loads(run_robo("up", "replay.yaml", "--show-args", "--json").stdout)
     log = next(arg for arg in listed if arg["name"] == "log")
     assert (log["type"], log["required"], log["default"]) == ("path", False, "../logs/room.log.gz")

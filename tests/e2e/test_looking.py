@@ -79,7 +79,7 @@ def test_one_topic(robot: str) -> None:
     }
     assert ask(robot, "topic", "type", "/r1/odom") == "nav/Odometry\n"
     assert ask(robot, "topic", "find", "geometry/Twist").split() == [
-        f"r1/cmd_vel{one}" for one in ("", "_joy", "_key", "_mux", "_nav", "_raw")
+        f"r1/cmd_vel{one}" for one in ("", "_dashboard", "_joy", "_key", "_mux", "_nav", "_raw")
     ]
     assert ask(robot, "topic", "find", "nav/Path", code=1) == ""
     assert "did you mean r1/odom?" in run_robo("topic", "info", "r1/odm", "--connect", robot).stderr
