@@ -19,7 +19,16 @@ from robo.bridges.foxglove.layouts import VIEWERS, layout_of
 from robo.bridges.foxglove.offered import Ends, Numbers, graph_changes, offer, robots_drawn_into_one
 from robo.bridges.foxglove.outbox import MOST_BYTES_OF_ONE, MOST_BYTES_OF_WORDS, MOST_OF_ONE, MOST_WORDS, Full, Outbox
 from robo.bridges.foxglove.playback import Place
-from robo.bridges.foxglove.protocol import Call, Control, GetParameters, Publish, Subscribe, Unreadable, Wanted
+from robo.bridges.foxglove.protocol import (
+    Call,
+    Control,
+    GetParameters,
+    Offered,
+    Publish,
+    Subscribe,
+    Unreadable,
+    Wanted,
+)
 from robo.bridges.foxglove.publications import Publications, type_of
 from robo.bridges.foxglove.server import is_viewer
 from robo.bridges.foxglove.trail import MOST_POSES, STEP, Trail
@@ -279,6 +288,12 @@ def test_one_viewer_drives_and_each_is_told_to_stand_once() -> None:
     drivers.forget("r1/cmd_vel")
     drivers.leave("r1/cmd_vel", "two")
     assert drivers.is_to_stand("r1/cmd_vel", "two", 1.5)
+
+
+def test_a_topic_whose_name_would_end_the_process_is_refused() -> None:
+    publications = Publications(cast(Any, None), "viewer 1", Drivers(), lambda _: True)
+    with pytest.raises(MessageError, match="200 characters at most"):
+        publications.add(Offered(1, f"/{'x' * 60_000}/cmd_vel", "json", "geometry_msgs/Twist"))
 
 
 @pytest.mark.parametrize("name", ["geometry_msgs/msg/Twist", "geometry_msgs/Twist", "geometry/Twist"])

@@ -32,6 +32,8 @@ _URGENT = ("geometry/Twist", "geometry/TwistStamped", "std/Bool")
 """Of these types a message drives or stops something: it goes before all data."""
 MOST_TOPICS = 200
 """On which one client may publish."""
+_LONGEST_NAME = 200
+"""Of a topic, characters: Zenoh ends the process where an announcement becomes too long."""
 
 
 class _Publication(NamedTuple):
@@ -68,9 +70,11 @@ class Publications:
         """A client is going to publish.
 
         Raises:
-            MessageError: its type is not known here, or its encoding is not spoken.
+            MessageError: its type is not known here, its encoding is not spoken, or its topic is none to publish on.
             InvalidName: the topic's name breaks the rules.
         """
+        if len(offered.topic) > _LONGEST_NAME:
+            raise MessageError(f"{shown(offered.topic)} is too long for a topic: {_LONGEST_NAME} characters at most")
         key = names.key_of(offered.topic)
         if "*" in key or not offered.topic.strip("/"):
             raise MessageError(f"{shown(offered.topic)} names many topics: publish on one")
