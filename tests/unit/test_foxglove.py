@@ -2,8 +2,10 @@
 
 import asyncio
 import struct
+import threading
 from collections.abc import Iterator
 from contextlib import suppress
+from types import SimpleNamespace
 from typing import Any, cast
 
 import msgspec
@@ -30,6 +32,7 @@ from robo.bridges.foxglove.protocol import (
     Wanted,
 )
 from robo.bridges.foxglove.publications import Publications, type_of
+from robo.bridges.foxglove.publishing import Publishing
 from robo.bridges.foxglove.server import is_viewer
 from robo.bridges.foxglove.trail import MOST_POSES, STEP, Trail
 from robo.dashboard.lease import ZEROS
@@ -288,6 +291,57 @@ def test_one_viewer_drives_and_each_is_told_to_stand_once() -> None:
     drivers.forget("r1/cmd_vel")
     drivers.leave("r1/cmd_vel", "two")
     assert drivers.is_to_stand("r1/cmd_vel", "two", 1.5)
+
+
+class Panic(BaseException):
+    """As Zenoh's, which is no Exception."""
+
+
+class Panicking:
+    """Publications of which one panics as the network does."""
+
+    drives = False
+    closed = False
+
+    def stand_where_nothing_is_said(self) -> None:
+        """Nothing is driven."""
+
+    def publish(self) -> None:
+        raise Panic("of Zenoh's")
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def test_a_panic_of_the_network_ends_no_publishing_and_keeps_no_zeros() -> None:
+    publications, told, done = Panicking(), list[str](), threading.Event()
+    publishing = Publishing(cast(Any, publications), told.append)
+    assert publishing.do(publications.publish)
+    assert publishing.do(done.set)
+    assert done.wait(20)
+    assert "of Zenoh's" in told[0]
+    over = publishing.close()
+    assert over is not None
+    over.result(20)
+    assert publications.closed
+
+
+def test_a_topic_that_panics_as_the_client_goes_keeps_no_other_from_its_zeros() -> None:
+    closed = list[str]()
+
+    class Ending:
+        def __init__(self, key: str) -> None:
+            self.key = key
+
+        def close(self) -> None:
+            closed.append(self.key)
+            raise Panic("of Zenoh's")
+
+    publications = Publications(cast(Any, None), "viewer 1", Drivers(), lambda _: True)
+    for number, key in enumerate(("r1/cmd_vel", "r2/cmd_vel")):
+        publications._of[number] = cast(Any, SimpleNamespace(sender=Ending(key), key=key))
+    publications.close()
+    assert closed == ["r1/cmd_vel", "r2/cmd_vel"]
 
 
 def test_a_topic_whose_name_would_end_the_process_is_refused() -> None:

@@ -13,7 +13,7 @@ from robo.bag import types
 from robo.bridges.foxglove.calls import message_from
 from robo.bridges.foxglove.drivers import Drivers
 from robo.bridges.foxglove.protocol import Offered
-from robo.errors import MessageError, RoboError
+from robo.errors import MessageError
 from robo.interfaces import catalogue
 from robo.samples.publishing import Sender
 from robo.text.brief import shown
@@ -138,7 +138,7 @@ class Publications:
     def close(self) -> None:
         """The client is gone."""
         for channel in list(self._of):
-            with suppress(RoboError, zenoh.ZError):  # the network has been left; each is tried
+            with suppress(BaseException):  # the network has been left, or Zenoh panics; each is tried
                 self.remove(channel)
 
     def _why_not(self, key: str, now: float, age: float) -> str:

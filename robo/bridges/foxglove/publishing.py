@@ -77,9 +77,12 @@ class Publishing:
         try:
             while not self._over:
                 self._once()
-            self._publications.close()
         finally:
-            done.set_result(None)
+            self._over = True  # so that whoever asks for more is told
+            try:
+                self._publications.close()
+            finally:
+                done.set_result(None)
 
     def _once(self) -> None:
         with self._changed:
@@ -95,5 +98,6 @@ class Publishing:
             self._publications.stand_where_nothing_is_said()
         except (RoboError, zenoh.ZError) as error:
             self._refused(brief(str(error)))
-        except Exception as error:  # nobody has thought of it: the viewer hears of it, and publishes on
+        except BaseException as error:
+            # Nobody has thought of it, or Zenoh panics, which is no Exception: the viewer hears of it, and goes on.
             self._refused(brief(f"the bridge has failed: {type(error).__name__}: {error}"))
