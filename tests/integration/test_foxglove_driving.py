@@ -19,7 +19,7 @@ from robo.samples import publishing
 from robo.samples.stream import Stream
 from robo.web.access import Tokens
 from robo.wire.keys import parameters_key
-from robo_messages import SetBool, Trigger, Twist, TwistStamped
+from robo_messages import Bool, SetBool, Trigger, Twist, TwistStamped
 from tests.support import eventually
 
 viewers = pytest.importorskip("tests.viewers", reason="the extra foxglove is not installed")
@@ -136,6 +136,35 @@ def test_an_emergency_stop_waits_for_no_question_of_any_viewer(
             second.hears("parameterValues")
     stuck.undeclare()
     assert took < 0.7
+
+
+def test_a_robot_whose_stop_hangs_is_in_the_way_of_no_other_and_is_told_by_its_topic(
+    served: Any, other: zenoh.Session, safety: Safety
+) -> None:
+    del safety
+    let_go = threading.Event()
+
+    class Hanging(Node):
+        @service("emergency_stop")
+        def stop(self, _: Trigger.Request) -> Trigger.Response:
+            let_go.wait(30)
+            return Trigger.Response(True, "late")
+
+    with (
+        Hanging(namespace="r2", session=other),
+        closing(Stream(other, ["r2/emergency_stop"])) as topic,
+        served.viewer() as viewer,
+    ):
+        for number in range(8):
+            viewer.call("/r2/emergency_stop", NOTHING, call=number)
+        viewer.call("/r1/emergency_stop", b"{}", "json", call=9)
+        call, _, data = viewer.answer()
+        assert (call, msgspec.json.decode(data)) == (9, {"success": True, "message": "stopped"})
+        said = topic.get(time.monotonic() + 20)
+        assert said is not None
+        assert robo_messages.decode(said.sample.payload.to_bytes(), Bool) == Bool(True)
+        let_go.set()
+        assert {viewer.answer()[0] for _ in range(8)} == {*range(8)}
 
 
 def test_what_waits_for_the_network_is_in_the_way_of_no_stop_and_is_not_sent_once_the_viewer_is_gone(

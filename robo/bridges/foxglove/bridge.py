@@ -22,6 +22,7 @@ from robo.bridges.foxglove.playback import Place, Playback
 from robo.bridges.foxglove.presence import Presence
 from robo.bridges.foxglove.publications import Publications
 from robo.bridges.foxglove.watches import ParameterWatch
+from robo.dashboard.stops import Stops
 from robo.text.once import Once
 
 _SETTLE = 0.1
@@ -49,15 +50,13 @@ class Pools(NamedTuple):
 
     calls: ThreadPoolExecutor
     """What viewers ask for."""
-    stops: ThreadPoolExecutor
-    """Emergency stops: nothing else is in their way."""
     own: ThreadPoolExecutor
     """What the bridge does for all of them."""
 
     @classmethod
     def new(cls) -> "Pools":
         """Threads begin when they are needed."""
-        words = ("call", 16), ("stop", 32), ("own", 8)
+        words = ("call", 16), ("own", 8)
         return cls(*(ThreadPoolExecutor(count, f"robo-foxglove-{word}") for word, count in words))
 
     def close(self) -> None:
@@ -90,6 +89,8 @@ class Bridge:
         self.session = session
         self.pools = pools
         self.drivers = Drivers()
+        self.stops = Stops(session)
+        """Nothing else is in their way, nor that of one robot in another one's."""
         self.clients: set[Client] = set()
         self.offer: Offer = offer((), numbers := Numbers())
         self.covers = covers
@@ -212,6 +213,7 @@ class Bridge:
         wait(list(self._leaving), _END)  # while there still is a network by which robots are told to stand
         for part in (self.presence, self._watch, self.playback, self.feed):
             part.close()
+        self.stops.close()
 
     def _soon(self, work: Callable[..., None]) -> Callable[..., None]:
         """The same, to be called by any thread."""

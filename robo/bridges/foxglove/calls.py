@@ -10,6 +10,7 @@ import zenoh
 import robo_messages
 from robo.bridges.foxglove.offered import ServedService
 from robo.bridges.foxglove.protocol import Call, Parameter
+from robo.dashboard.requests import STOP
 from robo.errors import MessageError, NodeUnreachable, ParameterError, RoboError
 from robo.interfaces import catalogue, cdr
 from robo.interfaces.message_input import message_of
@@ -22,10 +23,12 @@ from robo.tools.replies import samples
 from robo.wire import codec, names
 from robo.wire.keys import NodeToken, parameters_key
 from robo.wire.qos import QoS
-from robo_messages import Message
+from robo_messages import Message, Trigger
 
 TIMEOUT = 5.0
 """How long a service may take, s."""
+_TRIGGER = "std/Trigger"
+"""The type of services that stop robots."""
 _FLOATS = {"float": "float64", "list[float]": "float64_array", "tuple[float, ...]": "float64_array"}
 """What viewers call types of which JSON does not tell that they are no whole numbers."""
 
@@ -49,6 +52,29 @@ def call(session: zenoh.Session, asked: Call, service: ServedService) -> bytes:
     except codec.Malformed as reason:
         raise MessageError(f"the answer of {service.key} cannot be read: {reason}") from None
     return robo_messages.encode_json(said) if asked.encoding == "json" else cdr.encoder(response)(said)
+
+
+def is_stop(service: ServedService) -> bool:
+    """Whether a service stops a robot: by its name and its type."""
+    return service.key.rpartition("/")[2] == STOP and service.type == _TRIGGER
+
+
+def stop_answer(asked: Call, said: object) -> bytes:
+    """What an emergency stop has answered.
+
+    Args:
+        asked: the call.
+        said: the answer, as plain data.
+
+    Returns:
+        It, in the encoding of the request.
+
+    Raises:
+        MessageError: it is no answer of a `Trigger`.
+    """
+    type_: type[Message] = Trigger.Response
+    answer = message_of(type_, said)
+    return robo_messages.encode_json(answer) if asked.encoding == "json" else cdr.encoder(type_)(answer)
 
 
 def refusal(asked: Call, service: ServedService, why: str) -> bytes | None:

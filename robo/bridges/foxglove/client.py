@@ -20,8 +20,8 @@ MOST_ASKED = 100
 """Calls and the like of one client that wait to be answered."""
 MOST_ASKED_BY_LOOKER = 4
 """The same, of one who may look and not drive."""
-MOST_STOPS = 4
-"""Emergency stops of one client, which wait apart."""
+MOST_STOPS = 20
+"""Emergency stops of one robot that one client waits for, apart from all else: whoever is in need presses often."""
 MOST_SUBSCRIPTIONS = 2_000
 _MOST_NAMED = 4
 """Topics beyond which no more are told that come late."""
@@ -60,8 +60,10 @@ class Client:
         self.watched: set[str] | None = set()
         """Parameters of which each change is wanted; None for all."""
         self.wants_all_parameters = False
-        self.asked = self.stops = 0
-        """Calls and the like that are not answered yet, and emergency stops."""
+        self.asked = 0
+        """Calls and the like that are not answered yet."""
+        self.stops: Counter[str] = Counter()
+        """Emergency stops that are not, by the key of the service."""
         self.fresh = time.monotonic()
         """What comes from it now was said later than this, s by the monotonic clock."""
         self.publications = publications

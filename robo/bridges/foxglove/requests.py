@@ -2,8 +2,8 @@
 
 import asyncio
 import time
+from collections import Counter
 from collections.abc import Awaitable, Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import TypeVar
 
@@ -35,8 +35,6 @@ from robo.text.brief import brief
 
 T = TypeVar("T")
 
-EMERGENCY_STOP = "emergency_stop"
-"""The name by which a service stops a robot: nothing else is in its way."""
 _MOST_WATCHED = 20_000
 """Parameters that one client may name."""
 
@@ -115,20 +113,20 @@ def _publish(client: Client, work: Callable[[], None], size: int = 0, *, always:
 def _later(bridge: Bridge, client: Client, asked: GetParameters | SetParameters | Call | Control) -> None:
     """Have something done that waits for others. Emergency stops are counted apart: no question is in their way."""
     service = bridge.service(asked.service) if isinstance(asked, Call) else None
-    stops = service is not None and service.key.rpartition("/")[2] == EMERGENCY_STOP
-    if stops and client.stops >= MOST_STOPS:
+    stops = service.key if service is not None and calls.is_stop(service) else ""
+    if stops and client.stops[stops] >= MOST_STOPS:
         _refuse(client, asked, "it is being asked for already", service)
         return
     if not stops and client.asked >= client.most_asked:
         _refuse(client, asked, f"{client.most_asked} questions of this viewer wait for an answer already", service)
         return
-    client.stops += stops
+    client.stops.update([stops] if stops else [])
     client.asked += not stops
 
     async def work() -> None:
         try:
             if isinstance(asked, Call):
-                await _call(bridge, client, asked, bridge.pools.stops if stops else bridge.pools.calls)
+                await _call(bridge, client, asked)
             else:
                 await _done(bridge, client, asked)
         except (RoboError, zenoh.ZError, LookupError) as error:
@@ -136,18 +134,21 @@ def _later(bridge: Bridge, client: Client, asked: GetParameters | SetParameters 
         except Exception as error:  # nobody has thought of it: the viewer that waits is told all the same
             _refuse(client, asked, brief(f"the bridge has failed: {type(error).__name__}: {error}"), service)
         finally:
-            client.stops -= stops
+            client.stops -= Counter([stops] if stops else [])
             client.asked -= not stops
 
     bridge.do(work())
 
 
-async def _call(bridge: Bridge, client: Client, asked: Call, pool: ThreadPoolExecutor) -> None:
+async def _call(bridge: Bridge, client: Client, asked: Call) -> None:
     service = bridge.offer.services.get(asked.service)
     if service is None:
         raise LookupError("this service is not there any more")
-    work = partial(calls.call, bridge.session, asked, service)
-    answer = await asyncio.get_running_loop().run_in_executor(pool, work)
+    if calls.is_stop(service):
+        answer = calls.stop_answer(asked, await bridge.stops.stop(service.key))
+    else:
+        work = partial(calls.call, bridge.session, asked, service)
+        answer = await asyncio.get_running_loop().run_in_executor(bridge.pools.calls, work)
     client.say(protocol.answer(asked, answer))
 
 
