@@ -5,7 +5,7 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from typing import Any
 
@@ -18,12 +18,14 @@ from robo import Node, ServiceError, service
 from robo.samples import publishing
 from robo.samples.stream import Stream
 from robo.web.access import Tokens
+from robo.wire import codec
 from robo.wire.keys import parameters_key
-from robo_messages import Bool, SetBool, Trigger, Twist, TwistStamped
+from robo_messages import Bool, DiagnosticStatus, KeyValue, SetBool, Trigger, Twist, TwistStamped
 from tests.support import eventually
 
 viewers = pytest.importorskip("tests.viewers", reason="the extra foxglove is not installed")
 
+from robo.bridges.foxglove.drivers import PAUSE  # noqa: E402
 from robo.bridges.foxglove.server import Settings  # noqa: E402 (its library may be missing)
 
 pytestmark = pytest.mark.timeout(60)
@@ -38,6 +40,10 @@ class Safety(Node):
     @service("emergency_stop")
     def stop(self, _: Trigger.Request) -> Trigger.Response:
         return Trigger.Response(True, "stopped")
+
+    @service("reset_emergency_stop")
+    def reset(self, _: Trigger.Request) -> Trigger.Response:
+        return Trigger.Response(True, "released")
 
     @service("lights")
     def lights(self, _: SetBool.Request) -> SetBool.Response:
@@ -257,6 +263,74 @@ def test_a_pad_that_is_let_go_stops_the_robot_and_a_viewer_that_goes_later_says_
         assert zeros(commands) >= 3
     eventually(lambda: any("is gone" in line for line in served.told), "the bridge lets it go")
     assert speed(commands, 0.5) is None
+
+
+def press(viewer: Any, _: zenoh.Session) -> None:
+    viewer.call("/r1/emergency_stop", NOTHING)
+    viewer.answer()
+
+
+def release(viewer: Any, _: zenoh.Session) -> None:
+    viewer.call("/r1/reset_emergency_stop", NOTHING)
+    viewer.answer()
+
+
+def ask_by_topic(_: Any, other: zenoh.Session) -> None:
+    other.put("r1/emergency_stop", robo_messages.encode(Bool(True)), encoding=codec.encoding_of(Bool))
+
+
+def tell_by_state(_: Any, other: zenoh.Session) -> None:
+    state = DiagnosticStatus(values=[KeyValue("reason", "emergency_stop")])
+    other.put("r1/safety_state", robo_messages.encode(state), encoding=codec.encoding_of(DiagnosticStatus))
+
+
+@pytest.mark.parametrize("stop", [press, release, ask_by_topic, tell_by_state])
+def test_a_pad_that_is_held_drives_no_more_after_a_stop_until_it_was_let_go(
+    served: Any, other: zenoh.Session, safety: Safety, commands: Stream, stop: Callable[[Any, zenoh.Session], None]
+) -> None:
+    del safety
+    with served.viewer() as viewer:
+        with holding(viewer):
+            while speed(commands) != 0.1:
+                pass
+            # Neither of these stops it.
+            other.put("r1/emergency_stop", robo_messages.encode(Bool(False)), encoding=codec.encoding_of(Bool))
+            other.put("r2/emergency_stop", robo_messages.encode(Bool(True)), encoding=codec.encoding_of(Bool))
+            other.put("r1/emergency_stop", b"?")
+            for _ in range(5):
+                while speed(commands) != 0.1:
+                    pass  # a zero, where the machine was busy
+            stop(viewer, other)
+            assert "let go" in viewer.hears("status", lambda one: "grip" in one["message"])["message"]
+            assert zeros(commands) >= 3
+            assert speed(commands, 0.5) is None
+
+        def takes_hold_anew() -> bool:
+            time.sleep(PAUSE + 0.5)  # nothing tells of a hand that is let go
+            with holding(viewer):
+                return speed(commands, 0.5) == 0.1
+
+        assert any(takes_hold_anew() for _ in range(8))
+
+
+@contextlib.contextmanager
+def holding(viewer: Any) -> Iterator[None]:
+    """A hand that holds the pad."""
+    offer(viewer)
+    let_go = threading.Event()
+
+    def command() -> None:
+        while not let_go.is_set():
+            viewer.send(twist(0.1))
+            let_go.wait(0.05)
+
+    thread = threading.Thread(target=command)
+    thread.start()
+    try:
+        yield
+    finally:
+        let_go.set()
+        thread.join()
 
 
 def test_two_viewers_do_not_drive_in_turns(served: Any, commands: Stream) -> None:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from robo.bridges.foxglove import protocol
 from robo.bridges.foxglove.calls import by_node, message_from, shown_parameter
 from robo.bridges.foxglove.client import Client, Subscription
-from robo.bridges.foxglove.drivers import Drivers
+from robo.bridges.foxglove.drivers import ENDED, PAUSE, Drivers
 from robo.bridges.foxglove.layouts import VIEWERS, layout_of
 from robo.bridges.foxglove.offered import Ends, Numbers, graph_changes, offer, robots_drawn_into_one
 from robo.bridges.foxglove.outbox import MOST_BYTES_OF_ONE, MOST_BYTES_OF_WORDS, MOST_OF_ONE, MOST_WORDS, Full, Outbox
@@ -280,7 +280,7 @@ def test_pages_of_viewers_and_of_this_machine_may_connect_and_no_others() -> Non
 def test_one_viewer_drives_and_each_is_told_to_stand_once() -> None:
     drivers = Drivers()
     assert drivers.command("r1/cmd_vel", "one", 0.0) == ""
-    assert drivers.command("r1/cmd_vel", "two", 0.5) == "one"
+    assert drivers.command("r1/cmd_vel", "two", 0.5) == "one drives"
     assert not drivers.is_to_stand("r1/cmd_vel", "one", 0.1)
     assert not drivers.is_over("r1/cmd_vel", "one")
     looks = [0.6 + 0.05 * number for number in range(ZEROS + 1)]
@@ -291,6 +291,35 @@ def test_one_viewer_drives_and_each_is_told_to_stand_once() -> None:
     drivers.forget("r1/cmd_vel")
     drivers.leave("r1/cmd_vel", "two")
     assert drivers.is_to_stand("r1/cmd_vel", "two", 1.5)
+
+
+def held(drivers: Drivers, at: float, *, delay: float = 0.0, key: str = "r1/cmd_vel") -> str:
+    """Why a command is refused that comes at a time, and may have been said a while before."""
+    drivers.hold(key, "one", at - delay, at)
+    return drivers.command(key, "one", at)
+
+
+def test_a_grip_that_a_stop_has_ended_counts_no_more_until_it_was_let_go() -> None:
+    drivers = Drivers()
+    for key in ("r1/cmd_vel", "r1/arm/cmd_vel", "r10/cmd_vel"):
+        assert held(drivers, 0.0, key=key) == ""
+    drivers.end("r1", 0.1)
+    assert drivers.is_to_stand("r1/cmd_vel", "one", 0.1)
+    assert held(drivers, 0.2, key="r10/cmd_vel") == ""
+    assert held(drivers, 0.2, key="r1/arm/cmd_vel") == ENDED
+    assert [held(drivers, at) for at in (0.2, 1.2, 2.2)] == [ENDED] * 3, "a pad that speaks once a second is held"
+    assert held(drivers, 2.2 + PAUSE + 0.1, delay=0.2) == ENDED, "a link that was held up is no pause"
+    assert held(drivers, 2.4 + 2 * PAUSE) == ""
+
+
+def test_a_grip_that_may_have_begun_before_a_stop_is_ended_by_it() -> None:
+    drivers = Drivers()
+    drivers.end("r1", 1.0)
+    assert held(drivers, 1.1, delay=0.2) == ENDED
+    assert held(drivers, 1.1, delay=0.2, key="r2/cmd_vel") == ""
+    drivers.end("", 2.0)
+    assert held(drivers, 2.1, key="r2/cmd_vel") == ENDED
+    assert held(drivers, 2.1, delay=0.05, key="r3/cmd_vel") == ""
 
 
 class Panic(BaseException):

@@ -15,14 +15,13 @@ from robo.bridges.foxglove.about import About
 from robo.bridges.foxglove.audience import Audience
 from robo.bridges.foxglove.calls import all_parameters
 from robo.bridges.foxglove.client import Client
-from robo.bridges.foxglove.drivers import Drivers
+from robo.bridges.foxglove.driving import Driving
 from robo.bridges.foxglove.feed import Delivery, Feed
 from robo.bridges.foxglove.offered import Numbers, Offer, ServedService, Topic, offer, robots_drawn_into_one
 from robo.bridges.foxglove.playback import Place, Playback
 from robo.bridges.foxglove.presence import Presence
 from robo.bridges.foxglove.publications import Publications
 from robo.bridges.foxglove.watches import ParameterWatch
-from robo.dashboard.stops import Stops
 from robo.text.once import Once
 
 _SETTLE = 0.1
@@ -88,9 +87,7 @@ class Bridge:
         """
         self.session = session
         self.pools = pools
-        self.drivers = Drivers()
-        self.stops = Stops(session)
-        """Nothing else is in their way, nor that of one robot in another one's."""
+        self.driving = Driving(session, covers)
         self.clients: set[Client] = set()
         self.offer: Offer = offer((), numbers := Numbers())
         self.covers = covers
@@ -123,7 +120,7 @@ class Bridge:
     def join(self, *, drives: bool, knows_playback: bool) -> Client:
         """A viewer has connected."""
         name = f"viewer {next(self._names)}"
-        publications = Publications(self.session, name, self.drivers, self.covers)
+        publications = Publications(self.session, name, self.driving.drivers, self.covers)
         client = Client(name, publications, drives=drives, knows_playback=knows_playback)
         client.say(self._about.info(client))
         client.offer(None, self.offer)
@@ -211,9 +208,8 @@ class Bridge:
         for client in list(self.clients):
             self.leave(client)
         wait(list(self._leaving), _END)  # while there still is a network by which robots are told to stand
-        for part in (self.presence, self._watch, self.playback, self.feed):
+        for part in (self.presence, self._watch, self.playback, self.feed, self.driving):
             part.close()
-        self.stops.close()
 
     def _soon(self, work: Callable[..., None]) -> Callable[..., None]:
         """The same, to be called by any thread."""

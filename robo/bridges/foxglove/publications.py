@@ -104,7 +104,8 @@ class Publications:
 
         Raises:
             MessageError: it is none of its topic, the topic has not been offered, or it is a command that is too old
-                or of one who does not drive. Of commands the first one that is refused is told, and not each.
+                or of one who does not drive, or whose grip was ended. Of commands the first one that is refused is
+                told, and not each.
         """
         found = self._of.get(channel)
         if found is None:
@@ -112,6 +113,7 @@ class Publications:
         message = message_from(found.type, found.encoding, data)
         if isinstance(message, Twist | TwistStamped) and not _is_zero(message):
             now = time.monotonic()
+            self._drivers.hold(found.key, self._who, came - age, came)
             if why := self._why_not(found.key, now, now - came + age):
                 if self._refused.get(found.key) == why:
                     return
@@ -145,8 +147,8 @@ class Publications:
         """Why a robot may not be told to move now; empty where it may."""
         if age > MOST_AGE:
             return f"/{key}: commands come too late: the link of this viewer or the network is held up"
-        driver = self._drivers.command(key, self._who, now)
-        return f"/{key}: {driver} drives" if driver else ""
+        why = self._drivers.command(key, self._who, now)
+        return f"/{key}: {why}" if why else ""
 
     def _leave(self, key: str) -> None:
         self._drivers.leave(key, self._who)

@@ -30,6 +30,7 @@ from robo.bridges.foxglove.protocol import (
     WatchGraph,
     WatchParameters,
 )
+from robo.dashboard.requests import RESET, STOP
 from robo.errors import RoboError
 from robo.text.brief import brief
 
@@ -114,6 +115,7 @@ def _later(bridge: Bridge, client: Client, asked: GetParameters | SetParameters 
     """Have something done that waits for others. Emergency stops are counted apart: no question is in their way."""
     service = bridge.service(asked.service) if isinstance(asked, Call) else None
     stops = service.key if service is not None and calls.is_stop(service) else ""
+    _end_grips(bridge, service)
     if stops and client.stops[stops] >= MOST_STOPS:
         _refuse(client, asked, "it is being asked for already", service)
         return
@@ -136,8 +138,17 @@ def _later(bridge: Bridge, client: Client, asked: GetParameters | SetParameters 
         finally:
             client.stops -= Counter([stops] if stops else [])
             client.asked -= not stops
+            _end_grips(bridge, service)  # those as well that began while the robot was stopped
 
     bridge.do(work())
+
+
+def _end_grips(bridge: Bridge, service: ServedService | None) -> None:
+    """Where a robot is to stop, or was stopped and may move again, whoever holds it must take hold anew."""
+    if service is not None:
+        robot, _, name = service.key.rpartition("/")
+        if name in (STOP, RESET):
+            bridge.driving.drivers.end(robot, time.monotonic())
 
 
 async def _call(bridge: Bridge, client: Client, asked: Call) -> None:
@@ -145,7 +156,7 @@ async def _call(bridge: Bridge, client: Client, asked: Call) -> None:
     if service is None:
         raise LookupError("this service is not there any more")
     if calls.is_stop(service):
-        answer = calls.stop_answer(asked, await bridge.stops.stop(service.key))
+        answer = calls.stop_answer(asked, await bridge.driving.stops.stop(service.key))
     else:
         work = partial(calls.call, bridge.session, asked, service)
         answer = await asyncio.get_running_loop().run_in_executor(bridge.pools.calls, work)
