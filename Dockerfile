@@ -42,6 +42,8 @@ ENV PATH=/opt/robo/bin:$PATH \
     XDG_STATE_HOME=/tmp
 USER robo
 WORKDIR /home/robo
+# As Ctrl-C ends it: what else runs in a container than nodes may listen to this one alone.
+STOPSIGNAL SIGINT
 ENTRYPOINT ["tini", "-g", "--", "robo"]
 CMD ["up"]
 HEALTHCHECK --interval=5s --timeout=3s --start-period=10s --retries=3 CMD ["robo", "health"]

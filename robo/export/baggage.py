@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from robo.export.names import slug, take
@@ -75,9 +75,16 @@ class Project:
 class Baggage:
     """What one container gets along of its project: files as configs, folders as volumes that it cannot write."""
 
-    def __init__(self, project: Project, names: Placeholders) -> None:
+    def __init__(self, project: Project, names: Placeholders, shown: Callable[[str], str] | None = None) -> None:
+        """
+        Args:
+            project: whose files they are.
+            names: the words that stand for variables.
+            shown: a text with its variables as the system has them; by default as Compose has.
+        """
         self._project = project
         self._names = names
+        self._shown = shown or names.shown
         self._files: dict[str, str] = {}
         self._volumes: dict[str, str] = {}
 
@@ -120,7 +127,7 @@ class Baggage:
             return packaged
         within = self._project.within(path)
         if within is None or not path.is_dir():
-            return self._names.shown(folder)
+            return self._shown(folder)
         target = os.path.normpath(f"{PROJECT}/{within}")
         self._volumes[self._project.source(path)] = target
         return target
@@ -132,7 +139,7 @@ class Baggage:
         folder, named = self._names.parted(value)
         # Below other folders a container has files of its own.
         if named and os.path.isabs(folder) and self._project.has(Path(os.path.abspath(folder))):
-            source = self._names.shown(named)
+            source = self._shown(named)
             self._volumes[source] = f"{FILES}/{slug(source.partition(':')[0]).strip('_').lower()}"
             return self._volumes[source]
         if os.path.isabs(value) and Path(value).is_file():

@@ -102,21 +102,30 @@ class Commands:
             environment[SPEC_VARIABLE] = self._shown(spec.as_json())
         return environment | {name: self._shown(value) for name, value in process.env.items()}
 
+    def alive(self, process: ProcessPlan) -> list[str]:
+        """The command that tells whether a node is well, as long as it runs; none where nothing does."""
+        return ["robo", "health", self._shown(process.full_name)] if told_by_token(process) else []
+
     def health(self, process: ProcessPlan, baggage: Baggage) -> list[str]:
-        """The command that tells whether a process is well, by all that its manifest names; none where nothing does."""
+        """The command that tells whether a process is ready, by all of `checks`; none where nothing does."""
+        commands = self.checks(process, baggage)
+        if len(commands) > 1:
+            return ["sh", "-c", " && ".join(map(shlex.join, commands))]
+        return commands[0] if commands else []
+
+    def checks(self, process: ProcessPlan, baggage: Baggage) -> list[list[str]]:
+        """The commands that tell, all of them, whether a process is ready: by all that its manifest names."""
         ready = process.ready
         commands: list[list[str]] = []
-        if told_by_token(process):
-            commands.append(["robo", "health", self._shown(process.full_name)])
+        if alive := self.alive(process):
+            commands.append(alive)
         if ready.port is not None:
             host, _, port = ready.port.rpartition(":")
             address = self._shown(repr((host.strip("[]"), int(port))))
             commands.append(["python", "-c", f"import socket; socket.create_connection({address}, 1)"])
         if ready.probe:
             commands.append(self.words(ready.probe, process, baggage))
-        if len(commands) > 1:
-            return ["sh", "-c", " && ".join(map(shlex.join, commands))]
-        return commands[0] if commands else []
+        return commands
 
 
 def told_by_token(process: ProcessPlan) -> bool:

@@ -11,9 +11,9 @@ def slug(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9_]", "_", text)
 
 
-def take(name: str, taken: set[str]) -> str:
+def take(name: str, taken: set[str], joint: str = "_") -> str:
     """A name, or the first of name_2, name_3 … that is not taken; it is then."""
-    free = next(one for one in chain([name], (f"{name}_{number}" for number in count(2))) if one not in taken)
+    free = next(one for one in chain([name], (f"{name}{joint}{number}" for number in count(2))) if one not in taken)
     taken.add(free)
     return free
 

@@ -4,6 +4,7 @@ While a plan is worked out a word stands in for each of them; in the exported te
 """
 
 import re
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 _WORD = re.compile(r"zz_robo_(\d+)_zz")
@@ -19,8 +20,18 @@ class Variable(NamedTuple):
 class Placeholders:
     """The words that stand in for variables."""
 
-    def __init__(self) -> None:
+    def __init__(self, always: Collection[str] = ()) -> None:
+        """
+        Args:
+            always: variables that are words even where their default is no text, since nobody may see it.
+        """
+        self._always = always
         self._variables: list[Variable] = []
+
+    @property
+    def variables(self) -> Sequence[Variable]:
+        """All variables that there is a word for."""
+        return tuple(self._variables)
 
     def word(self, variable: str, default: str | None) -> str:
         """A word for a variable: a valid name, so that it may stand wherever the value may."""
@@ -33,7 +44,7 @@ class Placeholders:
         """What `${env:NAME}` in a manifest is: a word, or the default where that is no text."""
         from robo.parameters.words import parse_value
 
-        if default is not None and not isinstance(parse_value(default), str):
+        if default is not None and variable not in self._always and not isinstance(parse_value(default), str):
             return default
         return self.word(variable, default)
 

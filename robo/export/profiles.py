@@ -1,6 +1,6 @@
 """A manifest as other systems can hold it: what always runs, and what an argument adds that is switched on later."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import msgspec
@@ -27,7 +27,7 @@ class Profiles(msgspec.Struct, frozen=True):
     """By full name, the types of the parameters that a node class declares."""
 
 
-def profiles_of(file: Path, given: Mapping[str, object], robot: str | None) -> Profiles:
+def profiles_of(file: Path, given: Mapping[str, object], robot: str | None, secrets: Collection[str] = ()) -> Profiles:
     """The plan of a manifest, and what each argument that is false by default adds when it is true.
 
     An argument that changes anything else makes no profile: of its processes none can be switched on by itself.
@@ -36,11 +36,12 @@ def profiles_of(file: Path, given: Mapping[str, object], robot: str | None) -> P
         file: the manifest.
         given: values of its arguments.
         robot: its name; None where it is to be a variable.
+        secrets: variables of which no default is to stand in the export.
 
     Raises:
         ManifestError: the manifest has mistakes.
     """
-    names = Placeholders()
+    names = Placeholders(secrets)
 
     def read(arguments: Mapping[str, object], robot: str | None) -> Resolution:
         return resolve.resolve(file, arguments, robot=robot, environment=names.environment)

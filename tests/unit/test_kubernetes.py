@@ -133,6 +133,7 @@ def test_nodes_of_a_pod_meet_by_sockets_and_start_after_the_router() -> None:
     assert router["restartPolicy"] == "Always"
     assert "unixsock-stream//run/robo/router.sock" in router["args"]
     assert router["startupProbe"]["exec"]["command"] == ["robo", "health"]
+    assert {port["containerPort"] for port in router["ports"]} == {7447}
     volumes = {volume["name"]: volume.get("emptyDir") for volume in pod["volumes"]}
     assert volumes["run"]["medium"] == volumes["shared-memory"]["medium"] == "Memory"
     for container in pod["containers"]:
@@ -152,7 +153,7 @@ def test_processes_by_themselves_reach_the_router_by_its_service() -> None:
             assert environment_of(container)["ROBO_MODE"] == "client"
     (policy,) = (one for one in objects_of(found) if one["kind"] == "NetworkPolicy")
     ports = [{port["port"] for port in rule["ports"]} for rule in policy["spec"]["egress"]]
-    assert ports == [{7447}, {53}, {7448}]
+    assert ports == [{7447}, {53, 5353}, {7448}]
     kinds = {one["spec"]["strategy"]["type"] for one in objects_of(found) if one["kind"] == "Deployment"}
     assert kinds == {"Recreate"}, "two of a process never run at once"
 
@@ -194,18 +195,94 @@ def test_variables_of_the_manifest_are_settings_or_secrets() -> None:
     assert settings["data"] == {"PORT": "a", "ROBOT_NAME": "my_robot"}
     assert found.unknown == ["WHERE"]
     assert found.secret == ["TOKEN"]
-    assert by_name["TOKEN"].get("value") == "$(TOKEN)" or "secretKeyRef" in by_name["TOKEN"]["valueFrom"]
+    assert by_name["TOKEN"]["valueFrom"] == {"secretKeyRef": {"name": "settings", "key": "TOKEN"}}
+    assert len(by_name) == len(container["env"]), "no name stands twice: some appliers refuse that, others lose both"
+
+
+@pytest.mark.usefixtures("_in_a_folder")
+def test_a_secret_stands_nowhere() -> None:
+    manifest = of_nodes('web: {run: [serve, "${env:PIN:-1234}"]}')
+    profiles = profiles_of(manifest, {}, None, ["PIN"])
+    found = kubernetes.export(profiles, POD._replace(secrets=frozenset({"PIN"})), folder=Path.cwd(), made_by="a test")
+    assert "1234" not in "".join(found.files.values())
+    assert containers_of(found)["web"]["args"] == ["serve", "$(PIN)"]
+    with pytest.raises(UsageError, match=r"PIM.*asks for .*PIN"):
+        kubernetes.export(profiles, POD._replace(secrets=frozenset({"PIM"})), folder=Path.cwd(), made_by="a test")
+
+
+@pytest.mark.usefixtures("_in_a_folder")
+def test_one_name_for_two_things_is_refused() -> None:
+    with pytest.raises(UsageError, match="MODE"):
+        exported(of_nodes('web: {run: [serve, "${env:MODE:-a}"], env: {MODE: b}}'))
+
+
+@pytest.mark.usefixtures("_in_a_folder")
+def test_words_that_others_read_otherwise_are_quoted() -> None:
+    words = ["y", "N", "1e3", "0x1F", "+.5e1", "1_000", "1.", "on", "null", "~", "0o17", "12:30:45"]
+    found = exported(of_nodes(f"web: {{run: {json.dumps(['serve', *words])}}}"), Wishes("robo:1234e56"))
+    texts = "".join(found.files.values())
+    assert containers_of(found)["web"]["args"] == ["serve", *words]
+    for word in (*words, "1234e56"):
+        assert re.search(rf"""(- |: )['"]{re.escape(word)}['"]\n""", texts), word
+
+
+@pytest.mark.parametrize(
+    ("image", "said"),
+    [
+        ("robo", {"name": "robo", "newTag": "latest"}),
+        ("host:5000/robo", {"name": "host:5000/robo", "newTag": "latest"}),
+        ("host:5000/robo:1.2", {"name": "host:5000/robo", "newTag": "1.2"}),
+        ("robo@sha256:aaaa", {"name": "robo", "digest": "sha256:aaaa"}),
+    ],
+)
+def test_an_overlay_says_which_image(image: str, said: dict[str, str]) -> None:
+    found = exported(ROBOT, Wishes(image))
+    assert yaml.safe_load(found.files["overlays/example/kustomization.yaml"])["images"] == [said]
+
+
+@pytest.mark.usefixtures("_in_a_folder")
+def test_what_tells_of_the_start_kills_no_node_later() -> None:
+    manifest = of_nodes(
+        "base: {service: robo_services.diff_drive_sim, ready: {probe: [test, -e, /tmp/there], port: 8080}}",
+        "web: {run: [serve], ready: {port: 8080}}",
+    )
+    containers = containers_of(exported(manifest))
+    assert "test -e /tmp/there" in containers["base"]["startupProbe"]["exec"]["command"][-1]
+    assert "robo health" in containers["base"]["livenessProbe"]["exec"]["command"][-1]
+    assert "8080" not in str(containers["base"]["livenessProbe"])
+    assert "livenessProbe" not in containers["web"]
+
+
+@pytest.mark.parametrize("robot", ["settings", "namespace", "kustomization"])
+def test_a_robot_may_be_called_as_a_file(robot: str) -> None:
+    kinds = [one["kind"] for one in objects_of(exported(ROBOT, robot=robot))]
+    assert sorted(kinds) == ["ConfigMap", "ConfigMap", "Namespace", "NetworkPolicy", "Service", "StatefulSet"]
+
+
+@pytest.mark.usefixtures("_in_a_folder")
+def test_no_two_containers_are_called_alike() -> None:
+    names = ("a", "A", "a_2", "a_2_2", "x" * 90, "x" * 91)
+    found = containers_of(exported(of_nodes(*(f"{name}: {{run: [serve]}}" for name in names))))
+    assert len(found) == len(names) + 1
+    assert all(NAME.fullmatch(name) and len(name) <= 52 for name in found)
+
+
+@pytest.mark.usefixtures("_in_a_folder")
+def test_nothing_is_filled_in_where_a_command_runs() -> None:
+    web = containers_of(exported(of_nodes("web: {run: [serve], cwd: /opt/b$c}")))["web"]
+    assert web["workingDir"] == "/opt/b$c"
+    with pytest.raises(UsageError, match="cwd"):
+        exported(of_nodes('web: {run: [serve], cwd: "/opt/${env:X:-x}"}'))
 
 
 def test_a_probe_has_a_shell_fill_in_what_kubernetes_does_not() -> None:
     names = Placeholders()
     variables = Variables(names, frozenset())
     word = names.word("WHO", "it's")
-    assert variables.probe(["robo", "health"]) == ["robo", "health"]
-    assert variables.probe([variables.shown("cost: 5$ (five)")]) == ["cost: 5$ (five)"]
-    command = variables.probe(
-        [sys.executable, "-c", "import sys; print(sys.argv[1:])", variables.shown(f"/{word}/a b$(c)'")]
-    )
+    assert variables.probe([["robo", "health"]]) == ["robo", "health"]
+    assert variables.probe([[variables.shown("cost: 5$ (five)")]]) == ["cost: 5$ (five)"]
+    words = [sys.executable, "-c", "import sys; print(sys.argv[1:])", variables.shown(f"/{word}/a b$(c)'")]
+    command = variables.probe([["test", "-n", variables.shown(word)], words])
     done = subprocess.run(command, capture_output=True, text=True, env={"WHO": "it's; me"}, check=True, timeout=30)
     assert done.stdout.strip() == repr(["/it's; me/a b$(c)'"])
 
@@ -234,10 +311,14 @@ def test_files_come_along_and_what_is_too_large_is_told() -> None:
 @pytest.mark.usefixtures("_in_a_folder")
 def test_what_has_no_word_is_told() -> None:
     manifest = of_nodes(
-        "a: {service: robo_services.diff_drive_sim, restart: never, required: true}",
+        "a: {service: robo_services.diff_drive_sim, restart: never, required: true, stop: TERM, ready: {log: up}, "
+        "priority: 5}",
         "b: {service: robo_services.position_tracker, needs: {a: ready}}",
     )
-    assert exported(manifest).left_out == ["a: restart: never, required", "b: restart: never, needs: a ready"]
+    assert exported(manifest).left_out == [
+        "a: restart: never, required, stop: TERM, ready: log, priority",
+        "b: restart: never, needs: a ready",
+    ]
 
 
 def test_several_robots_are_exported_one_by_one() -> None:
@@ -248,7 +329,7 @@ def test_several_robots_are_exported_one_by_one() -> None:
 def test_it_is_written_as_a_folder_and_the_same_each_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     export_kubernetes([str(ROBOT)], POD, robot=None, output=tmp_path / "k8s")
     written = {str(path.relative_to(tmp_path / "k8s")): path.read_text() for path in (tmp_path / "k8s").rglob("*.yaml")}
-    assert set(written) >= {"base/kustomization.yaml", "base/robot.yaml", "overlays/example/kustomization.yaml"}
+    assert set(written) >= {"base/kustomization.yaml", "base/workload.yaml", "overlays/example/kustomization.yaml"}
     assert "kubectl apply -k" in capsys.readouterr().err
     export_kubernetes([str(ROBOT)], POD, robot=None, output=tmp_path / "k8s")
     assert {path: (tmp_path / "k8s" / path).read_text() for path in written} == written

@@ -2,7 +2,7 @@
 
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from robo.cli.launch.words import DEFAULT_MANIFEST, manifest_file
@@ -68,8 +68,8 @@ def export_kubernetes(words: Sequence[str], wishes: Wishes, *, robot: str | None
         ManifestError: the manifest has mistakes.
         UsageError: the words make no sense, or a file cannot be written.
     """
-    profiles = _profiles_of(words, robot)
-    made_by = f"robo export kubernetes {shlex.join(words)}".rstrip()
+    profiles = _profiles_of(words, robot, wishes.secrets)
+    made_by = " ".join(f"robo export kubernetes {shlex.join([*words, *wishes.words(robot)])}".split())
     found = kubernetes.export(profiles, wishes, folder=output or Path.cwd(), made_by=made_by)
     for left_out in found.left_out:
         note(f"left out, Kubernetes has no word for it: {left_out}")
@@ -77,7 +77,7 @@ def export_kubernetes(words: Sequence[str], wishes: Wishes, *, robot: str | None
         note(f"say what {name} is: a key of the ConfigMap `settings`, or --secret {name}")
     if found.secret:
         literals = " ".join(f"--from-literal={name}=…" for name in found.secret)
-        note(f"it needs a Secret: kubectl create secret generic settings {literals}")
+        note(f"it needs a Secret: kubectl -n {found.namespace} create secret generic settings {literals}")
     if output is None:
         sys.stdout.write("---\n".join(found.objects))
         return
@@ -95,9 +95,9 @@ def export_dockerfile() -> None:
     sys.stdout.write(dockerfile.TEXT)
 
 
-def _profiles_of(words: Sequence[str], robot: str | None) -> Profiles:
+def _profiles_of(words: Sequence[str], robot: str | None, secrets: Collection[str] = ()) -> Profiles:
     files, values = sorted_out(words)
     if len(files) > 1 or not all(map(names_manifest, files)):
         raise UsageError("name one manifest, and arguments as name:=value")
     given = {name: Word(value) for name, value in values.items()}
-    return profiles_of(manifest_file(files[0] if files else DEFAULT_MANIFEST), given, robot)
+    return profiles_of(manifest_file(files[0] if files else DEFAULT_MANIFEST), given, robot, secrets)

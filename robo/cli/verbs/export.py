@@ -52,8 +52,8 @@ def export_compose(
     verbs,
     "kubernetes",
     "robo export kubernetes robot.yaml -o k8s",
-    "robo export kubernetes robot.yaml --robot-name r1 | kubectl apply -f -",
-    "robo export kubernetes launch/perception.yaml --deployments --connect tcp/192.168.1.20:7447 -o k8s",
+    "robo export kubernetes robot.yaml --robot-name r1 > r1.yaml",
+    "robo export kubernetes robot.yaml --deployments --connect tcp/192.168.1.20:7447 -o k8s",
 )
 def export_kubernetes(
     words: Annotated[

@@ -1,9 +1,11 @@
 """Containers of a pod: the router, nodes and commands. Plain data."""
 
+import math
 from pathlib import PurePosixPath
 from typing import Any
 
 from robo.environment import LISTEN_VARIABLE, MEMORY_VARIABLE, SHARED_MEMORY_VARIABLE
+from robo.errors import UsageError
 from robo.export.baggage import FILES, Baggage, Project
 from robo.export.commands import DASHBOARD, DASHBOARD_PORT, Commands
 from robo.export.kubernetes.variables import Variables
@@ -22,11 +24,19 @@ MEMORY = "/var/lib/robo"
 
 _INIT = ("tini", "-g", "--")
 _RESOURCES: Object = {"requests": {"cpu": "50m", "memory": "64Mi"}, "limits": {"memory": "256Mi"}}
+_ROUTER = 60.0
+"""How long a router may take to be there, s."""
+_STARTS = 2
+"""How often it is asked whether a node is ready, s: each time a Python starts."""
+_ANSWER = 6
+"""How long that may take, s."""
 _PERIOD = 10
 _PATIENCE = 6
 """How often a process may say that it is ill before it is started again: one minute. It is asked by way of the router,
 and a router that comes back within that time has no node started again."""
 _FOR_EVER = 86_400.0
+_LONGEST = 48
+"""Of a name, letters: a StatefulSet may have 52 (kubernetes#64023), and a number may follow."""
 
 
 class Containers:
@@ -63,13 +73,13 @@ class Containers:
         words += ["--listen", f"tcp/0.0.0.0:{PORT}"]
         for endpoint in connect:
             words += ["--connect", endpoint]
-        probe = {"exec": {"command": ["robo", "health"]}}
+        health = ["robo", "health"]
         return {
             **self._common(ROUTER, words),
             "env": self._variables.environment(),
             "ports": [{"name": "zenoh", "containerPort": PORT}],
-            "startupProbe": {**probe, "periodSeconds": 1, "timeoutSeconds": 3, "failureThreshold": 30},
-            "livenessProbe": {**probe, "periodSeconds": _PERIOD, "timeoutSeconds": 3},
+            "startupProbe": {**self._startup(health, _ROUTER), "periodSeconds": 1},
+            "livenessProbe": self._liveness(health),
             "volumeMounts": _mounts(self._places()),
         }
 
@@ -84,7 +94,7 @@ class Containers:
             router: the endpoint of its robot's.
             names: the words in the plan that stand for variables.
         """
-        baggage = Baggage(self._project, names)
+        baggage = Baggage(self._project, names, self._variables.shown)
         more: Object = {}
         if process.service is not None:
             words = self._commands.of_node(process, baggage)
@@ -94,7 +104,7 @@ class Containers:
         else:
             words = self._commands.words(process.command(), process, baggage)
             more["command"] = list(_INIT)
-        health = self._commands.health(process, baggage)
+        checks = self._commands.checks(process, baggage)
         environment = self._commands.environment(process, router, "peer" if self._together else "client")
         places = self._places()
         if self._together and process.service is not None:
@@ -105,26 +115,37 @@ class Containers:
             environment[MEMORY_VARIABLE] = MEMORY
             places["memory"] = MEMORY
         if process.cwd is not None:
-            more["workingDir"] = baggage.folder(process.cwd)
+            more["workingDir"] = self._folder(baggage.folder(process.cwd))
         if process.service == DASHBOARD:
             more["ports"] = [{"name": "dashboard", "containerPort": DASHBOARD_PORT}]
-        if health:
-            more |= self._probes(self._variables.probe(health), process.ready.timeout)
+        if checks:
+            more["startupProbe"] = self._startup(self._variables.probe(checks), process.ready.timeout)
+        if alive := self._commands.alive(process):
+            # What else tells that a node is ready need not be so for ever.
+            more["livenessProbe"] = self._liveness(self._variables.probe([alive]))
         self._tell(process, baggage)
         files = _files(name, baggage)
         container = {
             **self._common(name, words),
             # Variables first: what comes after may refer to them.
-            "env": [
-                *self._variables.environment(),
-                *({"name": key, "value": value} for key, value in environment.items()),
-            ],
+            "env": self._environment(environment),
             **more,
             "volumeMounts": _mounts(places),
         }
         if files is not None:
             container["volumeMounts"].append({"name": files["name"], "mountPath": FILES, "readOnly": True})
         return container, files
+
+    def _environment(self, own: dict[str, str]) -> list[Object]:
+        """The variables that are filled in, and what the process finds beside them; no name stands twice."""
+        for name in self._variables.here & own.keys():
+            if own[name] != f"$({name})":
+                raise UsageError(
+                    f"the variable {name} of this machine, and what `env` says {name} is for a process, are two things "
+                    "of one name, and a container has only one"
+                )
+            del own[name]
+        return [*self._variables.environment(), *({"name": key, "value": value} for key, value in own.items())]
 
     def _common(self, name: str, words: list[str]) -> Object:
         return {
@@ -142,42 +163,49 @@ class Containers:
     def _places(self) -> dict[str, str]:
         return {"tmp": "/tmp"} | ({"run": RUN} if self._together else {})
 
-    def _probes(self, command: list[str], timeout: float) -> Object:
-        probe = {"exec": {"command": command}}
+    def _folder(self, path: str) -> str:
+        """A folder to run in: nothing is filled in there."""
+        if "$(" in path.replace("$$", ""):
+            raise UsageError(f"cwd {path}: Kubernetes fills in no variable there; say the folder")
+        return path.replace("$$", "$")
+
+    def _startup(self, command: list[str], timeout: float) -> Object:
+        tries = max(1, math.ceil((timeout or _FOR_EVER) / _STARTS))
         return {
-            "startupProbe": {
-                **probe,
-                "periodSeconds": 1,
-                "timeoutSeconds": 3,
-                "failureThreshold": max(1, round(timeout or _FOR_EVER)),
-            },
-            "livenessProbe": {
-                **probe,
-                "periodSeconds": _PERIOD,
-                "timeoutSeconds": 3,
-                "failureThreshold": _PATIENCE,
-            },
+            "exec": {"command": command},
+            "periodSeconds": _STARTS,
+            "timeoutSeconds": _ANSWER,
+            "failureThreshold": tries,
+        }
+
+    def _liveness(self, command: list[str]) -> Object:
+        return {
+            "exec": {"command": command},
+            "periodSeconds": _PERIOD,
+            "timeoutSeconds": _ANSWER,
+            "failureThreshold": _PATIENCE,
         }
 
     def _tell(self, process: ProcessPlan, baggage: Baggage) -> None:
         """Note what of a process has no place in a pod."""
-        said = [f"the folder {volume.partition(':')[0]} (put it into the image)" for volume in baggage.volumes]
-        said += ["restart: never"] if process.restart.policy == "never" else []
-        said += [
-            f"needs: {needed.rpartition('/')[2]} {until}"
-            for needed, until in process.needs.items()
-            if until != "started"
-        ]
+        folders = [volume.split(":")[:2] for volume in baggage.volumes]
+        said = [f"the folder {here} (have it in the image, as {there})" for here, there in folders]
+        said += [f"restart: {process.restart.policy}"] if process.restart.policy != "always" else []
+        waits = [(needed.rpartition("/")[2], until) for needed, until in process.needs.items() if until != "started"]
+        said += [f"needs: {needed} {until}" for needed, until in waits]
         said += ["required"] if process.required else []
+        said += [f"stop: {process.stop.signal}"] if process.stop.signal != "INT" else []
+        said += [f"ready: {what}" for what in ("log", "topics") if getattr(process.ready, what)]
+        said += ["priority"] if process.priority is not None else []
         said += ["cpus"] if process.cpus else []
         if said:
             self.left_out.append(f"{inner_name(process)}: {', '.join(said)}")
 
 
 def label(text: str, taken: set[str]) -> str:
-    """A name as Kubernetes takes one: small letters, digits and `-`, 63 characters, and nobody else's."""
-    plain = slug(text).lower().replace("_", "-").strip("-")[:55].rstrip("-") or "robot"
-    return take(plain, taken).replace("_", "-")
+    """A name as Kubernetes takes one: small letters, digits and `-`, and nobody else's."""
+    plain = slug(text).lower().replace("_", "-").strip("-")[:_LONGEST].rstrip("-") or "robot"
+    return take(plain, taken, "-")
 
 
 def _mounts(places: dict[str, str]) -> list[Object]:

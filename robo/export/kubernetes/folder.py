@@ -41,6 +41,14 @@ class Wishes(NamedTuple):
     secrets: frozenset[str] = frozenset()
     """Variables that come from a Secret."""
 
+    def words(self, robot: str | None) -> list[str]:
+        """As a command says them, and the robot's name if it is one."""
+        words = ["--robot-name", robot] if robot is not None else []
+        words += ["--image", self.image, *(["--deployments"] if self.form == "deployments" else [])]
+        for option, values in (("--connect", self.connect), ("--secret", sorted(self.secrets))):
+            words += [word for value in values for word in (option, value)]
+        return words
+
 
 class Exported(NamedTuple):
     """What has become of a plan."""
@@ -53,6 +61,8 @@ class Exported(NamedTuple):
     """Variables that somebody has to say."""
     secret: list[str]
     """Variables that have to be in a Secret."""
+    namespace: str
+    """Where everything is, without an overlay."""
 
     @property
     def objects(self) -> list[str]:
@@ -77,6 +87,9 @@ def export(profiles: Profiles, wishes: Wishes, *, folder: Path, made_by: str) ->
     if len(robots) > 1:
         shown = ", ".join(profiles.names.without(robot) or "the robot" for robot in robots)
         raise UsageError(f"the manifest has {len(robots)} robots ({shown}): each is exported by itself")
+    if wrong := wishes.secrets - {variable.name for variable in profiles.names.variables}:
+        known = ", ".join(sorted(variable.name for variable in profiles.names.variables)) or "none"
+        raise UsageError(f"--secret {min(wrong)}: the manifest asks for no such variable; it asks for {known}")
     name = label(profiles.names.without(robots[0]), set())
     found = _Objects(profiles, wishes, Project(folder), robots[0], name)
     space = f"robot-{name}" if name != "robot" else name
@@ -86,14 +99,14 @@ def export(profiles: Profiles, wishes: Wishes, *, folder: Path, made_by: str) ->
         "namespace.yaml": [objects.namespace(space)],
         "settings.yaml": found.maps,
         "network-policy.yaml": [found.policy],
-        f"{name}.yaml": [router, *found.workloads],
+        "workload.yaml": [router, *found.workloads],
     }
     first = f"# Made by: {made_by}\n"
     files = {f"base/{path}": first + _text(parts) for path, parts in base.items()}
     kustomization = {**_KUSTOMIZATION, "resources": list(base)}
     files["base/kustomization.yaml"] = first + _text([kustomization])
     files["overlays/example/kustomization.yaml"] = _OVERLAY + _text([_overlay(wishes, found.variables)])
-    return Exported(files, found.containers.left_out, found.variables.unknown, found.variables.secret)
+    return Exported(files, found.containers.left_out, found.variables.unknown, found.variables.secret, space)
 
 
 _KUSTOMIZATION = {"apiVersion": "kustomize.config.k8s.io/v1beta1", "kind": "Kustomization"}
@@ -158,19 +171,27 @@ def _grace(process: ProcessPlan) -> int:
 
 
 def _overlay(wishes: Wishes, variables: Variables) -> Object:
-    tagged = ":" in wishes.image.rpartition("/")[2]
-    name, _, tag = wishes.image.rpartition(":") if tagged else (wishes.image, "", "latest")
     found: Object = {
         **_KUSTOMIZATION,
         "namespace": "robot-example",
         "resources": ["../../base"],
-        "images": [{"name": name, "newTag": tag}],
+        "images": [_image(wishes.image)],
     }
     if ROBOT_VARIABLE in variables.used:
         change = [{"op": "replace", "path": f"/data/{ROBOT_VARIABLE}", "value": "example"}]
         target = {"kind": "ConfigMap", "name": SETTINGS}
         found["patches"] = [{"target": target, "patch": yaml.safe_dump(change, sort_keys=False)}]
     return found
+
+
+def _image(image: str) -> dict[str, str]:
+    """An image as kustomize names it, so that people see where another tag is said."""
+    named, _, digest = image.partition("@")
+    if digest:
+        return {"name": named, "digest": digest}
+    tagged = ":" in image.rpartition("/")[2]
+    name, _, tag = image.rpartition(":") if tagged else (image, "", "latest")
+    return {"name": name, "newTag": tag}
 
 
 def _port(endpoint: str) -> int:
@@ -192,8 +213,15 @@ class _Dumper(yaml.SafeDumper):
         return True
 
 
+_READ_OTHERWISE = re.compile(
+    r"[yYnN]|[-+]?(\.[0-9_]+|[0-9_]+(\.[0-9_]*)?)([eE][-+]?[0-9_]+)?|[-+]?0[bBoOxX][0-9a-fA-F_]+"
+)
+"""Texts that PyYAML leaves bare, and the reader of Kubernetes takes for truth values and numbers."""
+
+
 def _block(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style="|" if "\n" in text else None)
+    style = "|" if "\n" in text else '"' if _READ_OTHERWISE.fullmatch(text) else None
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
 
 
 _Dumper.add_representer(str, _block)

@@ -82,8 +82,10 @@ def network_policy(dialled: Sequence[int], served: Sequence[int]) -> Object:
     """
     own: Object = {"podSelector": {}}
     ports = [{"protocol": "TCP", "port": port} for port in (PORT, *served)]
-    dns = [{"protocol": protocol, "port": 53} for protocol in ("UDP", "TCP")]
-    egress: list[Object] = [{"to": [own], "ports": ports}, {"to": [{"namespaceSelector": {}}], "ports": dns}]
+    # OpenShift's name server has a port of its own, and that of a node an address that is no pod's.
+    dns = [{"protocol": protocol, "port": port} for port in (53, 5353) for protocol in ("UDP", "TCP")]
+    servers: list[Object] = [{"namespaceSelector": {}}, {"ipBlock": {"cidr": "169.254.0.0/16"}}]
+    egress: list[Object] = [{"to": [own], "ports": ports}, {"to": servers, "ports": dns}]
     if dialled:
         egress.append({"ports": [{"protocol": "TCP", "port": port} for port in dict.fromkeys(dialled)]})
     return {
@@ -108,6 +110,8 @@ def stateful_set(name: str, robot: str, pod: Object) -> Object:
         "spec": {
             "replicas": 1,
             "serviceName": "router",
+            # Else a pod that cannot start would never be replaced by one that can (kubernetes#67250).
+            "podManagementPolicy": "Parallel",
             "selector": {"matchLabels": _selector(robot, "router")},
             "template": _template(robot, "router", pod),
         },

@@ -30,15 +30,22 @@ class Variables:
             for part in self._names.parts(text)
         )
 
-    def probe(self, words: list[str]) -> list[str]:
-        """A command in which Kubernetes fills in nothing: a shell does, where there is anything to fill in.
+    def probe(self, commands: list[list[str]]) -> list[str]:
+        """Commands of which each has to end well, in which Kubernetes fills in nothing: a shell does where it has to.
 
         Args:
-            words: as `shown` gives them.
+            commands: one or several, their words as `shown` gives them.
         """
-        if not any("$(" in word.replace("$$", "") for word in words):
-            return [word.replace("$$", "$") for word in words]
-        return ["sh", "-c", "exec " + " ".join(map(self._for_shell, words))]
+        *first, last = commands
+        if not first and not any("$(" in word.replace("$$", "") for word in last):
+            return [word.replace("$$", "$") for word in last]
+        lines = [" ".join(map(self._for_shell, words)) for words in commands]
+        return ["sh", "-c", " && ".join([*lines[:-1], f"exec {lines[-1]}"])]
+
+    @property
+    def here(self) -> frozenset[str]:
+        """The variables that have been used since `environment` was asked last."""
+        return frozenset(self._here)
 
     def environment(self) -> list[dict[str, object]]:
         """The variables that have been used since this was asked last: those of a container. They come first in it."""
