@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -344,3 +345,18 @@ def test_schemas_of_kubernetes_know_every_field(wishes: Wishes, version: str) ->
     validate = pytest.importorskip("kubernetes_validate", reason="pip install kubernetes-validate: schemas, 108 MB")
     for one in objects_of(exported(ROBOT, wishes, dashboard=True)):
         validate.validate(one, version, strict=True)
+
+
+def test_kustomize_builds_the_overlay(tmp_path: Path) -> None:
+    kubectl = shutil.which("kubectl")
+    if kubectl is None:
+        pytest.skip("kubectl is not installed")
+    for path, text in exported(ROBOT).files.items():
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(text)
+    command = [kubectl, "kustomize", str(tmp_path / "overlays" / "example")]
+    built = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
+    objects = {one["kind"] + " " + one["metadata"]["name"]: one for one in yaml.safe_load_all(built)}
+    assert objects["ConfigMap settings"]["data"]["ROBOT_NAME"] == "example"
+    assert "Namespace robot-example" in objects
+    assert {one["metadata"].get("namespace") for one in objects.values()} == {None, "robot-example"}
