@@ -86,11 +86,7 @@ link.on("picture", ({ picture }) => {
   robot.picture = picture;
   robot.toldAt = performance.now();
   robot.all = picture.robots;
-  if (robot.name !== null) return;
-  // One that the address names is waited for: another one would be driven by mistake.
-  const asked = wanted();
-  if (asked) robot.choose(asked);
-  else if (robot.all.length) robot.choose(robot.all[0]);
+  if (robot.name === null && robot.all.length) robot.choose(robot.all[0]);
 });
 window.addEventListener("hashchange", () => wanted() && robot.choose(wanted()));
 
@@ -109,3 +105,7 @@ function wanted() {
     return "";
   }
 }
+
+// One that the address names is there at once, whatever is seen: its stop can be pressed, and no other one is driven by
+// mistake meanwhile.
+if (wanted()) robot.choose(wanted());

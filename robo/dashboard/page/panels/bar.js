@@ -44,7 +44,7 @@ export function bar(place, lost) {
     pressedAt = performance.now();
     press();
   });
-  const reset = el("button", { id: "reset", type: "button", onclick: () => (withdraw(robot.name) ? report("the stop is asked for no more") : call("reset_emergency_stop")) }, "Reset stop");
+  const reset = el("button", { id: "reset", type: "button", onclick: () => (withdrawn() ? report("the stop is asked for no more") : call("reset_emergency_stop")) }, "Reset stop");
   const alarm = el("span");
   const since = el("span", { "aria-hidden": "true" }); // else a reader would say it all again at each second
   lost.append(alarm, since);
@@ -52,12 +52,25 @@ export function bar(place, lost) {
 
   const seen = { odom: null, safety: null, mux: null, battery: null };
 
+  let isWanted = false; // a stop that was pressed while no robot was seen: of the first one that is
+
   async function press() {
     if (stop.disabled) return;
+    isWanted = robot.name === null;
+    if (isWanted) {
+      tell();
+      return;
+    }
     const begun = stopRobot(robot.name, robot.key("emergency_stop"));
     tell();
     const answer = await begun;
     if (answer) report(`${answer.message || "emergency stop"} (${Math.round(answer.took)} ms)`);
+  }
+
+  function withdrawn() {
+    const was = isWanted;
+    isWanted = false;
+    return withdraw(robot.name) || was;
   }
 
   async function call(service) {
@@ -72,6 +85,7 @@ export function bar(place, lost) {
 
   robot.onChange(() => {
     for (const name of Object.keys(seen)) seen[name] = null;
+    if (isWanted) press();
   });
   robot.watch("odom", ["nav/Odometry"], (message, { arrived }) => {
     const { linear, angular } = message.twist.twist;
@@ -101,7 +115,7 @@ export function bar(place, lost) {
   /** What is not as it should be, in words. */
   function trouble() {
     if (link.isAlive) {
-      if (robot.name === null) return performance.now() > FIRST ? "No robot is seen yet: is one started, on this network?" : "";
+      if (robot.toldAt === null || robot.name === null) return performance.now() > FIRST ? "No robot is seen yet: is one started, on this network?" : "";
       return robot.isThere ? "" : `${upper(robot.absence)}: what you see of it is old, and it cannot be driven.`;
     }
     return link.problem
@@ -111,7 +125,8 @@ export function bar(place, lost) {
 
   function alarms() {
     const gone = trouble();
-    const words = [unconfirmed(), gone].filter(Boolean).join(" ");
+    const early = isWanted ? "EMERGENCY STOP NOT SENT: no robot is seen yet. It is sent as soon as one is." : "";
+    const words = [early, unconfirmed(), gone].filter(Boolean).join(" ");
     lost.hidden = !words;
     say(alarm, words);
     say(since, gone && !link.isAlive ? ` ${age(Math.min(link.silence + link.lag, performance.now()))}` : "");
@@ -122,7 +137,7 @@ export function bar(place, lost) {
   const isLatched = () => Boolean(seen.safety?.latched) && link.now - seen.safety.arrived <= STATES_STALE;
 
   function buttons() {
-    const [latched, pending] = [isLatched(), isPending(robot.name)];
+    const [latched, pending] = [isLatched(), isWanted || isPending(robot.name)];
     stop.classList.toggle("latched", latched);
     stop.classList.toggle("pending", pending && !latched);
     say(stop, latched ? "STOPPED" : pending ? "STOPPING …" : "EMERGENCY STOP");

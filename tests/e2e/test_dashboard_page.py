@@ -1,0 +1,106 @@
+"""The page in a real browser, at a server of the test: what it does where no robot is seen yet, or it is not seen."""
+
+import shutil
+import threading
+from collections.abc import Iterator
+from contextlib import closing
+from typing import Any
+
+import pytest
+import zenoh
+
+import robo_messages
+from robo.dashboard import state
+from robo.dashboard.place import Settings
+from robo.dashboard.state import Picture
+from robo_messages import String
+from tests.served import Served
+from tests.support import PATIENCE, eventually
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytest.importorskip("websockets", reason="the extra dashboard is not installed")
+CHROMIUM = shutil.which("chromium")
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed"),
+    pytest.mark.timeout(60),
+]
+
+
+@pytest.fixture
+def seen() -> threading.Event:
+    """Robot r1 is seen from when this is set."""
+    return threading.Event()
+
+
+@pytest.fixture
+def served(session: zenoh.Session, seen: threading.Event, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
+    def look(*_: object) -> Picture:
+        seen.wait(PATIENCE)
+        return Picture(["r1"], [], [])
+
+    monkeypatch.setattr(state, "picture", look)
+    with closing(Served(session, Settings(port=0))) as found:
+        yield found
+        seen.set()
+
+
+@pytest.fixture
+def page() -> Iterator[Any]:
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        found = browser.new_page()
+        found.set_default_timeout(PATIENCE * 1000)
+        yield found
+        browser.close()
+
+
+@pytest.fixture
+def stopped(other: zenoh.Session) -> Iterator[list[str]]:
+    """What robots were asked to stop."""
+    found: list[str] = []
+
+    def answer(query: zenoh.Query) -> None:
+        found.append(str(query.key_expr))
+        query.reply(query.key_expr, robo_messages.encode(String("stopped")))
+
+    end = other.declare_queryable("*/emergency_stop", answer, complete=True)
+    yield found
+    end.undeclare()
+
+
+def test_a_stop_of_the_robot_that_the_address_names_waits_for_no_look(
+    page: Any, served: Served, stopped: list[str]
+) -> None:
+    page.goto(f"http://127.0.0.1:{served.port}/#r1")
+    page.click("#stop")
+    eventually(lambda: "r1/emergency_stop" in stopped, "the robot is asked to stop before it is seen")
+    page.wait_for_selector("#stop:not(.pending)")
+    assert "EMERGENCY STOP" not in page.inner_text("#lost")
+
+
+def test_a_stop_that_is_pressed_before_a_robot_is_seen_is_sent_once_one_is(
+    page: Any, seen: threading.Event, served: Served, stopped: list[str]
+) -> None:
+    page.goto(f"http://127.0.0.1:{served.port}/")
+    page.click("#stop")
+    page.locator("#lost", has_text="EMERGENCY STOP NOT SENT: no robot is seen yet").wait_for()
+    page.locator("#reset:enabled", has_text="Withdraw stop").wait_for()
+    assert stopped == []
+    seen.set()
+    eventually(lambda: "r1/emergency_stop" in stopped, "the robot is asked to stop")
+    page.wait_for_selector("#stop:not(.pending)")
+    assert "EMERGENCY STOP" not in page.inner_text("#lost")
+    page.click("#stop")
+    eventually(lambda: len(stopped) > 1, "and once more")
+
+
+def test_a_stop_that_is_withdrawn_before_a_robot_is_seen_is_not_sent(
+    page: Any, seen: threading.Event, served: Served, stopped: list[str]
+) -> None:
+    page.goto(f"http://127.0.0.1:{served.port}/")
+    page.click("#stop")
+    page.locator("#reset:enabled", has_text="Withdraw stop").click()
+    seen.set()
+    page.locator("select option", has_text="r1").wait_for(state="attached")
+    page.wait_for_selector("#stop:not(.pending)")
+    assert stopped == []
