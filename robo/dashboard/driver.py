@@ -19,12 +19,14 @@ import zenoh
 from robo.dashboard import clock
 from robo.dashboard.ears import Ears
 from robo.dashboard.lease import MOST_AGE, Lease
+from robo.dashboard.requests import STOP
 from robo.errors import RoboError
 from robo.samples.publishing import Sender
+from robo.text.unreadable import UNREADABLE
 from robo.wire import names
 from robo.wire.keys import source_id
 from robo.wire.qos import QoS
-from robo_messages import Twist, Vector3, encode
+from robo_messages import Bool, Twist, Vector3, decode, encode
 
 TOPIC = "cmd_vel_dashboard"
 _PERIOD = 0.05
@@ -102,6 +104,9 @@ class Driver:
         self._changed = threading.Condition()
         self._over = False
         self._heard = session.declare_subscriber(names.join("**", topic), zenoh.handlers.RingChannel(_SLOTS))
+        # Whoever presses it, wherever: another dashboard, a viewer, a terminal. Those of own pages come back.
+        pressed = zenoh.handlers.Callback(self._stopped, indirect=False)
+        self._pressed = session.declare_subscriber(names.join("**", STOP), pressed)
         self._thread = threading.Thread(target=self._run, name="robo-dashboard-driver", daemon=True)
         self._thread.start()
 
@@ -188,6 +193,7 @@ class Driver:
             return  # the network takes nothing; the mux has stopped the robot
         with suppress(zenoh.ZError):
             self._heard.undeclare()
+            self._pressed.undeclare()
         for robot in [*self._ears, *self._senders]:
             self._forget(robot)
 
@@ -264,6 +270,12 @@ class Driver:
             sender = self._senders[robot] = Sender(self._session, key, "geometry/Twist", QoS.COMMAND, node)
             self._own.add(sender.id)
         return sender
+
+    def _stopped(self, sample: zenoh.Sample) -> None:
+        """An emergency stop is said on its topic: it ends grips here, too. On Zenoh's own thread."""
+        with suppress(*UNREADABLE):
+            if decode(sample.payload.to_bytes(), Bool).data:
+                self.end(str(sample.key_expr).removesuffix(STOP).strip("/"))
 
     def _listen(self) -> None:
         """Take note of who else drives, and of robots that hear nothing."""

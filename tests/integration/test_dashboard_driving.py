@@ -183,6 +183,47 @@ def test_two_dashboards_of_one_network_share_the_lease(served: Served, other: ze
     close_session(own)
 
 
+@pytest.mark.parametrize("has_monitor", [True, False])
+def test_a_stop_at_one_dashboard_ends_the_grip_at_another_one(
+    served: Served, other: zenoh.Session, endpoint: str, has_monitor: bool
+) -> None:
+    own = open_session(Network(mode="client", connect=(endpoint,)))
+    with (
+        monitor(other, "r1", *(["emergency_stop"] if has_monitor else [])),
+        closing(Served(own, Settings(port=0))) as elsewhere,
+        closing(Motions(other, "r1/cmd_vel_dashboard")) as motions,
+        served.page() as page,
+        elsewhere.page() as second,
+        closing(Held(page, 0.5)) as held,
+    ):
+        eventually(lambda: motions.since(0.0).count(0.5) > 2, "it is driven")
+        second.ask(do="call", id=1, service="r1/emergency_stop", type="std/Trigger")
+        second.answer(1)
+        eventually(lambda: motions.since(0.0)[-3:] == [0.0] * 3, "it is told to stand")
+        stopped = time.monotonic()
+        eventually(lambda: held.refusals.count("it takes a new grip") > 5, "who holds on is told so")
+        assert 0.5 not in motions.since(stopped)
+    close_session(own)
+
+
+@pytest.mark.parametrize(
+    ("payload", "ends"), [(b"\x81\xa4data\xc3", True), (b"\x81\xa4data\xc2", False), (b"\xff", False)]
+)
+def test_a_stop_that_anybody_says_on_the_topic_ends_grips(
+    served: Served, other: zenoh.Session, payload: bytes, ends: bool
+) -> None:
+    with (
+        closing(Motions(other, "r1/cmd_vel_dashboard")) as motions,
+        served.page() as page,
+        closing(Held(page, 0.5)) as held,
+    ):
+        eventually(lambda: motions.since(0.0).count(0.5) > 2, "it is driven")
+        other.put("r1/emergency_stop", payload)
+        count = len(motions.said)
+        eventually(lambda: len(held.refusals) > 3 or len(motions.said) > count + 20, "it is refused, or goes on")
+        assert ("it takes a new grip" in held.refusals) == ends
+
+
 @pytest.mark.parametrize(
     "type_name", ["geometry/Twist", "geometry_msgs/Twist", "geometry_msgs/msg/Twist", "", "x/Y", "nav/Path"]
 )
