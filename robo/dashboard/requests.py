@@ -57,13 +57,15 @@ def call(session: zenoh.Session, service: str, type_name: str, request: dict[str
     return codec.jsonable(codec.decode_any(sample.payload.to_bytes()))
 
 
-def stop(session: zenoh.Session, service: str) -> object:
-    """Have a robot stop, by the service, and by the topic of the same name, which needs no answer.
+def say_stop(session: zenoh.Session, service: str) -> None:
+    """Have a robot stop by the topic, which needs no answer.
+
+    Args:
+        session: the network.
+        service: the key of its service; the topic has the same one.
 
     Raises:
         InvalidName: the service has no such name.
-        ServiceTimeout: nobody serves it, or it does not answer; says that the stop is not confirmed.
-        ServiceError: it refuses.
     """
     _check_name("service", service)
     session.put(
@@ -73,6 +75,17 @@ def stop(session: zenoh.Session, service: str) -> object:
         attachment=codec.pack_attachment(1, time.time_ns()),
         priority=zenoh_priority(QoS.COMMAND.priority),
     )
+
+
+def stop(session: zenoh.Session, service: str) -> object:
+    """Have a robot stop, by the topic and by the service of the same name.
+
+    Raises:
+        InvalidName: the service has no such name.
+        ServiceTimeout: nobody serves it, or it does not answer; says that the stop is not confirmed.
+        ServiceError: it refuses.
+    """
+    say_stop(session, service)
     begin = time.monotonic()
     try:
         return call(session, service, "std/Trigger", {})

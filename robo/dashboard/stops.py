@@ -3,13 +3,14 @@
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from typing import Any
 
 import zenoh
 
 from robo.dashboard import requests
 
 _MOST = 2
-"""Of one robot: one that is asked for meanwhile shares the answer of the last one."""
+"""Calls of one robot: those that are asked for meanwhile share the next one."""
 _THREADS = 128
 """So many stops wait at once, of 64 robots at least."""
 
@@ -21,25 +22,50 @@ class Stops:
         self._session = session
         self._threads = ThreadPoolExecutor(_THREADS, "robo-dashboard-stop")
         self._running: dict[str, list[asyncio.Future[object]]] = {}
+        self._next: dict[str, asyncio.Future[asyncio.Future[object]]] = {}
+        """Of robots of which as many calls are under way as may be: the one that begins when one of these has ended."""
 
     async def stop(self, service: str) -> object:
         """Have a robot stop; errors are those of `requests.stop`.
 
+        The answer is one to a call that began after this: what answers an earlier one may have been reset since.
+
         Args:
             service: the key of its service.
         """
-        running = self._running.setdefault(service, [])
-        if len(running) < _MOST:
-            work = partial(requests.stop, self._session, service)
-            running.append(asyncio.get_running_loop().run_in_executor(self._threads, work))
-            running[-1].add_done_callback(partial(self._has_ended, service))
-        return await asyncio.shield(running[-1])
+        if len(self._running.get(service, ())) < _MOST:
+            return await asyncio.shield(self._begin(service))
+        loop = asyncio.get_running_loop()
+        said = loop.run_in_executor(self._threads, requests.say_stop, self._session, service)
+        said.add_done_callback(_take)
+        if service not in self._next:
+            self._next[service] = loop.create_future()
+        return await asyncio.shield(await asyncio.shield(self._next[service]))
 
     def close(self) -> None:
         """Begin none any more."""
+        for following in self._next.values():
+            following.cancel()
+        self._next.clear()
         self._threads.shutdown(wait=False, cancel_futures=True)
 
+    def _begin(self, service: str) -> asyncio.Future[object]:
+        work = partial(requests.stop, self._session, service)
+        call = asyncio.get_running_loop().run_in_executor(self._threads, work)
+        self._running.setdefault(service, []).append(call)
+        call.add_done_callback(partial(self._has_ended, service))
+        return call
+
     def _has_ended(self, service: str, done: asyncio.Future[object]) -> None:
+        _take(done)
         self._running[service].remove(done)
+        if (following := self._next.pop(service, None)) is not None:
+            following.set_result(self._begin(service))
         if not self._running[service]:
             del self._running[service]
+
+
+def _take(done: asyncio.Future[Any]) -> None:
+    """What went wrong is told to who waits, if anybody still does."""
+    if not done.cancelled():
+        done.exception()

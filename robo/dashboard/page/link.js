@@ -13,8 +13,8 @@ const HEAD = 18;
 /** What has been read is said together, ms; sooner where it is so much, bytes: the server waits for that. */
 const TOGETHER = 50;
 const MUCH = 50_000;
-/** A server that has a request answers within six seconds. */
-const PATIENCE = 10_000;
+/** A server that has a request answers within eleven seconds: a stop may wait for an earlier one. */
+const PATIENCE = 12_000;
 /** Beats by which it is known how far this clock is from the server's: some 30 s. */
 const BEATS = 300;
 
