@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import zenoh
 
-from robo.errors import MessageError
+from robo.errors import InvalidName, MessageError
 from robo.samples.records import Record, payload_of, sample_of
 from robo.text.unreadable import UNREADABLE
 from robo.wire import codec, sources
@@ -22,6 +22,8 @@ from robo.wire.qos import QoS, zenoh_priority
 
 _REMEMBERED = 10_000
 """Own messages that are remembered, to know them when they come back."""
+_LONGEST_KEY = 500
+"""Of a topic, characters: Zenoh ends the process where an announcement becomes too long."""
 
 
 class Line(msgspec.Struct, frozen=True):
@@ -56,7 +58,14 @@ class Sender:
             qos: what it latches, and what goes first.
             node: the full name by which it is announced; by default one that tells this process.
             remembered: so many of its messages `has_sent` knows.
+
+        Raises:
+            InvalidName: the key, the type or the name is too long to be announced.
+            zenoh.ZError: the key is none, or the network has been left.
         """
+        for what, text in (("topic", key), ("type", type_name), ("node", node)):
+            if len(text) > _LONGEST_KEY:
+                raise InvalidName(f"{text[:20]}… is no {what}: it has more than {_LONGEST_KEY} characters")
         encoding = f"{codec.MSGPACK};{type_name}" if type_name else codec.MSGPACK
         # What a person or a file says is to arrive: nothing is dropped on the way out.
         control, priority = zenoh.CongestionControl.BLOCK, zenoh_priority(qos.priority)
