@@ -3,7 +3,7 @@
 import shutil
 import threading
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from typing import Any
 
 import pytest
@@ -13,6 +13,7 @@ import robo_messages
 from robo.dashboard import state
 from robo.dashboard.place import Settings
 from robo.dashboard.state import Picture
+from robo.wire import codec
 from robo_messages import String
 from tests.served import Served
 from tests.support import PATIENCE, eventually
@@ -104,3 +105,43 @@ def test_a_stop_that_is_withdrawn_before_a_robot_is_seen_is_not_sent(
     page.locator("select option", has_text="r1").wait_for(state="attached")
     page.wait_for_selector("#stop:not(.pending)")
     assert stopped == []
+
+
+@contextmanager
+def busy(session: zenoh.Session, topics: int) -> Iterator[None]:
+    """A robot that says something 25 times a second on each of some topics."""
+    over = threading.Event()
+
+    def say() -> None:
+        while not over.wait(0.04):
+            for number in range(topics):
+                session.put(f"r1/t{number}", robo_messages.encode(String("x")), encoding=codec.encoding_of(String))
+
+    thread = threading.Thread(target=say)
+    thread.start()
+    yield
+    over.set()
+    thread.join()
+
+
+def test_a_page_that_nobody_sees_says_now_and_then_what_it_has_read(
+    page: Any, seen: threading.Event, served: Served, other: zenoh.Session
+) -> None:
+    seen.set()
+    page.add_init_script("""
+        Object.defineProperty(document, "visibilityState", {get: () => "hidden"});
+        window.said = 0;
+        const send = WebSocket.prototype.send;
+        WebSocket.prototype.send = function (data) { window.said++; send.call(this, data); };
+    """)
+    page.goto(f"http://127.0.0.1:{served.port}/#r1")
+    with busy(other, 40):
+        said, frames = page.evaluate("""async () => {
+            const {link} = await import("/link.js");
+            for (let i = 0; i < 40; i++) link.watch(`r1/t${i}`, null, () => {});
+            while (link.frames < 100) await new Promise((done) => setTimeout(done, 20));
+            const [said, frames] = [window.said, link.frames];
+            while (link.frames < frames + 1000) await new Promise((done) => setTimeout(done, 20));
+            return [window.said - said, link.frames - frames];
+        }""")
+    assert frames > 5 * said, "else its server closes it: it says too much"

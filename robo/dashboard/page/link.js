@@ -38,6 +38,8 @@ class Link {
     this.lag = 0;
     this.read = 0;
     this.unread = 0;
+    /** When it was said last what has been read. */
+    this.saidAt = -Infinity;
     this.name = "";
     this.drives = false;
     /** The number of a grip that begins now: an emergency stop ends those of lower ones. */
@@ -183,13 +185,13 @@ class Link {
   take(data) {
     this.read++;
     if (!this.isReadDue) {
-      this.isReadDue = true;
       // Some at once, and after they have been drawn: a browser that is slow gets less, and that newer. A page that
-      // nobody sees draws nothing, and its clocks hardly run.
+      // nobody sees draws nothing, and its clocks hardly run: what comes next, a beat at the latest, says it there.
       if (document.visibilityState === "visible") {
+        this.isReadDue = true;
         setTimeout(() => requestAnimationFrame(() => this.acknowledge()), TOGETHER);
         setTimeout(() => this.acknowledge(), 5 * TOGETHER);
-      } else queueMicrotask(() => this.acknowledge());
+      } else if (performance.now() - this.saidAt >= TOGETHER) this.acknowledge();
     }
     this.unread += data.length ?? data.byteLength;
     if (this.unread > MUCH && !this.isSoon && document.visibilityState === "visible") {
@@ -203,6 +205,7 @@ class Link {
   acknowledge() {
     this.isReadDue = this.isSoon = false;
     this.unread = 0;
+    this.saidAt = performance.now();
     if (this.read === 0) return;
     this.send({ do: "read", count: this.read });
     this.read = 0;
