@@ -22,7 +22,7 @@ class Ears:
         """
         self._names: dict[str, str] = {}
         self._listeners: set[str] = set()
-        self._announced = False
+        self._announced = self._is_plain = False
         # One's own ears do not count: they hear the whole network.
         self._asking = session.declare_publisher(key, allowed_destination=zenoh.Locality.REMOTE)
         meet = zenoh.handlers.Callback(self._meet, indirect=False)
@@ -33,11 +33,16 @@ class Ears:
 
     @property
     def somebody_listens(self) -> bool:
-        """Whether the robot does: by its node's announcement where there has been one, else whether anybody does."""
-        if self._announced:
-            return bool(self._listeners)
+        """Whether the robot does: by its node's announcement where there has been one, else whether anybody does.
+
+        One that has been heard without any announcement is a plain client of Zenoh's: what comes and goes beside it,
+        such as somebody who looks at the topic, says nothing of it.
+        """
+        if self._listeners:
+            return True
         status: Any = self._asking.matching_status
-        return bool(status.matching)
+        self._is_plain = bool(status.matching) and (self._is_plain or not self._announced)
+        return self._is_plain
 
     def name(self, source: str) -> str:
         """The full name of the node that speaks; empty where it has not been announced.
