@@ -17,6 +17,7 @@ import msgspec
 import zenoh
 
 from robo.dashboard import clock
+from robo.dashboard.delivery import is_robot
 from robo.dashboard.ears import Ears
 from robo.dashboard.lease import MOST_AGE, Lease
 from robo.dashboard.requests import STOP
@@ -72,7 +73,7 @@ class _Other(msgspec.Struct):
 
     source: str
     until: float
-    name: str = ""
+    name: str = "another dashboard"
 
 
 class Drivers(msgspec.Struct, frozen=True):
@@ -95,7 +96,8 @@ class Driver:
         self._node = "dashboard_" + re.sub(r"\W", "_", os.uname().nodename, flags=re.ASCII)[:50]
         self._robots: dict[str, _Robot] = {}
         self._others: dict[str, _Other] = {}
-        self._grip = 0
+        self._grip = self._forgotten = 0
+        """The number of a new grip; and the highest that counts no more of a robot that is not remembered."""
         # Only the thread has these, until it has ended.
         self._senders: dict[str, Sender] = {}
         self._ears: dict[str, Ears] = {}
@@ -162,11 +164,13 @@ class Driver:
     def end(self, robot: str) -> None:
         """Nobody's grip on a robot counts any more, and it is told to stand: of an emergency stop, and its reset."""
         with self._changed:
-            found = self._robots.get(robot)
-            if found is None:
-                self._grip += 1  # of what pages hold that have not commanded it yet
-            else:
+            if not is_robot(robot):
+                return  # nobody drives it
+            if (found := self._robot(robot)) is not None:
                 self._end_grips(found)
+            else:
+                self._grip += 1
+                self._forgotten = self._grip
             self._changed.notify()
 
     def drivers(self) -> Drivers:
@@ -203,8 +207,8 @@ class Driver:
             idle = next((name for name, found in self._robots.items() if found.lease.is_idle), None)
             if idle is None:
                 return None
-            del self._robots[idle]
-        return self._robots.setdefault(robot, _Robot(Lease(), self._grip))
+            self._forgotten = max(self._forgotten, self._robots.pop(idle).ended)
+        return self._robots.setdefault(robot, _Robot(Lease(), self._forgotten))
 
     def _other(self, robot: str, who: str, now: float) -> str | None:
         own = self._robots.get(robot)
@@ -283,28 +287,37 @@ class Driver:
         with suppress(zenoh.ZError):
             while (sample := self._heard.handler.try_recv()) is not None:
                 source = source_id(sample.source_info.source_id) if sample.source_info is not None else ""
-                if source not in self._own:
-                    spoken[str(sample.key_expr).removesuffix(self._topic).strip("/")] = source
+                robot = str(sample.key_expr).removesuffix(self._topic).strip("/")
+                if source not in self._own and is_robot(robot):
+                    spoken[robot] = source
         with self._changed:
+            self._note_others(spoken)
             driven = {robot for robot, found in self._robots.items() if found.lease.driver is not None}
-            heard = {*spoken, *self._others}
+            heard = {*driven, *self._others}
         with suppress(zenoh.ZError):
-            for robot in (driven | heard) - self._ears.keys():
+            for robot in heard - self._ears.keys():
                 self._ears[robot] = Ears(self._session, names.join(robot, self._topic))
         with self._changed:
             now = clock.steady()
-            for robot, source in spoken.items():
-                if len(self._others) < _MOST_ROBOTS or robot in self._others:
-                    self._others[robot] = _Other(source, now + _OTHERS)
-            for robot in [robot for robot, other in self._others.items() if other.until <= now]:
-                del self._others[robot]
             for robot, other in self._others.items():
-                name = self._ears[robot].name(other.source) if robot in self._ears else ""
-                other.name = f"another dashboard, {name}," if name else "another dashboard"
+                if name := self._ears[robot].name(other.source) if robot in self._ears else "":
+                    other.name = f"another dashboard, {name},"
                 if (mine := self._robots.get(robot)) is not None and mine.lease.driver is not None:
                     self._end_grips(mine)  # both began at once: then neither drives
             for robot in driven & self._robots.keys() & self._ears.keys():
                 self._hear(self._robots[robot], self._ears[robot], now)
+
+    def _note_others(self, spoken: dict[str, str]) -> None:
+        """Remember who else has just driven which robot, and forget who drives no more."""
+        now = clock.steady()
+        for robot, source in spoken.items():
+            if len(self._others) < _MOST_ROBOTS or robot in self._others:
+                known = self._others.get(robot)
+                if known is None or known.source != source:
+                    known = self._others[robot] = _Other(source, now)
+                known.until = now + _OTHERS
+        for robot in [robot for robot, other in self._others.items() if other.until <= now]:
+            del self._others[robot]
 
     def _hear(self, robot: _Robot, ears: Ears, now: float) -> None:
         """Whether a robot that is driven listens: where nobody does a hand has to take hold anew."""
