@@ -12,9 +12,9 @@ import zenoh
 import robo_messages
 from robo.dashboard import state
 from robo.dashboard.place import Settings
-from robo.dashboard.state import Picture
+from robo.dashboard.state import Node, Picture
 from robo.wire import codec
-from robo_messages import String
+from robo_messages import DiagnosticStatus, KeyValue, String
 from tests.served import Served
 from tests.support import PATIENCE, eventually
 
@@ -37,7 +37,8 @@ def seen() -> threading.Event:
 def served(session: zenoh.Session, seen: threading.Event, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
     def look(*_: object) -> Picture:
         seen.wait(PATIENCE)
-        return Picture(["r1"], [], [])
+        base = Node("/r1/base", "", "", "ready", "", None, "", None, None, None, None, None, "", "")
+        return Picture(["r1"], [base], [])
 
     monkeypatch.setattr(state, "picture", look)
     with closing(Served(session, Settings(port=0))) as found:
@@ -105,6 +106,26 @@ def test_a_stop_that_is_withdrawn_before_a_robot_is_seen_is_not_sent(
     page.locator("select option", has_text="r1").wait_for(state="attached")
     page.wait_for_selector("#stop:not(.pending)")
     assert stopped == []
+
+
+def test_a_robot_that_is_stopped_stays_so_though_its_simulated_time_stands(
+    page: Any, seen: threading.Event, served: Served, other: zenoh.Session
+) -> None:
+    def is_latched(reason: str) -> bool:
+        status = DiagnosticStatus(values=[KeyValue("reason", reason)])
+        other.put("r1/safety_state", robo_messages.encode(status), encoding=codec.encoding_of(DiagnosticStatus))
+        return bool(page.is_visible("#stop.latched"))
+
+    seen.set()
+    page.goto(f"http://127.0.0.1:{served.port}/#r1")
+    page.wait_for_selector("#pad:not(.locked)")
+    eventually(lambda: is_latched("emergency_stop"), "the page hears that it is stopped")
+    page.locator("#stop.latched", has_text="STOPPED (said ").wait_for()
+    assert page.is_enabled("#reset")
+    assert "driving is locked until its reset" in page.inner_text("#drive")
+    eventually(lambda: not is_latched("clear"), "and that it is not any more")
+    page.wait_for_selector("#pad:not(.locked)")
+    page.wait_for_selector("#reset:disabled")
 
 
 @contextmanager

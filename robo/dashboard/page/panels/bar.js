@@ -133,15 +133,17 @@ export function bar(place, lost) {
     document.body.classList.toggle("lost", !link.isAlive || !robot.isThere);
   }
 
-  /** Whether it is latched is known only while the robot says so. */
-  const isLatched = () => Boolean(seen.safety?.latched) && link.now - seen.safety.arrived <= STATES_STALE;
+  /** Whether it is stopped holds until it says otherwise: where simulated time stands it says nothing more. */
+  const isLatched = () => Boolean(seen.safety?.latched);
 
   function buttons() {
     const [latched, pending] = [isLatched(), isWanted || isPending(robot.name)];
     stop.classList.toggle("latched", latched);
     stop.classList.toggle("pending", pending && !latched);
-    say(stop, latched ? "STOPPED" : pending ? "STOPPING …" : "EMERGENCY STOP");
-    stop.setAttribute("aria-label", latched ? "Emergency stop: the robot is stopped" : pending ? "Emergency stop: not confirmed yet" : "Emergency stop");
+    const old = latched && link.now - seen.safety.arrived > STATES_STALE;
+    const stopped = old ? `STOPPED (said ${age(link.now - seen.safety.arrived)} ago)` : "STOPPED";
+    say(stop, latched ? stopped : pending ? "STOPPING …" : "EMERGENCY STOP");
+    stop.setAttribute("aria-label", latched ? `Emergency stop: the robot ${old ? "was stopped when it was last heard" : "is stopped"}` : pending ? "Emergency stop: not confirmed yet" : "Emergency stop");
     stop.disabled = !link.drives;
     say(reset, pending ? "Withdraw stop" : "Reset stop");
     reset.disabled = !link.drives || !(latched || pending);

@@ -8,8 +8,6 @@ import { robot } from "../robot.js";
 
 /** How often a command is said while a dead-man is held, ms. */
 const PERIOD = 50;
-/** For so long it is believed that an emergency stop holds, ms: it is said once a second. */
-const KNOWN = 3500;
 /** By their places, so that they are there on each keyboard, whatever its letters are. */
 const KEYS = {
   ArrowUp: [1, 0], KeyW: [1, 0], ArrowDown: [-1, 0], KeyS: [-1, 0],
@@ -40,7 +38,7 @@ export function drive() {
 
   let wanted = null; // while a dead-man is held: parts of the full speed, forwards and to the left
   let grip = 0; // the number of the one that holds
-  let stoppedAt = -Infinity; // when it was said last that an emergency stop holds, whoever has pressed it, ms by `link.now`
+  let isStopped = false; // whether an emergency stop holds, whoever has pressed it: as the robot has said last
   let pointer = null; // the one that holds the joystick
   const held = new Set(); // keys that are down
 
@@ -62,7 +60,7 @@ export function drive() {
     if (!link.drives) return "this page may look and not drive";
     if (!robot.isThere) return `${robot.absence}: driving is locked`;
     if (isPending(robot.name)) return "it is being stopped: driving is locked";
-    if (link.now - stoppedAt < KNOWN) return "emergency stop: driving is locked until its reset";
+    if (isStopped) return "emergency stop: driving is locked until its reset";
     return "";
   }
 
@@ -154,12 +152,11 @@ export function drive() {
   document.addEventListener("visibilitychange", () => document.visibilityState === "hidden" && stand());
   robot.onChange(() => {
     stand();
-    stoppedAt = -Infinity;
+    isStopped = false;
   });
-  robot.watch("safety_state", ["diagnostic/DiagnosticStatus"], (message, { arrived }) => {
-    const stopped = message.values.some(({ key, value }) => key === "reason" && value === "emergency_stop");
-    stoppedAt = stopped ? arrived : -Infinity;
-    if (stopped) stand();
+  robot.watch("safety_state", ["diagnostic/DiagnosticStatus"], (message) => {
+    isStopped = message.values.some(({ key, value }) => key === "reason" && value === "emergency_stop");
+    if (isStopped) stand();
   });
   setInterval(tell, PERIOD);
 
