@@ -77,6 +77,12 @@ class Hub:
         """Whether no more pages of a right fit: those that look leave room for some that drive."""
         return len(self._pages) >= (_MOST_PAGES if right is Right.DRIVE else _MOST_PAGES - _FOR_DRIVERS)
 
+    async def close(self) -> None:
+        """Wait for nothing any more that pages have asked for."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
     @property
     def has_pages(self) -> bool:
         """Whether anybody looks."""

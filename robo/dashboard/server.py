@@ -31,6 +31,7 @@ from robo.web.limits import Budget
 from robo.web.sessions import Sessions, cookie
 from robo.web.sockets import import_websockets, listening
 
+_logger = logging.getLogger("robo.dashboard")
 _SILENT = logging.getLogger("robo.dashboard.websockets")
 _SILENT.addHandler(logging.NullHandler())
 _SILENT.propagate = False
@@ -100,6 +101,7 @@ class Dashboard:
             topics = Topics(self._session, _by(loop, lambda what: hub.messages(what), waits=True))
             ends(topics.close)
             hub = Hub(self._session, topics, driver, calls, looks, stops)
+            made.push_async_callback(hub.close)
             state = State(self._session, _by(loop, hub.looked), _by(loop, hub.lines), _by(loop, hub.events))
             ends(state.close)
             beats = loop.create_task(_every(BEAT, lambda: _beat(hub, state)))
@@ -233,7 +235,10 @@ def _beat(hub: Hub, state: State) -> None:
 
 async def _every(period: float, work: Callable[[], None]) -> None:
     while True:
-        work()
+        try:
+            work()
+        except Exception:  # nobody has thought of it: it is told, and beats go on, else all pages would lock driving
+            _logger.exception("the dashboard could not tell its pages who drives")
         await asyncio.sleep(period)
 
 

@@ -43,10 +43,12 @@ class Stops:
         return await asyncio.shield(await asyncio.shield(self._next[service]))
 
     def close(self) -> None:
-        """Begin none any more."""
+        """Begin none any more, and wait for none."""
         for following in self._next.values():
             following.cancel()
         self._next.clear()
+        for call in [call for calls in self._running.values() for call in calls]:
+            call.cancel()
         self._threads.shutdown(wait=False, cancel_futures=True)
 
     def _begin(self, service: str) -> asyncio.Future[object]:

@@ -1,8 +1,10 @@
 """The server of the page, as a browser and others meet it."""
 
+import gc
 import math
 import socket
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -12,6 +14,7 @@ import pytest
 import zenoh
 
 import robo_messages
+from robo.dashboard.hub import Hub
 from robo.dashboard.place import Settings
 from robo.dashboard.server import COOKIE, Dashboard
 from robo.dashboard.topics import MOST_PAYLOAD
@@ -380,3 +383,44 @@ def test_it_ends_at_once_while_pages_are_open(session: zenoh.Session) -> None:
         page.hears("beat")
         served.close()
         eventually(lambda: page.socket.state.name == "CLOSED", "the socket is closed")
+
+
+def test_it_ends_without_a_word_while_a_stop_is_not_answered(
+    session: zenoh.Session, other: zenoh.Session, caplog: pytest.LogCaptureFixture
+) -> None:
+    held: list[zenoh.Query] = []
+    hangs = other.declare_queryable("r1/emergency_stop", held.append, complete=True)
+    served = Served(session, Settings(port=0))
+    with served.page() as page:
+        page.ask(do="call", id=1, service="r1/emergency_stop", type="std/Trigger")
+        eventually(lambda: bool(held), "it is asked for")
+        begin = time.monotonic()
+        served.close()
+        assert time.monotonic() - begin < 4.0
+    held.pop().drop()
+    hangs.undeclare()
+    eventually(
+        lambda: not any(thread.name.startswith("robo-dashboard-stop") for thread in threading.enumerate()),
+        "its thread has ended",
+    )
+    del served
+    gc.collect()
+    assert not [record.getMessage() for record in caplog.records if record.name == "asyncio"]
+
+
+def test_beats_go_on_whatever_becomes_of_one(
+    served: Served, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    beat = Hub.beat
+    failures = [ValueError("nobody has thought of it")]
+
+    def fail_once(hub: Hub) -> None:
+        if failures:
+            raise failures.pop()
+        beat(hub)
+
+    with served.page() as page:
+        page.hears("beat")
+        monkeypatch.setattr(Hub, "beat", fail_once)
+        eventually(lambda: not failures, "one fails")
+        page.hears("beat", lambda _: "nobody has thought of it" in caplog.text)
