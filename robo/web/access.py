@@ -6,6 +6,7 @@ import hmac
 import ipaddress
 import os
 import secrets
+import tempfile
 from contextlib import suppress
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -100,15 +101,32 @@ def keep_secret(file: Path, text: str) -> str:
         UsageError: it cannot be read or written.
     """
     try:
-        with suppress(FileExistsError), open(file, "x", encoding="utf-8", opener=_for_me_alone) as out:
-            out.write(text)
+        if not file.exists():
+            _make(file, text)
         return file.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         raise UsageError(f"{file}: {getattr(error, 'strerror', None) or error}") from None
 
 
-def _for_me_alone(path: str, flags: int) -> int:
-    return os.open(path, flags, 0o600)
+def _make(file: Path, text: str) -> None:
+    """Make a file that only this user may read: with all of the text at once, however this ends, or as another made it.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    descriptor, name = tempfile.mkstemp(prefix=f".{file.name[:100]}.", dir=file.parent)
+    try:
+        with open(descriptor, "w", encoding="utf-8") as out:
+            out.write(text)
+        try:
+            os.link(name, file)
+        except FileExistsError:
+            pass
+        except OSError:  # a file system without links
+            os.replace(name, file)
+    finally:
+        with suppress(FileNotFoundError):
+            os.unlink(name)
 
 
 class _Guesses(msgspec.Struct):

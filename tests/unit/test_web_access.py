@@ -1,11 +1,12 @@
 """Who may look and who may drive."""
 
+import os
 from pathlib import Path
 
 import pytest
 
 from robo.errors import UsageError
-from robo.web.access import Doorkeeper, Right, Tokens, is_own_host, is_own_origin
+from robo.web.access import Doorkeeper, Right, Tokens, is_own_host, is_own_origin, keep_secret
 from robo.web.limits import Budget, WaitingRoom
 from robo.web.sessions import Sessions, cookie
 
@@ -214,3 +215,35 @@ def test_a_star_is_any_name() -> None:
 )
 def test_a_socket_is_for_the_page_alone(origin: str | None, own: bool) -> None:
     assert is_own_origin(origin, "127.0.0.1:8080") is own
+
+
+@pytest.mark.parametrize("has_links", [True, False])
+def test_a_secret_is_kept_for_this_user_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, has_links: bool) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError("this file system has no links")
+
+    if not has_links:
+        monkeypatch.setattr(os, "link", refuse)
+    file = tmp_path / "r1%dashboard.key"
+    assert keep_secret(file, "first") == "first"
+    assert keep_secret(file, "second") == "first"
+    assert file.stat().st_mode & 0o777 == 0o600
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_secret_that_could_not_be_written_leaves_no_empty_file(tmp_path: Path) -> None:
+    with pytest.raises(UsageError):
+        keep_secret(tmp_path / "key", "cannot be written: \udc00")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_two_who_make_a_secret_at_once_have_the_same_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "key"
+    link = os.link
+
+    def come_second(*paths: str) -> None:
+        file.write_text("of the other one")
+        link(*paths)
+
+    monkeypatch.setattr(os, "link", come_second)
+    assert keep_secret(file, "of this one") == "of the other one"
