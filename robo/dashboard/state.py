@@ -169,8 +169,9 @@ class State:
         """Look no more."""
         self._over.set()
         self._attended.set()
+        deadline = time.monotonic() + _CLOSING
         for thread in self._threads:
-            thread.join(_CLOSING)
+            thread.join(max(0.0, deadline - time.monotonic()))
         self._lines.undeclare()
         self._events.undeclare()
 
