@@ -17,8 +17,8 @@ const MODIFIERS = ["Meta", "Control", "Alt", "OS"];
 
 /** The panel for driving. */
 export function drive() {
-  const fast = slider("fast", "Speed", "m/s", 0.05, 1.5, 0.05, 0.3);
-  const turn = slider("turn", "Turning", "rad/s", 0.1, 3.0, 0.1, 1.0);
+  const fast = slider("fast", "Speed", "m/s", 0.05, 1.0, 0.05, 0.3);
+  const turn = slider("turn", "Turning", "rad/s", 0.1, 1.2, 0.1, 1.0); // a base that brakes with 3 rad/s² then stands within half a second
   const knob = el("div", { class: "knob" });
   const pad = el(
     "div",

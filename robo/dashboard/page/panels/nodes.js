@@ -77,8 +77,11 @@ function explained(one) {
   return lines.join("\n");
 }
 
+/** Units of what is said there. */
+const UNITS = { age: " s", rate: " Hz", uptime: " s" };
+
 /** A part of an explanation in words: what is said of it, name by name. */
 function words(part) {
   const said = Object.entries(part).filter(([, value]) => ![null, "", 0, false].includes(value) && !(Array.isArray(value) && !value.length));
-  return said.map(([name, value]) => `${name.replaceAll("_", " ")} ${typeof value === "number" ? number(value, Number.isInteger(value) ? 0 : 2) : Array.isArray(value) ? value.map(String).join(", ") : value}`).join(", ");
+  return said.map(([name, value]) => `${name.replaceAll("_", " ")} ${typeof value === "number" ? number(value, Number.isInteger(value) ? 0 : 2) + (UNITS[name] ?? "") : Array.isArray(value) ? value.map(String).join(", ") : value}`).join(", ");
 }
