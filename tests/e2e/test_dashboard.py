@@ -663,8 +663,13 @@ def test_a_camera_shows_no_picture_of_another_one(chromium: Any, served: Served,
         page.locator("#camera").scroll_into_view_if_needed()
         page.select_option("#camera select", f"{robot.name}/cam_a")
         eventually(lambda: senders[0].wait_for_subscriber(0.1), "the page looks")
-        senders[0].send(robo_messages.encode(picture))
-        page.wait_for_selector("#camera canvas", state="visible")
+
+        def is_shown() -> bool:
+            senders[0].send(robo_messages.encode(picture))
+            shown: bool = page.locator("#camera canvas").is_visible()
+            return shown
+
+        eventually(is_shown, "the picture of the chosen camera")
         page.select_option("#camera select", f"{robot.name}/cam_b")
         page.wait_for_selector("#camera canvas", state="hidden")
         says(page, "#camera .told", "no picture yet from r1/cam_b")
