@@ -23,6 +23,10 @@ from robo.process.spec import NodeSpec
 from robo.wire.network import Mode
 from robo.wire.reports import Setting
 
+INIT = ("tini", "-g", "--")
+"""What begins a container of the image whose program is not `robo`."""
+MEMORY = "/var/lib/robo"
+"""Where a node keeps what outlives a restart of its container."""
 DASHBOARD = "robo_services.dashboard"
 DASHBOARD_PORT = 8080
 """Of the page within its container."""
@@ -45,6 +49,15 @@ class Commands:
     def words(self, words: tuple[str, ...], process: ProcessPlan, baggage: Baggage) -> list[str]:
         """Words of a command; files that they name are brought."""
         return [self._shown(baggage.word(word, process.cwd)) for word in words]
+
+    def program(self, process: ProcessPlan, baggage: Baggage) -> tuple[list[str], list[str]]:
+        """What a container begins with, empty for what its image says, and the words after that."""
+        if process.service is None:
+            return list(INIT), self.words(process.command(), process, baggage)
+        words = self.of_node(process, baggage)
+        # By the interpreter, as `robo up` does it: a debugger takes no script.
+        prefix = self.words(process.prefix, process, baggage)
+        return [*INIT, *prefix, "python", "-m", "robo"] if prefix else [], words
 
     def of_node(self, process: ProcessPlan, baggage: Baggage) -> list[str]:
         """The words after `robo` that run a service."""

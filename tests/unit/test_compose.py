@@ -14,10 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robo.errors import ManifestError
-from robo.export.commands import as_word
+from robo.export.commands import MEMORY, as_word
 from robo.export.compose import dockerfile
 from robo.export.compose import file as compose
-from robo.export.compose.services import MEMORY
 from robo.export.names import slug, take
 from robo.export.placeholders import Placeholders
 from robo.export.profiles import Profiles, profiles_of

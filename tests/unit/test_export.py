@@ -11,7 +11,7 @@ import yaml
 
 from robo.cli.launch.export import export_compose, export_dockerfile
 from robo.errors import UsageError
-from robo.export.compose.services import MEMORY
+from robo.export.commands import MEMORY
 from robo.launch import resolve
 from robo.node.loading import load_node_class
 from robo.process import options as node_options

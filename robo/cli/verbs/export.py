@@ -12,6 +12,16 @@ from robo.cli.verb import verb
 
 verbs = group()
 
+Exported = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[MANIFEST] [NAME:=VALUE]...",
+        help="What to export.",
+        show_default=False,
+        autocompletion=completion.manifests,
+    ),
+]
+
 
 @verb(
     verbs,
@@ -21,15 +31,7 @@ verbs = group()
     "robo export compose robot.yaml use_sim:=false --robot-name r1",
 )
 def export_compose(
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[MANIFEST] [NAME:=VALUE]...",
-            help="What to export.",
-            show_default=False,
-            autocompletion=completion.manifests,
-        ),
-    ] = None,
+    words: Exported = None,
     robot_name: RobotName = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write it there.")] = None,
     keeper: Annotated[
@@ -56,15 +58,7 @@ def export_compose(
     "robo export kubernetes robot.yaml --deployments --connect tcp/192.168.1.20:7447 -o k8s",
 )
 def export_kubernetes(
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[MANIFEST] [NAME:=VALUE]...",
-            help="What to export.",
-            show_default=False,
-            autocompletion=completion.manifests,
-        ),
-    ] = None,
+    words: Exported = None,
     robot_name: RobotName = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FOLDER", help="Write a base and an overlay there.")

@@ -5,16 +5,13 @@ from typing import Any
 
 from robo.environment import MEMORY_VARIABLE, PORT_VARIABLE
 from robo.export.baggage import Baggage, Project
-from robo.export.commands import DASHBOARD, DASHBOARD_PORT, Commands, told_by_token
+from robo.export.commands import DASHBOARD, DASHBOARD_PORT, MEMORY, Commands, told_by_token
 from robo.export.compose.layout import Layout
 from robo.export.names import robot_of
 from robo.export.profiles import Profiles
 from robo.export.yaml_text import MERGE, Alias, Anchored
 from robo.launch.plan import ProcessPlan, ReadyPlan
 from robo.wire.network import PORT
-
-MEMORY = "/var/lib/robo"
-"""What a node keeps over restarts of its container: a volume without a name, which is as old as the container."""
 
 DASHBOARD_PORT_VARIABLE = "ROBO_DASHBOARD_PORT"
 """Where an exported dashboard is on its host."""
@@ -29,7 +26,6 @@ Service = dict[Any, Any]
 
 _CONDITIONS = {"started": "service_started", "ready": "service_healthy", "completed": "service_completed_successfully"}
 _RESTARTS = {"never": "no", "on-failure": "on-failure", "always": "always"}
-_INIT = ("tini", "-g", "--")
 _FOR_EVER = 86_400.0
 _KEEPS = "/tmp/keeps"
 """There while the keeper watches."""
@@ -71,16 +67,10 @@ class Services:
         """A process: a node by `robo run`, or a command as it is."""
         service = _in_profiles(self._layout.profiles_of(process))
         baggage = Baggage(self._project, self._names)
-        if process.service is not None:
-            command = self._commands.of_node(process, baggage)
-            if process.prefix:
-                # By the interpreter, as `robo up` does it: a debugger takes no script.
-                prefix = self._commands.words(process.prefix, process, baggage)
-                service["entrypoint"] = [*_INIT, *prefix, "python", "-m", "robo"]
-        else:
-            command = self._commands.words(process.command(), process, baggage)
-            service["entrypoint"] = list(_INIT)
-        service["command"] = command
+        begin, words = self._commands.program(process, baggage)
+        if begin:
+            service["entrypoint"] = begin
+        service["command"] = words
         if process.service == DASHBOARD:
             service["ports"] = [f"127.0.0.1:${{{DASHBOARD_PORT_VARIABLE}:-{DASHBOARD_PORT}}}:{DASHBOARD_PORT}"]
         health = self._commands.health(process, baggage)

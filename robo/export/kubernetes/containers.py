@@ -7,7 +7,7 @@ from typing import Any
 from robo.environment import LISTEN_VARIABLE, MEMORY_VARIABLE, SHARED_MEMORY_VARIABLE
 from robo.errors import UsageError
 from robo.export.baggage import FILES, Baggage, Project
-from robo.export.commands import DASHBOARD, DASHBOARD_PORT, Commands
+from robo.export.commands import DASHBOARD, DASHBOARD_PORT, MEMORY, Commands
 from robo.export.kubernetes.variables import Variables
 from robo.export.names import inner_name, slug, take
 from robo.export.placeholders import Placeholders
@@ -19,10 +19,7 @@ Object = dict[str, Any]
 ROUTER = "router"
 RUN = "/run/robo"
 """Where the processes of a pod meet."""
-MEMORY = "/var/lib/robo"
-"""What a node keeps over restarts of its container."""
 
-_INIT = ("tini", "-g", "--")
 _RESOURCES: Object = {"requests": {"cpu": "50m", "memory": "64Mi"}, "limits": {"memory": "256Mi"}}
 _ROUTER = 60.0
 """How long a router may take to be there, s."""
@@ -96,14 +93,9 @@ class Containers:
         """
         baggage = Baggage(self._project, names, self._variables.shown)
         more: Object = {}
-        if process.service is not None:
-            words = self._commands.of_node(process, baggage)
-            if process.prefix:
-                prefix = self._commands.words(process.prefix, process, baggage)
-                more["command"] = [*_INIT, *prefix, "python", "-m", "robo"]
-        else:
-            words = self._commands.words(process.command(), process, baggage)
-            more["command"] = list(_INIT)
+        begin, words = self._commands.program(process, baggage)
+        if begin:
+            more["command"] = begin
         checks = self._commands.checks(process, baggage)
         environment = self._commands.environment(process, router, "peer" if self._together else "client")
         places = self._places()
