@@ -401,6 +401,34 @@ def stood_since(driven: Driven, begin: float) -> None:
     assert [speed for at, speed in driven.speeds if at > begin + SLACK and speed > 0.001] == []
 
 
+def moves_nothing_after_a_cut(page: Any, proxy: Proxy, driven: Driven, where: str, words: str) -> None:
+    """Drive, and hold on through a cut of five seconds: the robot stands, and moves after a new grip alone.
+
+    Args:
+        page: shows the robot.
+        proxy: has the link that is cut.
+        driven: the robot.
+        where: on the page it is told.
+        words: what is told.
+    """
+    drive_off(page, driven)
+    proxy.cut()
+    cut = time.monotonic()
+    driven.has_stood()
+    page.wait_for_selector("#pad.locked")
+    says(page, where, words)
+    eventually(lambda: time.monotonic() - cut > 5.0, "the cut is over")
+    mended = time.monotonic()
+    proxy.mend()
+    page.wait_for_selector("#pad:not(.locked)")
+    page.mouse.move(200, 200)
+    stood_since(driven, mended)
+    page.mouse.up()
+    drive_off(page, driven)
+    page.mouse.up()
+    driven.has_stood()
+
+
 def test_a_link_to_the_browser_that_is_cut_for_five_seconds_moves_nothing_afterwards(
     chromium: Any, served: Served, driven: Driven
 ) -> None:
@@ -408,22 +436,7 @@ def test_a_link_to_the_browser_that_is_cut_for_five_seconds_moves_nothing_afterw
         closing(Proxy(urlsplit(served.address).port or 0)) as proxy,
         opened(chromium, f"http://127.0.0.1:{proxy.port}/") as page,
     ):
-        drive_off(page, driven)
-        proxy.cut()
-        cut = time.monotonic()
-        driven.has_stood()
-        page.wait_for_selector("#pad.locked")
-        says(page, "#lost", "nothing can be driven")
-        eventually(lambda: time.monotonic() - cut > 5.0, "the cut is over")
-        mended = time.monotonic()
-        proxy.mend()
-        page.wait_for_selector("#pad:not(.locked)")
-        page.mouse.move(200, 200)
-        stood_since(driven, mended)
-        page.mouse.up()
-        drive_off(page, driven)
-        page.mouse.up()
-        driven.has_stood()
+        moves_nothing_after_a_cut(page, proxy, driven, "#lost", "nothing can be driven")
 
 
 def test_a_link_to_the_robot_that_is_cut_for_five_seconds_moves_nothing_afterwards(
@@ -434,22 +447,7 @@ def test_a_link_to_the_robot_that_is_cut_for_five_seconds_moves_nothing_afterwar
         closing(Served(f"tcp/127.0.0.1:{proxy.port}")) as served,
         opened(chromium, served.address) as page,
     ):
-        drive_off(page, driven)
-        proxy.cut()
-        cut = time.monotonic()
-        driven.has_stood()
-        page.wait_for_selector("#pad.locked")
-        says(page, "#drive .told", "driving is locked")
-        eventually(lambda: time.monotonic() - cut > 5.0, "the cut is over")
-        mended = time.monotonic()
-        proxy.mend()
-        page.wait_for_selector("#pad:not(.locked)")
-        page.mouse.move(200, 200)
-        stood_since(driven, mended)
-        page.mouse.up()
-        drive_off(page, driven)
-        page.mouse.up()
-        driven.has_stood()
+        moves_nothing_after_a_cut(page, proxy, driven, "#drive .told", "driving is locked")
 
 
 def test_a_hand_that_never_lets_go_moves_nothing_after_a_stop_and_its_reset(
