@@ -48,6 +48,9 @@ RESULTS = Path(__file__).parent / "CDR.md"
 LONG = "LaserScan, 2,000 rays"
 MOST_TWIST, MOST_SCAN = 1.0, 1.3
 """To write one: as much as MessagePack takes; of what `struct` takes for the ranges alone."""
+BESIDE_MSGPACK = ("Twist", "Odometry", "LaserScan, 360 rays", LONG)
+MOST_BESIDE_MSGPACK = 3.0
+"""To write and to read one of these: of what MessagePack takes for both."""
 ROSBAGS = importlib.util.find_spec("rosbags") is not None
 
 
@@ -180,7 +183,18 @@ def table(figures: dict[str, dict[str, Spread]]) -> list[str]:
         "",
         _verdict("a scan of 2,000 rays", scan["cdr writes"], "struct takes for its ranges", scan["struct"], MOST_SCAN),
         "",
+        *(line for name in BESIDE_MSGPACK for line in (_both_ways(name, figures[name]), "")),
     ]
+
+
+def _both_ways(name: str, found: dict[str, Spread]) -> str:
+    """Whether writing and reading take as long as is promised, beside MessagePack."""
+    ways = {way: (found[f"cdr {way}"].median, found[f"msgpack {way}"].median) for way in ("writes", "reads")}
+    ratio = sum(ours for ours, _ in ways.values()) / sum(theirs for _, theirs in ways.values())
+    verdict = "holds" if ratio <= MOST_BESIDE_MSGPACK else "DOES NOT HOLD"
+    each = ", ".join(f"{way} {ours / theirs:.2f}" for way, (ours, theirs) in ways.items())
+    most = f"at most {MOST_BESIDE_MSGPACK:g} of what MessagePack takes"
+    return f"{name}: to write and to read one takes {most}: {verdict}, {ratio:.2f} ({each})."
 
 
 def _verdict(what: str, written: Spread, beside: str, other: Spread, most: float) -> str:

@@ -15,7 +15,7 @@ import robo_messages
 from robo.errors import ContractError
 from robo.interfaces import catalogue
 from robo.interfaces.catalogue import Interface, Listed
-from robo.interfaces.ros_names import full_name
+from robo.interfaces.ros_names import full_name, made_by_name, made_of
 from robo.interfaces.ros_text import whole_text
 from robo.packages.imports import PATIENCE, import_apart, report
 from robo_messages import Message
@@ -49,6 +49,8 @@ class Described(msgspec.Struct, frozen=True):
     """As ROS has it."""
     not_in_ros: str
     """Why it cannot, where there is nothing."""
+    made_of: str = ""
+    """The service or action of which ROS makes the type: the sheets are that one's, and of its own is only the hash."""
 
 
 class InRos(msgspec.Struct, frozen=True):
@@ -104,7 +106,9 @@ def described(name: str, patience: float = PATIENCE) -> Described:
     here = _described(name)
     if here is not None:
         return here
-    places = catalogue.places(*catalogue.first_parts(name))
+    made = made_by_name(name)
+    wanted = [*catalogue.first_parts(name), *(catalogue.first_parts(made[0]) if made is not None else ())]
+    places = catalogue.places(*wanted)
     phrases = {**places.own, **places.others}
     there = set(robo_messages.type_names())
     faults: dict[str, str] = {}
@@ -123,20 +127,22 @@ def described(name: str, patience: float = PATIENCE) -> Described:
 
 def _described(name: str) -> Described | None:
     """A type that is known in this process."""
-    if not any(map(catalogue.is_there, catalogue.first_parts(name))):
+    made = made_of(name)
+    whole = name if made is None else made[0]
+    if not any(map(catalogue.is_there, catalogue.first_parts(whole))):
         return None
-    parts = catalogue.parts(name)
+    parts = catalogue.parts(whole)
     sheets = [_sheet(robo_messages.find_type(part)) for part in parts]
     try:
-        return Described(sheets, _in_ros(name, parts), "")
+        return Described(sheets, _in_ros(name, whole, parts), "", whole if made is not None else "")
     except ContractError as error:
         return Described(sheets, None, str(error))
 
 
-def _in_ros(name: str, parts: Sequence[str]) -> InRos:
+def _in_ros(name: str, whole: str, parts: Sequence[str]) -> InRos:
     from robo.interfaces.type_hash import type_hash  # it takes 4 MB, and completion does without
 
-    return InRos(whole_text(name), type_hash(name), [(full_name(part), type_hash(part)) for part in parts])
+    return InRos(whole_text(whole), type_hash(name), [(full_name(part), type_hash(part)) for part in parts])
 
 
 def _sheet(type_: type[Message], *within: type[Message]) -> Sheet:

@@ -40,6 +40,9 @@ from robo_messages import Message, UnknownType
 _MOST_FILES = 2000
 _REGISTERS = re.compile(rb"@(?:\w+\.)*message\(\s*[\"']([A-Za-z_]\w*/[A-Za-z_]\w*)[\"']")
 
+Constant = bool | int | float | str
+"""What a constant of a message type may be."""
+
 
 class FieldInfo(msgspec.Struct, frozen=True):
     """One field of a message."""
@@ -58,7 +61,7 @@ class Interface(msgspec.Struct, frozen=True):
     name: str
     description: str
     fields: list[FieldInfo]
-    constants: dict[str, int]
+    constants: dict[str, Constant]
     module: str
 
 
@@ -227,12 +230,12 @@ def _docs(type_: type[Message]) -> Mapping[str, str]:
     return attribute_docs(type_)
 
 
-def constants(type_: type[Message]) -> dict[str, int]:
+def constants(type_: type[Message]) -> dict[str, Constant]:
     """The constants of a message type, in their order."""
     return {
         name: getattr(type_, name)
         for name, hint in get_type_hints(type_).items()
-        if get_origin(hint) is ClassVar and isinstance(getattr(type_, name, None), int) and name.isupper()
+        if get_origin(hint) is ClassVar and isinstance(getattr(type_, name, None), Constant) and name.isupper()
     }
 
 

@@ -9,6 +9,7 @@ from robo.interfaces import cdr_plan
 from robo.interfaces.cdr_faults import decode_fault
 from robo.interfaces.cdr_packed import from_bytes
 from robo.interfaces.cdr_plan import BIG, COUNT, HEAD, LITTLE, Order, Slot, Source, alignment, number, packed
+from robo.interfaces.cdr_wide import UNIT, text_of
 from robo.interfaces.ros_shape import Array, Field, Kind, Part, Shape, Single
 from robo_messages import Message
 
@@ -98,6 +99,8 @@ class _Reading:
 
     def _single(self, kind: Single) -> str:
         slot = number(kind)
+        if kind.ros == "wstring":
+            return self._wide_text()
         if slot is None:
             return self._text()
         name = self.place(slot)
@@ -114,6 +117,13 @@ class _Reading:
         # Where the length is 0, as some write that of an empty text, the byte before it is one of the length.
         self.source.refuse(f"d[{end} - 1] or '\\0' in {text}")
         return text
+
+    def _wide_text(self) -> str:
+        size = self.place(COUNT)
+        begin = self._flush()
+        end = self._then(f"{begin} + {UNIT} * {size}")
+        self.source.refuse(f"{end} > z")
+        return self.source.keep(f"{self.source.const(text_of)}(d[{begin}:{end}], {self._order!r})")
 
     def _array(self, kind: Array) -> str:
         slot = number(kind.item)
@@ -143,6 +153,8 @@ class _Reading:
             return self._binary(kind, self.place(Slot("s", 1, length)))
         if slot is not None:
             values = self.place(slot._replace(times=length))
+            if length == 1:  # of one number its value is there, and no row
+                return f"({values},)" if kind.holds == "tuple" else f"[{values}]"
             return values if kind.holds == "tuple" else f"list({values})"
         self._flush()
         values = self._each(kind.item, str(length))

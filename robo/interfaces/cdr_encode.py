@@ -10,6 +10,7 @@ from robo.interfaces import cdr_plan
 from robo.interfaces.cdr_faults import encode_fault
 from robo.interfaces.cdr_packed import little_endian
 from robo.interfaces.cdr_plan import COUNT, LITTLE, Slot, Source, alignment, number, packed
+from robo.interfaces.cdr_wide import UNIT, units_of
 from robo.interfaces.ros_shape import Array, Field, Kind, Part, Shape, Single
 from robo_messages import Message
 
@@ -79,6 +80,11 @@ class _Writing:
     def _single(self, kind: Single, value: str) -> None:
         source = self.source
         slot = number(kind)
+        if kind.ros == "wstring":
+            units = source.keep(f"{source.const(units_of)}({value})")
+            self.place(COUNT, f"len({units}) // {UNIT}")
+            self._bytes(units, f"len({units})")
+            return
         if slot is None:
             text = source.keep(f"{value}.encode()")
             source.refuse(f"0 in {text}")

@@ -12,7 +12,8 @@ from typing import Any
 from robo.errors import MessageError
 from robo.interfaces import cdr_packed, cdr_plan
 from robo.interfaces.cdr_plan import BIG, CODES, COUNT, HEAD, LITTLE, Slot, is_binary, least_size, number
-from robo.interfaces.ros_shape import INTEGERS, Array, Field, Kind, Part, Shape, Single
+from robo.interfaces.cdr_wide import UNIT, text_of
+from robo.interfaces.ros_shape import INTEGERS, TEXTS, Array, Field, Kind, Part, Shape, Single
 from robo.text.brief import shown
 
 
@@ -58,8 +59,8 @@ def _bridged(crossing: Callable[[Any], Any], value: Any, where: str) -> Any:
 
 
 def _check_single(kind: Single, value: Any, where: str) -> None:
-    if kind.ros == "string":
-        _check_text(value, where)
+    if kind.ros in TEXTS:
+        _check_text(kind, value, where)
     elif kind.ros == "bool":
         if not isinstance(value, bool):
             raise MessageError(f"{where}: expected true or false, got {_value_text(value)}")
@@ -69,10 +70,10 @@ def _check_single(kind: Single, value: Any, where: str) -> None:
         _check_float(kind, value, where)
 
 
-def _check_text(value: Any, where: str) -> None:
+def _check_text(kind: Single, value: Any, where: str) -> None:
     if not isinstance(value, str):
         raise MessageError(f"{where}: expected a text, got {_value_text(value)}")
-    if "\0" in value:
+    if "\0" in value and kind.ros == "string":
         raise MessageError(f"{where}: a text in CDR ends at its first NUL, and {shown(value, 40)} has one within")
     try:
         value.encode()
@@ -163,6 +164,8 @@ class _Reader:
         match kind:
             case Single("string"):
                 return self._text(where)
+            case Single("wstring"):
+                return self._wide_text(where)
             case Single():
                 return self._number(kind, where)
             case Array():
@@ -208,6 +211,15 @@ class _Reader:
         if text.find("\0") != len(text) - 1:
             raise MessageError(f"{where}: a text ends with NUL and has none within, unlike {shown(text, 40)}")
         return text[:-1]
+
+    def _wide_text(self, where: str) -> str:
+        units = self._take(self._slot(COUNT, where) * UNIT, where)
+        try:
+            return text_of(units, self._order)
+        except UnicodeDecodeError as error:
+            raise MessageError(f"{where}: no UTF-16: {error.reason}") from None
+        except ValueError as error:
+            raise MessageError(f"{where}: {error}") from None
 
     def _array(self, kind: Array, where: str) -> Any:
         count = kind.length

@@ -4,8 +4,9 @@ import base64
 import binascii
 import functools
 import re
+from array import array
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 from msgspec import inspect
@@ -58,6 +59,8 @@ def _info(type_: Any) -> inspect.Type:
 
 def _read(value: object, info: inspect.Type, where: str, mistakes: list[str]) -> object:
     if isinstance(info, inspect.Metadata):
+        if (info.extra or {}).get("ros") == "int8[]":
+            return _read_bytes(value, where, mistakes, "b")
         return _read(value, info.type, where, mistakes)
     if isinstance(info, inspect.StructType):
         return _read_struct(value, info, where, mistakes)
@@ -103,17 +106,22 @@ def _read_struct(value: object, info: inspect.StructType, where: str, mistakes: 
     return plain
 
 
-def _read_bytes(value: object, where: str, mistakes: list[str]) -> object:
+_BYTES: dict[Literal["b", "B"], str] = {"b": "-128 to 127", "B": "0 to 255"}
+"""From which number to which a byte is, by the code of `array`."""
+
+
+def _read_bytes(value: object, where: str, mistakes: list[str], code: Literal["b", "B"] = "B") -> object:
     if isinstance(value, (bytes, bytearray, memoryview)):
         return value
     try:
         if isinstance(value, str):
             return base64.b64decode(value, validate=True)
         if isinstance(value, list):
-            return bytes(value)
-    except (binascii.Error, ValueError, TypeError):
+            return array(code, value).tobytes()
+    except (binascii.Error, ValueError, TypeError, OverflowError):
         pass
-    mistakes.append(f"{where}: expected bytes, as base64 or a list of numbers from 0 to 255, got {_value_text(value)}")
+    expected = f"bytes, as base64 or a list of numbers from {_BYTES[code]}"
+    mistakes.append(f"{where}: expected {expected}, got {_value_text(value)}")
     return value
 
 

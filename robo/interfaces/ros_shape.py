@@ -5,7 +5,6 @@ Python's types are wider than ROS's. A field that ROS has a type for is that typ
 for, such as a map, is a string that holds it as JSON: every type of a user can be written down and read again.
 """
 
-import functools
 import re
 from typing import Literal, NamedTuple
 
@@ -33,6 +32,7 @@ INTEGERS = {
 }
 """The least and the largest number of each."""
 FLOATS = ("float32", "float64")
+TEXTS = ("string", "wstring")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _BYTES = ("uint8", "int8", "byte", "char")
 
@@ -46,6 +46,8 @@ class Single(NamedTuple):
     """`float32`, `string`, …"""
     limits: tuple[int, int] | None = None
     """The least and the largest whole number, where that is less than its width takes."""
+    most: int | None = None
+    """How long a text may be, letters."""
 
 
 class Part(NamedTuple):
@@ -90,7 +92,10 @@ class Shape(NamedTuple):
     fields: tuple[Field, ...]
 
 
-@functools.cache
+_known: dict[type[Message], Shape] = {}
+"""What was found out: a message may be within others in more ways than can be gone."""
+
+
 def shape_of(type_: type[Message]) -> Shape:
     """The fields of a message type, and those of all types in it.
 
@@ -102,6 +107,12 @@ def shape_of(type_: type[Message]) -> Shape:
 
 
 def _shape(type_: type[Message], within: tuple[type[Message], ...]) -> Shape:
+    if type_ not in _known:
+        _known[type_] = _found(type_, within)
+    return _known[type_]
+
+
+def _found(type_: type[Message], within: tuple[type[Message], ...]) -> Shape:
     name = robo_messages.type_name(type_)
     registered = robo_messages.find_type(name)
     if type_ is not registered:
@@ -194,7 +205,7 @@ class _Reading:
             case inspect.StructType() if issubclass(info.cls, Message):
                 if info.cls in self._within:
                     raise ContractError(f"{self._where}: ROS has no type that holds itself")
-                return Part(_shape(info.cls, self._within) if self._within else shape_of(info.cls))
+                return Part(_shape(info.cls, self._within))
             case inspect.AnyType():
                 self.of_any = True
                 return Part(shape_of(robo_messages.find_type("system/ParameterValue")))
@@ -208,7 +219,7 @@ class _Reading:
                 return Single(self._word(word or "float64", FLOATS, info))
             case inspect.StrType():
                 self.exact &= info.min_length is None and info.max_length is None and info.pattern is None
-                return Single(self._word(word or "string", ("string",), info))
+                return Single(self._word(word or "string", TEXTS, info), most=info.max_length)
             case inspect.LiteralType():
                 return self._one_of(info.values)
             case inspect.EnumType():

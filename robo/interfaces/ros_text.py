@@ -1,5 +1,6 @@
 """Message types as ROS writes them: the text of a `.msg`, `.srv` or `.action` file."""
 
+import base64
 import math
 from collections.abc import Iterator
 from typing import Any, get_args, get_type_hints
@@ -46,24 +47,32 @@ def whole_text(name: str) -> str:
 
 
 def within_of(shape: Shape) -> Iterator[Shape]:
-    """The messages in a message, those within them as well; one that is there twice comes twice."""
+    """The messages in a message, those within them as well, each once."""
+    return _within(shape, set())
+
+
+def _within(shape: Shape, seen: set[str]) -> Iterator[Shape]:
     for field in shape.fields:
         kind = field.kind.item if isinstance(field.kind, Array) else field.kind
-        if isinstance(kind, Part):
+        if isinstance(kind, Part) and kind.shape.name not in seen:
+            seen.add(kind.shape.name)
             yield kind.shape
-            yield from within_of(kind.shape)
+            yield from _within(kind.shape, seen)
 
 
 def _message(type_: type[Message]) -> list[str]:
     interface = catalogue.describe(type_)
-    lines = [f"# {line}".rstrip() for line in interface.description.splitlines()]
-    lines += [f"{kind} {key}={interface.constants[key]}" for key, kind in _constant_types(type_, interface).items()]
+    head = [f"# {line}".rstrip() for line in interface.description.splitlines()]
+    lines = [
+        f"{kind} {key}={_literal(interface.constants[key])}" for key, kind in _constant_types(type_, interface).items()
+    ]
     for field, said in zip(shape_of(type_).fields, interface.fields, strict=True):
         comment = " ".join(part for part in (said.description, _note(field, said.default)) if part)
         if comment:
             lines.append(f"# {comment}")
-        lines.append(f"{_word(field.kind)} {field.name}{_default(said.default, field)}")
-    return lines
+        lines.append(f"{ros_word(field.kind)} {field.name}{_default(said.default, field)}")
+    # What the message says of itself ends with a blank line where what its first field says would follow.
+    return [*head, *([""] if lines and lines[0].startswith("#") else []), *lines]
 
 
 def _note(field: Field, default: object) -> str:
@@ -74,16 +83,22 @@ def _note(field: Field, default: object) -> str:
 
 
 def _is_unsaid(default: object) -> bool:
-    """Whether a default is NaN or infinite: Foxglove's reader refuses a text with such a one."""
+    """Whether readers would not find a default as it is.
+
+    Foxglove's refuses a text with one that is NaN or infinite; of texts ROS knows no escape but that of a quote.
+    """
+    if isinstance(default, str):
+        return "\\" in default or not default.isprintable()
     return isinstance(default, float) and not math.isfinite(default)
 
 
 def _constant_types(type_: type[Message], interface: catalogue.Interface) -> dict[str, str]:
-    """The constants with their types: the one that is said, else the first that takes them all."""
-    values = interface.constants.values()
+    """The constants with their types: the one that is said, else for whole numbers the first that takes them all."""
+    values = [value for value in interface.constants.values() if type(value) is int]
     plain = next(name for name, least, end in _WIDTHS if all(least <= value < end for value in values))
+    words = {bool: "bool", int: plain, float: "float64", str: "string"}
     hints = get_type_hints(type_, include_extras=True)
-    return {key: _said(get_args(hints[key])) or plain for key in interface.constants}
+    return {key: _said(get_args(hints[key])) or words[type(value)] for key, value in interface.constants.items()}
 
 
 def _said(said: tuple[Any, ...]) -> str | None:
@@ -94,23 +109,43 @@ def _said(said: tuple[Any, ...]) -> str | None:
 
 def ros_type(info: inspect.Type) -> str:
     """A field's type as ROS writes it: `float32[]`, `geometry_msgs/Point`."""
-    return _word(ros_kind(info))
+    return ros_word(ros_kind(info))
 
 
-def _word(kind: Kind) -> str:
+def ros_word(kind: Kind) -> str:
+    """What ROS has for a field, as it writes it."""
     match kind:
         case Single(word):
-            return word
+            return word if kind.most is None else f"{word}<={kind.most}"
         case Part(shape):
             return ros_name(shape.name)
         case Array(item):
             bound = kind.length if kind.length is not None else "" if kind.most is None else f"<={kind.most}"
-            return f"{_word(item)}[{bound}]"
+            return f"{ros_word(item)}[{bound}]"
 
 
 def _default(value: object, field: Field) -> str:
-    """A default other than ROS's own zero; arrays have none."""
-    has = isinstance(field.kind, Single) and not (field.bridge is not None and field.bridge.is_json)
-    if not has or not value or _is_unsaid(value):
+    """A default other than ROS's own zero."""
+    if field.bridge is not None and field.bridge.is_json:
         return ""
-    return f" {catalogue.default_text(value)}"
+    match field.kind:
+        case Single():
+            return f" {_literal(value)}" if value and not _is_unsaid(value) else ""
+        case Array(Single(), length=length) as kind:
+            values = _values(value, kind)
+            if any(map(_is_unsaid, values)) or not (values if length is None else any(values)):
+                return ""
+            return f" [{', '.join(map(_literal, values))}]"
+    return ""
+
+
+def _values(value: object, kind: Array) -> list[object]:
+    """The elements of an array's default; one that may be None is no array here."""
+    if isinstance(value, str) and kind.holds in ("bytes", "bytearray", "memoryview"):
+        data = base64.b64decode(value)
+        return list(memoryview(data).cast("b") if kind.item == Single("int8") else data)
+    return list(value) if isinstance(value, (list, tuple)) else []
+
+
+def _literal(value: object) -> str:
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else catalogue.default_text(value)

@@ -6,8 +6,11 @@ from typing import NamedTuple
 
 import robo_messages
 from robo.interfaces import catalogue
-from robo.interfaces.ros_names import full_name
-from robo.interfaces.ros_shape import Array, Kind, Part, Shape, Single, shape_of
+from robo.interfaces.catalogue import PARTS, Kind
+from robo.interfaces.ros_names import full_name, made_of
+from robo.interfaces.ros_shape import Array, Part, Shape, Single, shape_of
+from robo.interfaces.ros_shape import Kind as FieldKind
+from robo.interfaces.ros_text import within_of
 
 _IDS = {
     "int8": 2,
@@ -24,9 +27,12 @@ _IDS = {
     "bool": 15,
     "byte": 16,
     "string": 17,
+    "wstring": 18,
 }
 """ROS's numbers of types; a `char` of a `.msg` file is a uint8."""
 _NESTED = 1
+_BOUNDED_TEXT = 4
+"""What a bound adds to the number of a text's type."""
 _FIXED, _BOUNDED, _ANY_LENGTH = 48, 96, 144
 """What arrays add to the number of their elements' type."""
 
@@ -36,6 +42,8 @@ class _Type(NamedTuple):
     capacity: int = 0
     name: str = ""
     """Of a message."""
+    letters: int = 0
+    """How long a text may be."""
 
 
 class _Description(NamedTuple):
@@ -46,17 +54,39 @@ class _Description(NamedTuple):
     within: "dict[str, _Description]"
 
 
-def type_hash(name: str) -> str:
+def type_hash(name: str, kind: Kind | None = None) -> str:
     """The hash of a message, a service or an action: `RIHS01_` and 64 digits.
 
     Args:
-        name: of the type in robo; a part of a service has a hash of its own.
+        name: of the type in robo. A part of a service or an action has a hash of its own, and so has what ROS makes of
+            them: `std/Trigger_Event`, `example/Fibonacci_SendGoal`, `…_SendGoal_Request`, `…_FeedbackMessage`.
+        kind: `service` for `std/Empty` as a service; else the name says it.
 
     Raises:
         UnknownType: there is no such type.
         ContractError: ROS cannot have it; names the field.
     """
-    described = _described(name)
+    return _hash(_described(name, kind))
+
+
+def described_fields(name: str) -> dict[str, dict[str, tuple[int, int, int, str]]]:
+    """The fields of a type and of all within it, as a description in ROS has them.
+
+    Returns:
+        By the whole name of each type, by field in its order: ROS's number of its type, the capacity of an array,
+        that of a text, and the name of a message.
+
+    Raises:
+        UnknownType, ContractError: as `type_hash`.
+    """
+    whole = _described(name)
+    return {
+        one.name: {field: (type_.number, type_.capacity, type_.letters, type_.name) for field, type_ in one.fields}
+        for one in (whole, *whole.within.values())
+    }
+
+
+def _hash(described: _Description) -> str:
     referenced = [_plain(described.within[one]) for one in sorted(described.within)]
     whole = {"type_description": _plain(described), "referenced_type_descriptions": referenced}
     import hashlib  # OpenSSL is 4 MB, and nodes that read recordings want no hashes
@@ -71,7 +101,7 @@ def _plain(described: _Description) -> dict[str, object]:
             "type": {
                 "type_id": type_.number,
                 "capacity": type_.capacity,
-                "string_capacity": 0,
+                "string_capacity": type_.letters,
                 "nested_type_name": type_.name,
             },
         }
@@ -80,9 +110,16 @@ def _plain(described: _Description) -> dict[str, object]:
     return {"type_name": described.name, "fields": fields}
 
 
-def _described(name: str) -> _Description:
+def _described(name: str, kind: Kind | None = None) -> _Description:
+    made = made_of(name)
+    if made is not None:
+        return _described(*made).within[full_name(name)]
     parts = [_message(shape_of(catalogue.find(part))) for part in catalogue.parts(name)]
     match parts:
+        case [message] if kind == "service":
+            whole = full_name(name, kind)
+            halves = (message._replace(name=f"{whole}_{half}") for half in PARTS[kind])
+            return _service(whole, *halves)
         case [message]:
             return message
         case [request, response]:
@@ -91,30 +128,28 @@ def _described(name: str) -> _Description:
 
 
 def _message(shape: Shape) -> _Description:
-    fields, inner = [], []
-    for field in shape.fields:
-        fields.append((field.name, _type(field.kind)))
-        kind = field.kind.item if isinstance(field.kind, Array) else field.kind
-        if isinstance(kind, Part):
-            inner.append(_message(kind.shape))
-    if not fields:
-        fields = [("structure_needs_at_least_one_member", _Type(_IDS["uint8"]))]
-    return _of(shape.ros_name, fields, inner)
+    within = {one.ros_name: _Description(one.ros_name, _message_fields(one), {}) for one in within_of(shape)}
+    return _Description(shape.ros_name, _message_fields(shape), within)
 
 
-def _type(kind: Kind) -> _Type:
+def _message_fields(shape: Shape) -> list[tuple[str, _Type]]:
+    fields = [(field.name, _type(field.kind)) for field in shape.fields]
+    return fields or [("structure_needs_at_least_one_member", _Type(_IDS["uint8"]))]
+
+
+def _type(kind: FieldKind) -> _Type:
     match kind:
         case Single(word):
-            return _Type(_IDS[word])
+            return _Type(_IDS[word]) if kind.most is None else _Type(_IDS[word] + _BOUNDED_TEXT, letters=kind.most)
         case Part(shape):
             return _Type(_NESTED, name=shape.ros_name)
         case Array():
             one = _type(kind.item)
             if kind.length is not None:
-                return _Type(one.number + _FIXED, kind.length, one.name)
+                return one._replace(number=one.number + _FIXED, capacity=kind.length)
             if kind.most is not None:
-                return _Type(one.number + _BOUNDED, kind.most, one.name)
-            return _Type(one.number + _ANY_LENGTH, name=one.name)
+                return one._replace(number=one.number + _BOUNDED, capacity=kind.most)
+            return one._replace(number=one.number + _ANY_LENGTH)
 
 
 def _of(name: str, fields: list[tuple[str, _Type]], inner: Iterable[_Description]) -> _Description:
