@@ -10,9 +10,8 @@ import zenoh
 
 from robo.errors import RoboError
 from robo.text.unreadable import UNREADABLE
-from robo.wire import names
+from robo.wire import names, whereabouts
 from robo.wire.keys import PREFIX, control_key, status_key
-from robo.wire.network import Network
 from robo.wire.reports import ProcessStatus, Request
 from robo.wire.session import close_session, open_session
 from robo.wire.targets import OF_ALL
@@ -65,8 +64,8 @@ def check(nodes: Sequence[str], robot: str | None, connect: Sequence[str], timeo
         NetworkError: nobody answers.
     """
     namespace = names.robot_name(robot) if robot is not None else None
-    network = Network.from_environment("client", connect)
-    session = open_session(Network(mode="client", connect=network.connect, timeout=timeout))
+    network = whereabouts.of_tool(connect, handing_over=0.0)
+    session = open_session(msgspec.structs.replace(network, timeout=timeout))
     try:
         found = [problem for node in nodes for problem in _of_node(session, node, timeout)]
         return found if namespace is None else [*found, *_of_robot(session, namespace, timeout)]

@@ -14,11 +14,15 @@ from robo.node.contract_text import contract_data, contract_text
 from robo.node.node import Node
 from robo.parameters import files as parameter_files
 from robo.parameters.words import parse_assignment, sides_of
-from robo.process.spec import NodeSpec
+from robo.process.spec import InRos, NodeSpec
 from robo.text.choices import choice_of
 from robo.text.terminal import lenient
+from robo.wire.keys import parse_number
 from robo.wire.network import MODES, Mode
 from robo.wire.reports import Setting
+
+_MOST_DOMAIN = 232
+"""The largest ROS_DOMAIN_ID."""
 
 
 def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
@@ -57,6 +61,7 @@ def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
         listen=tuple(options.listen) or launched.listen,
         autostart=launched.autostart and not getattr(options, "no_autostart", False),
         mode=launched.mode or _mode(),
+        ros2=_in_ros(options),
     )
 
 
@@ -79,6 +84,24 @@ def _mode() -> Mode:
     return mode
 
 
+def _in_ros(options: argparse.Namespace) -> InRos | None:
+    said = {
+        name: value
+        for name, value in (("connect", options.ros_connect), ("domain", options.ros_domain))
+        if value is not None
+    }
+    if said and not options.ros2:
+        raise UsageError(f"--ros-{next(iter(said))} says where the graph of ROS 2 is; add --ros2 to be in it")
+    return InRos(**said) if options.ros2 else None
+
+
+def _domain(text: str) -> int:
+    found = parse_number(text)
+    if found is None or found > _MOST_DOMAIN:
+        raise argparse.ArgumentTypeError(f"{text} is no ROS_DOMAIN_ID: write a number from 0 to {_MOST_DOMAIN}")
+    return found
+
+
 def _parser(node_class: type[Node], contract: ContractData) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=f"robo run {_module_name(node_class)}",
@@ -94,6 +117,9 @@ def _parser(node_class: type[Node], contract: ContractData) -> argparse.Argument
     add("-r", "--remap", metavar="FROM:=TO", action="append", default=[], help="use another name for a topic")
     add("--connect", metavar="ENDPOINT", action="append", default=[], help="dial a router (or ROBO_CONNECT)")
     add("--listen", metavar="ENDPOINT", action="append", default=[], help="listen here (or ROBO_LISTEN)")
+    add("--ros2", action="store_true", help="be in the graph of ROS 2 as well, without a bridge between")
+    add("--ros-connect", metavar="ENDPOINT", help=f"its router, with --ros2 (default {InRos().connect})")
+    add("--ros-domain", metavar="N", type=_domain, help="its ROS_DOMAIN_ID, with --ros2 (default 0)")
     if contract.managed:
         add("--no-autostart", action="store_true", help="wait in unconfigured until somebody asks for a transition")
     return parser

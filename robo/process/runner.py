@@ -6,6 +6,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, NoReturn, TextIO
 
 import msgspec
@@ -29,6 +30,9 @@ from robo.wire.session import close_session, open_session
 
 if TYPE_CHECKING:
     from robo.wire.claims import Claim
+
+_ANSWERS_WITHIN = 0.5
+"""How long a router may take to say whether a node may join it, s."""
 
 SWITCH_INTERVAL = 0.001
 """How long a thread of a node may go on in Python while others want to, s. By Python's 0.005 s a timer beside five
@@ -101,6 +105,8 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
     try:
         if claim is not None:
             claim.hold(session)
+        elif RUN_VARIABLE not in os.environ:
+            see_that_it_is_obeyed(node, session)
         live(node, session, spec, started)
     except BaseException as error:
         failure = error
@@ -155,19 +161,40 @@ def live(node: Node, session: zenoh.Session, spec: NodeSpec, started: Callable[[
             node.logger.warning("starting although it does not see %s", ", ".join(sorted(unseen)))
         node.start(session, autostart=spec.autostart)
         try:
-            started()
-            node.wait()
+            with _in_ros(node, spec):
+                started()
+                node.wait()
         finally:
             node.close()
     except SystemExit as wish:  # of on_start
         obey(node, wish)
 
 
+def _in_ros(node: Node, spec: NodeSpec) -> AbstractContextManager[None]:
+    """While this goes on, a node is in ROS's graph, if its spec says so."""
+    if spec.ros2 is None:
+        return nullcontext()
+    from robo.bridges.ros2.alone import in_ros  # which brings along what no other node needs
+
+    return in_ros(node, spec.ros2.connect, spec.ros2.domain)
+
+
+def see_that_it_is_obeyed(node: Node, session: zenoh.Session) -> None:
+    """Refuse to run a node that nobody has launched where all that it says would come to nothing.
+
+    Raises:
+        ReadOnly: it was told to join another user's robot.
+    """
+    from robo.wire import doors  # routers have found out before they claimed their names
+
+    doors.check(session, node.namespace, _ANSWERS_WITHIN, joins=True)
+
+
 def tell_place(node: Node, network: Network) -> None:
     """Say where a node is on the network, to whoever has started it by hand."""
     if not log.is_supervised():
-        places = ", ".join(network.listen or network.connect)
-        node.logger.info("runs as %s, at %s; Ctrl-C stops", node.full_name, places)
+        where = network.reached if network.listen else f"at {', '.join(network.connect)}"
+        node.logger.info("runs as %s, %s; Ctrl-C stops", node.full_name, where)
 
 
 def thread_died(node: Node, died: threading.ExceptHookArgs) -> None:

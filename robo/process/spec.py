@@ -10,6 +10,15 @@ from robo.wire.qos import Quality
 from robo.wire.reports import Setting
 
 
+class InRos(msgspec.Struct, frozen=True, kw_only=True):
+    """The graph of ROS 2 in which a node is by itself."""
+
+    domain: int = 0
+    """ROS_DOMAIN_ID."""
+    connect: str = "tcp/localhost:7447"
+    """Where its router is."""
+
+
 class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):
     """All that a node's process needs to know, resolved."""
 
@@ -30,6 +39,8 @@ class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Whether a managed node is brought to active; else it waits in unconfigured."""
     mode: Mode | None = None
     """None for one that nobody has launched: ROBO_MODE says it, or it is a router of its own."""
+    ros2: InRos | None = None
+    """None for a node that is in robo's network alone."""
     connect: tuple[str, ...] = ()
     listen: tuple[str, ...] = ()
 

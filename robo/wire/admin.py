@@ -6,12 +6,14 @@ is connected that is not robo's, and of as few keys as will do: an answer withou
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import TypeVar
 
 import msgspec
 import zenoh
 
 from robo.text.unreadable import UNREADABLE
+from robo.wire import access
 from robo.wire.ids import is_robos
 from robo.wire.keys import EndpointKind
 
@@ -102,12 +104,47 @@ def routers(session: zenoh.Session, timeout: float) -> list[RouterInfo]:
 
 
 def linked_to(session: zenoh.Session, timeout: float) -> list[RouterSession] | None:
-    """Who is connected to the router of which a session is a client; None where it does not say."""
+    """Who is connected to the router of which a session is a client, and to its door; None where it does not say.
+
+    The door is the router by which a robot's router meets others with security on: both are linked by a unix socket.
+    """
     for zid in session.info.routers_zid():
-        for reply in session.get(f"@/{zid}/router", timeout=timeout):
-            told = _decoded(reply.ok, _Router) if reply.ok is not None else None
-            if told is not None:
-                return _sessions(told)
+        found = _connected_to(session, str(zid), timeout)
+        if found is not None:
+            doors = [one.zid for one in found if one.whatami == "router" and any(map(_is_local, one.links))]
+            return [*found, *(one for door in doors for one in _connected_to(session, door, timeout) or ())]
+    return None
+
+
+def _is_local(link: RouterLink) -> bool:
+    return link.dst.startswith("unixsock-stream/") or link.src.startswith("unixsock-stream/")
+
+
+def _connected_to(session: zenoh.Session, zid: str, timeout: float) -> list[RouterSession] | None:
+    for reply in session.get(f"@/{zid}/router", timeout=timeout):
+        told = _decoded(reply.ok, _Router) if reply.ok is not None else None
+        if told is not None:
+            return _sessions(told)
+    return None
+
+
+class Door(msgspec.Struct, frozen=True):
+    """How a router is open to those who come by a network link: they look."""
+
+    owner: str
+    """The name of the user whose it is."""
+    shared: tuple[str, ...] = ()
+    """The robots, by namespace, with which they may do all."""
+
+
+def door_of(session: zenoh.Session, zid: str, timeout: float) -> Door | None:
+    """How a router is open to others; None where it is to be used by whoever comes, or does not say."""
+    for reply in session.get(f"@/{zid}/router", timeout=timeout):
+        told = _decoded(reply.ok, _Router) if reply.ok is not None else None
+        if told is None or not isinstance(told.metadata, dict) or told.metadata.get("others") != access.LOOKS:
+            continue
+        with suppress(msgspec.ValidationError):
+            return msgspec.convert(told.metadata, Door)
     return None
 
 

@@ -6,6 +6,7 @@ other, and the run whose id is the smaller has the names. Where nobody is met ye
 each other: they take turns, by a lock for each endpoint at which they would meet.
 """
 
+import fcntl
 import os
 import socket
 import sys
@@ -13,11 +14,12 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
+from typing import Protocol
 
 import zenoh
 
-from robo.errors import NetworkError
-from robo.wire import names, tcp
+from robo.errors import NetworkError, ReadOnly
+from robo.wire import doors, knocking, meeting, names, tcp
 from robo.wire.discovery import hostname
 from robo.wire.keys import ClaimToken, NodeToken, parse_token
 from robo.wire.network import Network
@@ -60,9 +62,10 @@ class Claim:
         """With the routers that are there already."""
         self.unreached: dict[str, OSError] = {}
         """What is to be dialled and does not answer, and why."""
-        self._own = [place for endpoint in network.listen if (place := tcp.nearby(endpoint)) is not None]
+        self._security = network.security
+        self._own = list(network.places)
         self._dialled = list(dict.fromkeys((*network.connect, *self._own)))
-        self._turns: list[socket.socket] = []
+        self._turns: list[_Turn] = []
         self._over = threading.Event()
 
     def token_of(self, full_name: str) -> ClaimToken:
@@ -77,6 +80,7 @@ class Claim:
 
         Raises:
             PortTaken: no tool and no robot would reach these nodes.
+            ReadOnly: what they were told to join is another user's, and for others to look at.
         """
         try:
             return self._take()
@@ -86,9 +90,9 @@ class Claim:
 
     def _take(self) -> list[Name]:
         self._wait_for_turn()
-        tried = dict(tcp.tried(self._dialled, ANSWERS_WITHIN))
+        tried = dict(knocking.tried(self._dialled, ANSWERS_WITHIN))
         for endpoint in self._dialled:
-            if tcp.address_of(endpoint) is None:
+            if not knocking.can_be_tried(endpoint):
                 continue
             wrong = tried.get(endpoint, TimeoutError())
             session = self._meet(endpoint) if wrong is None else None
@@ -127,7 +131,7 @@ class Claim:
                 if self.sessions:
                     shows = all(map(seen, [*self.sessions]))
                 else:
-                    shows = not self._own or next(tcp.answering(self._own, ANSWERS_WITHIN), None) is not None
+                    shows = not self._own or next(knocking.answering(self._own, ANSWERS_WITHIN), None) is not None
                 if shows:
                     break
         self.close()
@@ -143,11 +147,18 @@ class Claim:
     def _meet(self, endpoint: str) -> zenoh.Session | None:
         """A session with the router at an endpoint; None where there is none any more, or none at a site."""
         if endpoint in self._own:
-            return meet(endpoint)
+            return meet(endpoint, self._security)
         try:
-            return open_session(Network(mode="client", connect=(endpoint,), timeout=ANSWERS_WITHIN))
+            session = open_session(_client(endpoint, self._security))
         except NetworkError:
             return None
+        try:
+            for namespace in {token.namespace for token in self.tokens}:
+                doors.check(session, namespace, ANSWERS_WITHIN, joins=True)
+        except ReadOnly:
+            close_session(session)
+            raise
+        return session
 
     def others_with(self, session: zenoh.Session, full_name: str) -> list[Name]:
         """Who else has a name, or claims it, as far as a session sees."""
@@ -162,12 +173,10 @@ class Claim:
     def _wait_for_turn(self) -> None:
         end = time.monotonic() + TURN
         for endpoint in sorted(self._dialled) if sys.platform == "linux" else ():
-            turn = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+            own = meeting.path_of(endpoint) if endpoint in self._own else None
+            turn = _NamedTurn(endpoint) if own is None else _TurnInFolder(own)
             self._turns.append(turn)
-            while time.monotonic() < end:
-                with suppress(OSError):
-                    turn.bind(f"\0robo-claim/{endpoint}"[:100])  # it is nobody else's until it is closed
-                    break
+            while time.monotonic() < end and not turn.take():
                 time.sleep(0.01)
 
     def _end_turn(self) -> None:
@@ -176,21 +185,93 @@ class Claim:
                 self._turns.pop().close()
 
 
-def meet(endpoint: str) -> zenoh.Session | None:
+class _Turn(Protocol):
+    """A turn to start: one process has it, until it closes it or ends."""
+
+    def take(self) -> bool:
+        """Take it. Returns whether it is free, or this process's already."""
+
+    def close(self) -> None:
+        """Let the next one have it."""
+
+
+class _NamedTurn:
+    """A turn of all who would meet at an endpoint, whoever they are."""
+
+    def __init__(self, endpoint: str) -> None:
+        self._name = f"\0robo-claim/{endpoint}"[:100]
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+
+    def take(self) -> bool:
+        """Take it. Returns whether it was free."""
+        try:
+            self._socket.bind(self._name)  # it is nobody else's until it is closed
+        except OSError:
+            return False
+        return True
+
+    def close(self) -> None:
+        """Let the next one have it."""
+        self._socket.close()
+
+
+class _TurnInFolder:
+    """A turn of those who may write into the folder of a socket: no stranger can keep it from them."""
+
+    def __init__(self, path: str) -> None:
+        self._file: int | None = None
+        with suppress(OSError):  # a socket of somebody else's, where nobody takes turns
+            self._file = os.open(f"{path}.turn", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+
+    def take(self) -> bool:
+        """Take it. Returns whether it was free."""
+        try:
+            if self._file is not None:
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            return False
+        return True
+
+    def close(self) -> None:
+        """Let the next one have it."""
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+
+
+def _client(endpoint: str, security: str) -> Network:
+    return Network(mode="client", connect=(endpoint,), timeout=ANSWERS_WITHIN, security=security)
+
+
+def meet(endpoint: str, security: str = "") -> zenoh.Session | None:
     """A session with the router that holds a port of this machine; None where it has just left.
 
+    Args:
+        endpoint: where it listens.
+        security: the folder of this process's name; empty where security is off.
+
     Raises:
-        PortTaken: it is a program that is no Zenoh router.
+        PortTaken: it is a program that is no Zenoh router, or a router of another network.
     """
     end = time.monotonic() + PATIENCE
     while True:
         try:
-            return open_session(Network(mode="client", connect=(endpoint,), timeout=ANSWERS_WITHIN))
+            return open_session(_client(endpoint, security))
         except NetworkError:
-            if next(tcp.answering([endpoint], ANSWERS_WITHIN), None) is None:
+            if next(knocking.answering([endpoint], ANSWERS_WITHIN), None) is None:
                 return None
             if time.monotonic() > end:
-                raise PortTaken(port_taken(endpoint)) from None
+                raise PortTaken(_not_met(endpoint, security)) from None
+
+
+def _not_met(endpoint: str, security: str) -> str:
+    if security:
+        from robo.wire import tls  # which most processes do without
+
+        wrong = tls.refused(endpoint, security, ANSWERS_WITHIN)
+        if wrong:
+            return f"the router at {endpoint} is not joined: {wrong}"
+    return port_taken(endpoint)
 
 
 def declare(session: zenoh.Session, tokens: Sequence[ClaimToken]) -> list[zenoh.LivelinessToken]:
@@ -222,6 +303,9 @@ def told(taken: Sequence[Name]) -> str:
 
 def port_taken(endpoint: str) -> str:
     """That a port is held by a program that is no Zenoh router, and what to do."""
+    path = meeting.path_of(endpoint)
+    if path is not None:
+        return f"the socket {path} is held by a program of yours and no Zenoh answers there\n  stop that program"
     host, number = tcp.address_of(endpoint) or ("", 0)
     return (
         f"port {number} on {host} is taken{tcp.listener(number)} and no Zenoh answers there\n"

@@ -10,14 +10,15 @@ import zenoh
 from robo.wire.keys import ALL_TOKENS, EndpointToken, NodeToken, parse_token, tokens_of_publishers
 
 
-def tokens(session: zenoh.Session, timeout: float) -> list[NodeToken | EndpointToken]:
+def tokens(session: zenoh.Session, timeout: float, keys: str = ALL_TOKENS) -> list[NodeToken | EndpointToken]:
     """Every node and every end of a topic or service that this session can see.
 
     Args:
         session: whose network to ask on.
         timeout: how long to wait for routers that do not answer, s.
+        keys: which of them; a router's time for an answer grows with the square of its tokens.
     """
-    replies = session.liveliness().get(ALL_TOKENS, timeout=timeout)
+    replies = session.liveliness().get(keys, timeout=timeout)
     found = [parse_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]
     return [token for token in found if isinstance(token, NodeToken | EndpointToken)]
 

@@ -65,6 +65,14 @@ class NodeToken(_OfNode, frozen=True):
     run: str = ""
     """The id of its run; empty for a node that is run alone."""
 
+    ROS: ClassVar[str] = "ros2"
+    """The class, and the host, of a node of ROS 2 that a bridge shows; its process id is 0."""
+
+    @property
+    def is_of_ros(self) -> bool:
+        """Whether it is a node of ROS 2, shown by a bridge: it answers nothing of what robo's nodes answer."""
+        return self.class_name == self.ROS and not self.pid
+
     def key(self) -> str:
         """The token's key expression."""
         parts = (self.class_name, str(self.pid), names.join(self.host, self.run))
@@ -146,6 +154,11 @@ def source_id(entity: zenoh.EntityGlobalId) -> str:
     return f"{entity.zid}:{entity.eid}"
 
 
+def tokens_of_node(namespace: str, node: str) -> str:
+    """The tokens of a node and of its ends: a key expression."""
+    return names.join(PREFIX, namespace, "*", node, "*/*/*")
+
+
 def tokens_of_publishers(topic: str) -> str:
     """The key expression of the tokens of all who publish on a topic."""
     return names.join(PREFIX, "**/pub/*/*/*", _mangle(topic))
@@ -181,11 +194,30 @@ def status_key(namespace: str, node: str) -> str:
     return names.join(PREFIX, namespace, "status", node)
 
 
+def lines_key(namespace: str, node: str) -> str:
+    """Where a node that no supervisor runs tells what it has logged last, a `LastWords`: what came after `?since=`,
+    in ns since the epoch, or all that it keeps.
+    """
+    return names.join(status_key(namespace, node), "log")
+
+
+TELLS = ("about", "ps", "why", "events", "logs", "sites")
+ACTS = ("stop", "start", "restart", "down")
+"""What supervisors answer, and what they do: who may ask for the one need not be let to the other."""
+
+
 def control_key(robot: str, verb: str) -> str:
-    """Where a supervisor answers: `ps`, `why`, `events`, `logs` and `sites` tell; `stop`, `start`, `restart` and
-    `down`, asked on exactly this key, act.
+    """Where a supervisor answers: `about`, `ps`, `why`, `events`, `logs` and `sites` tell; `stop`, `start`, `restart`
+    and `down`, asked on exactly this key, act.
     """
     return names.join(PREFIX, robot, "supervisor", verb)
+
+
+def refusals_key(name: str) -> str:
+    """Where a router tells whom it has refused, and how often: as JSON, a list of kind, who, sentence, count, and the
+    last time in ns since the epoch. Only a secured one does.
+    """
+    return names.join(PREFIX, name, "router", "refusals")
 
 
 class SupervisorToken(msgspec.Struct, frozen=True):

@@ -8,10 +8,10 @@ from typing import Literal, cast, get_args
 import msgspec
 import zenoh
 
-from robo.environment import CONNECT_VARIABLE, LISTEN_VARIABLE, SHARED_MEMORY_VARIABLE
+from robo.environment import CONNECT_VARIABLE, LISTEN_VARIABLE, SECURITY_VARIABLE, SHARED_MEMORY_VARIABLE
 from robo.errors import NetworkError
 from robo.text.paths import unnested
-from robo.wire import shared_memory
+from robo.wire import access, meeting, shared_memory
 
 Mode = Literal["peer", "client", "router"]
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -20,7 +20,11 @@ PORT = 7447
 """Of routers, unless they are told another one: Zenoh's own."""
 
 RENDEZVOUS = f"tcp/127.0.0.1:{PORT}"
-"""Where robots on one machine meet: the first router listens there, the others link to it."""
+"""Where others find the robots of a machine, to look at: the first router listens there, and nobody of robo's who was
+not told to dials it. Anybody may have taken it."""
+
+SECURED_RENDEZVOUS = f"tls/127.0.0.1:{PORT}"
+"""And with security on: by TLS, each with the rights of his name."""
 
 _SOURCE = re.compile(r" at \S+\.rs:\d+\.?")
 
@@ -39,34 +43,92 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
     """What a router calls itself where one asks who is there."""
     timeout: float = 10.0
     """How long a peer or client waits for its first connection, s."""
+    guarded: bool = False
+    """Whether who comes to a router by another way than a unix socket only looks."""
+    shared: tuple[str, ...] = ()
+    """The robots, by namespace, with which who comes to a guarded router may do all."""
     shared_memory: bool = True
     """Whether large messages may come and go through shared memory."""
     more: dict[str, object] = {}
     """What else is said of it in Zenoh's own terms: maps within maps, as in Zenoh's configuration."""
+    security: str = ""
+    """The folder of the name that it has on a secured network; empty where security is off."""
 
     @classmethod
     def from_environment(
         cls, mode: Mode, connect: Sequence[str] = (), listen: Sequence[str] = (), *, meeting_point: bool = False
     ) -> "Network":
-        """Options first, then ROBO_CONNECT and ROBO_LISTEN (endpoints joined by commas), then loopback.
+        """Options first, then ROBO_CONNECT and ROBO_LISTEN (endpoints joined by commas), then where this user's are.
 
-        A router listens at the rendezvous and also dials it: whoever holds the port is the meeting
-        point, and when it leaves the next one takes the port over. A node that is told where to dial joins that
-        network and no other; a robot is a meeting point in any case. A client, as tools are, listens nowhere.
+        A router that is told nothing listens where its user's robots meet and also dials it: whoever holds the place is
+        the meeting point, and when it leaves the next one takes it over. For others it listens at the rendezvous, where
+        they look and no more. One that dials a network link has no such door: the rules for who comes by it
+        would be those of the link as well. What an endpoint says is as open as it is.
+
+        With ROBO_SECURITY the door for others is one of TLS, with rules for each name, so it is there in any case.
+
+        A node that is told where to dial joins that network and no other; a robot is met by its user's others
+        in any case. A client, as tools are, listens nowhere.
 
         Args:
             mode: how it joins.
             connect: what options say is dialled.
             listen: and where they say that it listens.
-            meeting_point: whether a router is at the rendezvous also where it is told to dial another place.
+            meeting_point: whether a router is where its user's robots meet also if it is told to dial another place.
+
+        Raises:
+            NetworkError: the folder in which this user's robots meet is not to be trusted, or cannot be made.
         """
         dial = tuple(connect) or _endpoints(CONNECT_VARIABLE)
         serve = tuple(listen) or (() if mode == "client" else _endpoints(LISTEN_VARIABLE))
+        security = os.environ.get(SECURITY_VARIABLE, "")
         if mode == "router":
-            if meeting_point or not dial:
-                serve = serve or (RENDEZVOUS,)
-            return cls(mode=mode, connect=dial + tuple(e for e in serve if "127.0.0.1:" in e), listen=serve)
-        return cls(mode=mode, connect=dial or (RENDEZVOUS,), listen=serve)
+            if serve or (dial and not meeting_point):
+                own = tuple(e for e in serve if "127.0.0.1:" in e)
+                return cls(mode=mode, connect=dial + own, listen=serve, security=security)
+            meeting.prepare()
+            place = meeting.endpoint()
+            if security:
+                return cls(mode=mode, connect=(*dial, place), listen=(place, SECURED_RENDEZVOUS), security=security)
+            if all(endpoint.startswith(meeting.UNIX) for endpoint in dial):
+                return cls(mode=mode, connect=(*dial, place), listen=(place, RENDEZVOUS), guarded=True)
+            return cls(mode=mode, connect=(*dial, place), listen=(place,))
+        if not dial:
+            meeting.check()
+        return cls(mode=mode, connect=dial or (meeting.endpoint(),), listen=serve, security=security)
+
+    @property
+    def doors(self) -> tuple[str, ...]:
+        """Where a router that meets its user's others at their socket lets others in.
+
+        Nobody of robo's who was not told to dials them: anybody may have the port.
+        """
+        if not (self.guarded or (self.security and meeting.endpoint() in self.listen)):
+            return ()
+        return tuple(endpoint for endpoint in self.listen if not endpoint.startswith(meeting.UNIX))
+
+    @property
+    def reached(self) -> str:
+        """Where others find a router, and what they may do, for people: `at tcp/0.0.0.0:7447`."""
+        network = ", ".join(endpoint for endpoint in self.listen if not endpoint.startswith(meeting.UNIX))
+        if not network:
+            return "for your own tools"
+        if self.security and self.doors:
+            return f"for your own tools, and for whom the policy names at {network}"
+        if not self.guarded:
+            return f"at {network}"
+        return f"{'shared with' if self.shared else 'read-only for'} others at {network}"
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Where another router may be that is there before this one, as this machine dials them.
+
+        A door for others is none of them: whoever is there is not to be believed.
+        """
+        from robo.wire import tcp  # with sockets, which a node that is linked to its robot alone does without
+
+        own = [endpoint for endpoint in self.listen if endpoint.startswith(meeting.UNIX)]
+        return (*own, *(() if self.doors else filter(None, map(tcp.nearby, self.listen))))
 
 
 def _endpoints(variable: str) -> tuple[str, ...]:
@@ -78,6 +140,8 @@ def zenoh_config(network: Network) -> zenoh.Config:
 
     Raises:
         NetworkError: an endpoint is no Zenoh endpoint.
+        SecurityError: with security on: a key, a certificate or rules are missing or too open, or an endpoint is in
+            the clear.
     """
     config = zenoh.Config()
     for key, value in settings_of(network).items():
@@ -103,10 +167,22 @@ def settings_of(network: Network) -> dict[str, object]:
     """What differs from Zenoh's defaults, by the path of each setting in Zenoh's configuration."""
     settings = _own_settings(network)
     more = settings_by_path(network.more)
+    for whole in access.WHOLE:
+        if any(path.partition("/")[0] == whole for path in more):
+            settings.pop(whole, None)  # the owner's own rules stand alone
     rules = more.get(_RULES)
     if isinstance(rules, list):  # one after the other: a rule of the user's may also take ours back for a key
         more[_RULES] = [*cast("list[object]", settings.get(_RULES, [])), *rules]
-    return settings | more
+    return settings | more | _secured(network)  # which nothing else undoes
+
+
+def _secured(network: Network) -> dict[str, object]:
+    if not network.security:
+        return {}
+    from robo.wire import identity  # which most processes do without
+
+    identity.check_endpoints((*network.connect, *network.listen))
+    return identity.settings(identity.load(identity.folder_of(network.security)), router=network.mode == "router")
 
 
 _RULES = "qos/network"
@@ -138,6 +214,17 @@ stopped, or whose cable is cut, all that comes from its sender waits too, for ev
 is applied. There `depth=KEEP_ALL` still makes a sender wait."""
 
 
+_LIMITS: dict[str, object] = {
+    # In bytes. Zenoh would take 1 GiB into the router's memory; what is larger is dropped, and the link lives on.
+    "transport/link/rx/max_message_size": 128 << 20,
+    "transport/unicast/max_sessions": 1_000,
+    # Connections that say nothing: with Zenoh's 100, each for 10 s, 150 of them let nobody in any more.
+    "transport/unicast/accept_pending": 500,
+    "transport/unicast/accept_timeout": 3_000,  # ms
+}
+"""What strangers may do to a router at most; `--network-config` may say other numbers."""
+
+
 def _own_settings(network: Network) -> dict[str, object]:
     router = network.mode == "router"
     settings: dict[str, object] = {
@@ -161,8 +248,16 @@ def _own_settings(network: Network) -> dict[str, object]:
     if router:
         settings |= {"listen/retry": _RETRY, "listen/timeout_ms": -1, "listen/exit_on_failure": False}
         # Tools ask routers who is connected, and what is declared by those that are no nodes of robo's.
-        settings |= {"adminspace/enabled": True, "metadata": {"name": network.name}}
+        metadata: dict[str, object] = {"name": network.name}
+        settings |= {"adminspace/enabled": True, "metadata": metadata}
+        # A router tells another at once all that it knows, on the thread that receives. Two that each wait for the
+        # other to take it stand still until their link is given up: so there is room for what some robots declare.
+        settings["transport/link/tx/queue/size/control"] = 16
         settings[_RULES] = _NEVER_WAIT
+        settings |= _LIMITS
+        if network.guarded:
+            settings |= access.settings(network.shared)
+            metadata |= access.told(meeting.user_name(os.geteuid()), network.shared)
     if on_this_machine(network):
         # Between processes of one machine a longer queue keeps both ends busy; over a slow link it would
         # hold old messages. Leave `transport/unicast/qos` on: without it a publisher that drops a
@@ -173,7 +268,7 @@ def _own_settings(network: Network) -> dict[str, object]:
 
 def on_this_machine(network: Network) -> bool:
     """Whether all of its links are unix sockets."""
-    return all(endpoint.startswith("unixsock-stream/") for endpoint in network.connect + network.listen)
+    return all(endpoint.startswith(meeting.UNIX) for endpoint in network.connect + network.listen)
 
 
 def _plain(error: zenoh.ZError) -> str:

@@ -143,7 +143,8 @@ class QueryLoop:
             others = [worker for worker in self._workers if worker is not threading.current_thread()]
         end = time.monotonic() + timeout
         for worker in others:
-            worker.join(max(0.0, end - time.monotonic()))
+            if worker.is_alive():  # Ctrl-C may have come while it was being started
+                worker.join(max(0.0, end - time.monotonic()))
         return not any(worker.is_alive() for worker in others)
 
 

@@ -227,6 +227,28 @@ class Site(msgspec.Struct, frozen=True):
     """Why it is not reached; empty where that is not known yet."""
 
 
+class RunReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Which run a supervisor runs, and of what it was made."""
+
+    robot: str
+    """What the run is called: the robot's namespace."""
+    run: str
+    """The id of the run."""
+    host: str
+    """The name of the machine, or what the manifest calls it."""
+    user: str
+    """The name of the user whose process the supervisor is."""
+    version: str
+    """Of robo, as it was when the run began: what has been installed since does not count."""
+    manifest: str
+    """The name of its file, without the folder."""
+    digest: str
+    """The beginning of a hash of the manifest and of all files of which it was made, in hexadecimal digits: runs of one
+    digest were made of the same. Empty where a file could not be read again."""
+    since: int
+    """When it began, ns since the epoch."""
+
+
 COMMAND_LIMIT = 60.0
 """How long a supervisor takes to carry out a command, s; what is not done by then gets an error for an answer."""
 
@@ -348,6 +370,10 @@ class NodeStatus(msgspec.Struct, frozen=True):
     """The state of a managed node, as ROS calls it: `inactive`; empty for a plain node."""
     large_messages: str = ""
     """How they travel on its machine: `shared memory`, or `sockets: ` and why; only in the reply to a query."""
+    memory: int | None = None
+    """Resident, of its process, bytes; only in the reply to a query, and where the system tells it."""
+    processor_time: float | None = None
+    """That its process has used so far, s; only in the reply to a query."""
     checks: list[DiagnosticStatus] = []
     """How well it does by its checks, as it published last on `diagnostics`."""
 
@@ -378,3 +404,12 @@ class LogRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """DEBUG to FATAL where the line begins with it, as robo's nodes write it."""
     stream: str = "stderr"
     """`stdout` or `stderr`."""
+
+
+class LastWords(msgspec.Struct, frozen=True):
+    """What a node that no supervisor runs has logged."""
+
+    time: int
+    """The node's wall clock, ns since the epoch."""
+    lines: list[LogRecord]
+    """The oldest first; `node` is the full name without its leading slash."""

@@ -1,4 +1,4 @@
-"""TCP endpoints: where they are, whether somebody answers there, and how connections to them end."""
+"""TCP endpoints, also those of TLS: where they are, whether somebody answers, and how connections to them end."""
 
 import fcntl
 import os
@@ -12,14 +12,16 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 
+from robo.wire import meeting
+
 
 def address_of(endpoint: str) -> tuple[str, int] | None:
-    """Host and port of a Zenoh endpoint over TCP; None for another kind."""
+    """Host and port of a Zenoh endpoint over TCP or TLS; None for another kind."""
     protocol, _, rest = endpoint.partition("/")
     host, _, port = rest.partition("?")[0].partition("#")[0].rpartition(":")
     return (
         (host.strip("[]"), int(port))
-        if protocol == "tcp" and port.isdecimal() and port.isascii() and int(port) < 65536
+        if protocol in ("tcp", "tls") and port.isdecimal() and port.isascii() and int(port) < 65536
         else None
     )
 
@@ -30,7 +32,22 @@ def nearby(endpoint: str) -> str | None:
     if address is None:
         return None
     host = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(address[0])
-    return endpoint if host is None else f"tcp/{host}:{address[1]}"
+    return endpoint if host is None else f"{endpoint.partition('/')[0]}/{host}:{address[1]}"
+
+
+def cannot_listen(endpoint: str) -> OSError | None:
+    """Why this process cannot listen at an endpoint over TCP; None where it can, or where that cannot be known."""
+    address = address_of(endpoint)
+    if address is None:
+        return None
+    try:
+        family, kind, protocol, _, place = socket.getaddrinfo(*address, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(place)
+    except OSError as error:
+        return error
+    return None
 
 
 def tried(endpoints: Sequence[str], within: float) -> Iterator[tuple[str, OSError | None]]:
@@ -70,9 +87,9 @@ def answering(endpoints: Sequence[str], within: float) -> Iterator[str]:
 
 
 def speaks_zenoh(endpoint: str, within: float) -> bool | None:
-    """Whether what listens at an endpoint over TCP answers as Zenoh does; None where it says nothing in time."""
+    """Whether what listens at an endpoint answers as Zenoh does; None where it says nothing in time, or is over TLS."""
     address = address_of(endpoint)
-    if address is None:
+    if address is None or not endpoint.startswith("tcp/"):
         return None
     try:
         with socket.create_connection(address, timeout=within) as connection:
@@ -94,7 +111,7 @@ _INIT_SYN = bytes.fromhex("2000c109f2dbc794ecefc1319f7bda204e27c220260ac8ff81c20
 def reason(error: OSError) -> str:
     """Why an endpoint cannot be reached, in words."""
     match error:
-        case ConnectionRefusedError():
+        case ConnectionRefusedError() | FileNotFoundError():
             return "nobody listens there"
         case TimeoutError():
             return "no answer"
@@ -104,17 +121,23 @@ def reason(error: OSError) -> str:
             return f"it cannot be reached ({error.strerror or error})"
 
 
-def listener(port: int) -> str:
-    """Who listens at a port of this machine, as ` by process 17 (python3)`; empty where that cannot be known."""
+def listener(port: int, uid: int | None = None) -> str:
+    """Who listens at a port of this machine, as ` by process 17 (python3)`; empty where that cannot be known.
+
+    Args:
+        port: the number.
+        uid: whose it is, where that is known and to be told: ` by process 17 (python3) of user alice`.
+    """
     import psutil
 
+    of = f" of user {meeting.user_name(uid)}" if uid is not None else ""
     try:
         for one in psutil.net_connections("tcp"):
             if one.status == psutil.CONN_LISTEN and one.laddr and one.laddr[1] == port and one.pid is not None:
-                return f" by process {one.pid} ({psutil.Process(one.pid).name()})"
+                return f" by process {one.pid} ({psutil.Process(one.pid).name()}){of}"
     except psutil.Error:
         pass
-    return ""
+    return of.replace(" of ", " by ")
 
 
 DEAD_AFTER = 2.0

@@ -1,0 +1,77 @@
+"""Who has started whom, and how long a process has been running: what a system that hides most of /proc still tells.
+
+Under systemd's `ProcSubset=pid` the file `/proc/stat` is missing, without which psutil (7.2) does not know when a
+process was started, nor who its children are.
+"""
+
+import os
+import sys
+import time
+
+
+def ancestors(pid: int) -> list[int]:
+    """The process that has started a process, and so on, as far as they are there."""
+    found: list[int] = []
+    while (parent := _parent_of(found[-1] if found else pid)) and parent not in found:
+        found.append(parent)
+    return found
+
+
+def descendants(pid: int) -> list[int]:
+    """The processes that a process has started, and those that these have."""
+    if sys.platform != "linux":
+        import psutil
+
+        try:
+            return [child.pid for child in psutil.Process(pid).children(recursive=True)]
+        except psutil.Error:
+            return []
+    started: dict[int, list[int]] = {}
+    for name in os.listdir("/proc"):
+        if name.isdecimal() and (parent := _parent_of(int(name))) is not None:
+            started.setdefault(parent, []).append(int(name))
+    found: list[int] = []
+    unseen = [pid]
+    while unseen:
+        more = started.get(unseen.pop(), [])
+        found += more
+        unseen += more
+    return found
+
+
+def age(pid: int) -> float:
+    """How long a process has been running, s.
+
+    Raises:
+        OSError: it is gone.
+    """
+    if sys.platform != "linux":
+        import psutil
+
+        try:
+            return time.time() - psutil.Process(pid).create_time()
+        except psutil.Error as error:
+            raise ProcessLookupError(str(error)) from None
+    # Ticks since the machine has started, asleep or not: see proc(5).
+    begin = int(_fields(pid)[19]) / os.sysconf("SC_CLK_TCK")
+    return time.clock_gettime(time.CLOCK_BOOTTIME) - begin
+
+
+def _parent_of(pid: int) -> int | None:
+    if sys.platform != "linux":
+        import psutil
+
+        try:
+            return psutil.Process(pid).ppid()
+        except psutil.Error:
+            return None
+    try:
+        return int(_fields(pid)[1])
+    except OSError:
+        return None  # gone
+
+
+def _fields(pid: int) -> list[str]:
+    """What `/proc/PID/stat` says after the name in parentheses, which may hold anything: the state comes first."""
+    with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as file:
+        return file.read().rpartition(")")[2].split()
