@@ -1,10 +1,12 @@
 """`python -m benchmarks.fleet [ROBOTS]`: many light robots on this machine, under one router; writes FLEET.md.
 
 Each robot is a supervisor, a router that dials the common one, and one node. Told is how long it takes until a
-client of the common router sees all of them, what they hold and use at rest, and whether anything links robot to robot.
+client of the common router sees all of them, how long `robo ps --fleet` takes, what they hold and use at rest, how long
+it takes until all are seen again after the common router was killed, and whether anything links robot to robot.
 """
 
 import json
+import os
 import statistics
 import subprocess
 import sys
@@ -18,8 +20,10 @@ import psutil
 import zenoh
 
 from benchmarks.__main__ import machine
+from robo.tools import fleet as tools
 from robo.tools import nodes, runs
 from robo.wire import admin
+from robo.wire.keys import ALL_TOKENS
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 
@@ -31,7 +35,7 @@ groups:
     namespace: ${robot_name}
     nodes: {position_tracker: {service: robo_services.position_tracker}}
 """
-ROUNDS = 5
+ROUNDS = 3
 """How often they are started; told is the median, with the smallest and the largest."""
 REST = 10.0
 """How long they are watched at rest, s."""
@@ -41,8 +45,9 @@ RESULTS = Path(__file__).parent / "FLEET.md"
 
 
 def main(robots: int) -> None:
+    load = f"Load of the machine before: {os.getloadavg()[0]:.1f}."
     lines = list(measure(robots))
-    text = "\n".join([f"# A fleet of {robots} light robots", "", *machine(), *(f"- {line}" for line in lines), ""])
+    text = "\n".join([f"# A fleet of {robots} light robots", "", *machine(), load, "", *(f"- {x}" for x in lines), ""])
     RESULTS.write_text(text)
     print(text)
 
@@ -71,9 +76,19 @@ class Fleet:
 
     def __init__(self, manifest: Path, ends: ExitStack) -> None:
         self._manifest = manifest
-        self.processes = [self._start(ends, "router", "--listen", SITE)]
+        self._ends = ends
+        self.processes = [self._router()]
         self.session = open_session(Network(mode="client", connect=(SITE,), timeout=10))
         ends.callback(close_session, self.session)
+
+    def _router(self) -> "subprocess.Popen[bytes]":
+        return self._start(self._ends, "router", "--listen", SITE)
+
+    def lose_router(self) -> None:
+        """Kill the site's router, and start it again."""
+        self.processes[0].kill()
+        self.processes[0].wait()
+        self.processes[0] = self._router()
 
     def _start(self, ends: ExitStack, *words: str) -> "subprocess.Popen[bytes]":
         command = [sys.executable, "-m", "robo", *words]
@@ -99,6 +114,11 @@ class Fleet:
         while len(nodes.list_nodes(self.session)) != robots:
             time.sleep(every)
 
+    def wait_for_nobody(self) -> None:
+        """Wait until nothing is seen of robots any more: one that comes before finds its names taken."""
+        while any(reply.ok is not None for reply in self.session.liveliness().get(ALL_TOKENS, timeout=5.0)):
+            time.sleep(0.02)
+
     def all_ready(self, robots: int) -> float:
         """When the last of the robots was ready by its own word, s since 1970."""
         while (
@@ -120,7 +140,7 @@ def measure(robots: int) -> Iterator[str]:
             with ExitStack() as ended:
                 took.append(fleet.add_many(ended, robots))
             fleet.processes = router
-            fleet.wait_for(0)
+            fleet.wait_for_nobody()
         took.append(fleet.add_many(ends, robots))
         seen = time.time()
         figures = f"{statistics.median(took):.2f} s ({min(took):.2f}-{max(took):.2f})"
@@ -128,8 +148,10 @@ def measure(robots: int) -> Iterator[str]:
         late = max(0.0, seen - fleet.all_ready(robots)) * 1e3
         yield (f"the last one: seen {late:.0f} ms after it was ready by its own word")
         yield from one_more(fleet, robots, ends)
+        yield one_line_a_robot(fleet, robots + 1)
         yield at_rest(fleet.processes)
         yield links_between(fleet.session)
+        yield router_lost(fleet, robots + 1)
 
 
 def one_more(fleet: Fleet, robots: int, ends: ExitStack) -> Iterator[str]:
@@ -143,6 +165,30 @@ def one_more(fleet: Fleet, robots: int, ends: ExitStack) -> Iterator[str]:
     assert len(nodes.list_nodes(fresh)) == robots + 1
     yield (f"a new client knows all of them within {(time.monotonic() - begin) * 1e3:.0f} ms")
     close_session(fresh)
+
+
+def one_line_a_robot(fleet: Fleet, robots: int) -> str:
+    """How long the command takes, and what it asks, without Python's start."""
+    begin = time.monotonic()
+    subprocess.run([sys.executable, "-m", "robo", "ps", "--fleet", "--connect", SITE], check=True, capture_output=True)
+    whole = time.monotonic() - begin
+    begin = time.monotonic()
+    found = tools.robots_of(tools.Watch(fleet.session, 5.0).look())
+    asked = time.monotonic() - begin
+    ready = sum(robot.state == "ready" for robot in found)
+    assert (len(found), ready) == (robots, robots), found
+    return f"`robo ps --fleet`: {whole:.2f} s for {robots} robots, of which the network takes {asked:.2f} s"
+
+
+def router_lost(fleet: Fleet, robots: int) -> str:
+    """How long after the end of the site's router all of them are seen again by a tool that stays."""
+    begin = time.monotonic()
+    fleet.lose_router()
+    fleet.wait_for(0)
+    gone = time.monotonic() - begin
+    fleet.wait_for(robots)
+    took = time.monotonic() - begin
+    return f"the site's router killed and started again: none seen after {gone:.2f} s, all again after {took:.2f} s"
 
 
 def at_rest(started: Sequence["subprocess.Popen[bytes]"]) -> str:

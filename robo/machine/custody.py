@@ -9,6 +9,7 @@ from pathlib import Path
 from robo.machine import orphans
 from robo.machine.child import Spawned
 from robo.machine.guard import Watchdog
+from robo.machine.limits import Limiter
 
 
 class Custody:
@@ -25,6 +26,8 @@ class Custody:
         self.folder = folder
         self._watchdog = watchdog
         self.spawned = Spawned(watchdog.pid, watchdog.note)
+        self.limiter = Limiter(watchdog.limit_groups)
+        """Sets what its processes may use at most."""
 
     @classmethod
     def begin(cls, run: str) -> "Custody":
@@ -33,6 +36,11 @@ class Custody:
         watchdog = Watchdog(run, folder)
         orphans.adopt_orphans()
         return cls(run, folder, watchdog)
+
+    def take_in(self, pid: int) -> None:
+        """A process that was started before is of the run as well."""
+        self._watchdog.take_in(pid)
+        self.spawned.add(pid)
 
     async def end_leftovers(self) -> list[int]:
         """End what earlier runs have left behind, and return the process ids."""

@@ -8,11 +8,14 @@ import os
 import shutil
 import signal
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
-from robo.machine.cgroup import ControlGroup
+from robo.machine import limit_groups
+from robo.machine.cgroup import ControlGroup, own_folders
+from robo.machine.limit_groups import LimitGroups
 from robo.machine.orphans import sweep
 
 
@@ -26,14 +29,22 @@ class Watchdog:
             folder: of temporary files, which go with it.
         """
         self._group = ControlGroup.make(run)
+        own = own_folders()
         reader, self._writer = os.pipe()
         self.pid = os.fork()
         if self.pid == 0:
             os.close(self._writer)
-            _watch(reader, run, folder, self._group)
+            _watch(reader, run, folder, self._group, own)
         os.close(reader)
         # The watchdog stays outside.
         self._inside = self._group is not None and self._group.enter()
+        self.limit_groups = LimitGroups(run, self._group if self._inside else None, self.pid, own)
+        """What limits processes of the run."""
+
+    def take_in(self, pid: int) -> None:
+        """A process that was started before is of the run as well, with all that it starts."""
+        if self._group is not None and self._inside:
+            self._group.take(pid)
 
     def note(self, pid: int, running: bool) -> None:
         """A process of the run has been started, or has ended: one that drops its environment is known all the same."""
@@ -49,7 +60,7 @@ class Watchdog:
         os.waitpid(self.pid, 0)
 
 
-def _watch(reader: int, run: str, folder: Path, group: ControlGroup | None) -> NoReturn:
+def _watch(reader: int, run: str, folder: Path, group: ControlGroup | None, own: Mapping[str, Path]) -> NoReturn:
     try:
         os.setsid()  # a terminal's Ctrl-C, or its end, is for the supervisor
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -67,7 +78,7 @@ def _watch(reader: int, run: str, folder: Path, group: ControlGroup | None) -> N
                 group.kill()
             shutil.rmtree(folder, ignore_errors=True)
         for _ in range(100):
-            if group is None or group.remove():
+            if limit_groups.remove(run, own) and (group is None or group.remove()):
                 break
             time.sleep(0.01)  # what was killed takes a moment to go
     finally:

@@ -12,13 +12,15 @@ from typing import BinaryIO
 
 import msgspec
 
-from robo.text.folders import log_base
+from robo.text.folders import append_private, log_base, make_private
 from robo.text.levels import LEVEL_NAMES, LEVELS, level_of
 from robo.text.terminal import escaped_json
 from robo.wire.reports import LogRecord
 
 LARGEST = 10_000_000
-"""A file that has grown beyond this is set aside, bytes."""
+"""A file that has grown beyond this is set aside, bytes; where a run has many, they are smaller."""
+LEAST = 50_000
+"""But no smaller than this."""
 
 KEPT_FILES = 3
 """How many files of a process are kept, the present one included."""
@@ -80,14 +82,22 @@ class LogFilter:
 class LogFiles:
     """The log files of one run, each made with its first line."""
 
-    def __init__(self, info: RunInfo, base: Path | None = None) -> None:
-        """Nothing is written before the first line, or `begin`."""
+    def __init__(self, info: RunInfo, base: Path | None = None, largest: int | None = None) -> None:
+        """Nothing is written before the first line, or `begin`.
+
+        Args:
+            info: what run it is.
+            base: where all runs are kept; by default where the user's are.
+            largest: how large a file may grow, bytes; by default `LARGEST`.
+        """
+        self.largest = LARGEST if largest is None else largest
         stamp = time.strftime("%Y-%m-%d_%H-%M-%S", time.localtime(info.begin / 1e9))
         self._base = base or log_base()
         self.folder = self._base / info.robot.replace("/", ".") / f"{stamp}_{info.pid}"
         self._info = info
         self._files: dict[str, _Rotating] = {}
         self._set_aside = 0
+        self._told: set[str] = set()
 
     def begin(self) -> None:
         """Make the folder, and what tells of the run.
@@ -95,10 +105,12 @@ class LogFiles:
         Raises:
             OSError: they cannot be made.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
+        make_private(self.folder, self._base)
         info = self.folder / "run.json"
         if not info.exists() or info.stat().st_size == 0:  # a full disk may have cut it short
-            info.write_bytes(msgspec.json.encode(self._info) + b"\n")
+            with append_private(info) as file:
+                file.truncate(0)
+                file.write(msgspec.json.encode(self._info) + b"\n")
 
     def write(self, line: LogRecord) -> None:
         """Add a line to its process's file.
@@ -116,7 +128,7 @@ class LogFiles:
             OSError: it cannot be opened.
         """
         if node not in self._files:
-            self._files[node] = _Rotating(self.folder / f"{node.replace('/', '.')}.jsonl")
+            self._files[node] = _Rotating(self.folder / f"{node.replace('/', '.')}.jsonl", self.largest)
 
     def room(self) -> int:
         """How much the disk takes, bytes.
@@ -132,6 +144,12 @@ class LogFiles:
         lost = [file.lost() for file in self._files.values()]
         return sum(filter(None, lost)) if any(count is not None for count in lost) else None
 
+    def dropped(self) -> list[str]:
+        """Whose oldest lines are gone, to make room for newer ones; empty for a process that was told of before."""
+        new = [node for node, file in self._files.items() if file.drops and node not in self._told]
+        self._told |= {*new}
+        return new
+
     @property
     def set_aside(self) -> int:
         """How many files have been set aside so far."""
@@ -146,16 +164,19 @@ class LogFiles:
 
 
 class _Rotating:
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, largest: int) -> None:
         self._path = path
-        self._file: BinaryIO = path.open("ab", buffering=0)
+        self._largest = largest
+        self.drops = False
+        """Whether a file of its own had to go for newer ones."""
+        self._file: BinaryIO = append_private(path)
         self._size = self._file.tell()
         self._unseen = 0
         """Lines since the file was last seen where it should be."""
         self.set_aside = 0
 
     def write(self, line: bytes) -> None:
-        if self._size + len(line) > LARGEST:
+        if self._size + len(line) > self._largest:
             self._rotate()
         rest = memoryview(line)
         try:
@@ -183,8 +204,9 @@ class _Rotating:
             older = self._path.with_name(f"{self._path.name}.{number}")
             newer = self._path.with_name(f"{self._path.name}.{number - 1}") if number > 1 else self._path
             if newer.exists():
+                self.drops |= older.exists()
                 newer.replace(older)
-        self._file = self._path.open("ab", buffering=0)
+        self._file = append_private(self._path)
         self._size = self._unseen = 0
         self.set_aside += 1
 

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import msgspec
 
-from robo.environment import LOG_LIMIT_VARIABLE
+from robo.environment import LOG_LIMIT_VARIABLE, LOG_RUN_LIMIT_VARIABLE
 from robo.errors import UsageError
-from robo.machine.log_files import RunInfo
+from robo.machine.log_files import KEPT_FILES, LARGEST, LEAST, RunInfo
 from robo.text.files import size_of
 from robo.text.unreadable import UNREADABLE
 from robo.wire.run_id import supervisor_lives
@@ -21,7 +21,11 @@ from robo.wire.run_id import supervisor_lives
 KEPT_RUNS = 10
 """How many runs of a robot are kept."""
 DEFAULT_LIMIT = 1_000
-"""What all log files of a user may take, MB."""
+"""What all log files of a user may take, MB; on a small disk it is less, `SHARE` of it."""
+DEFAULT_RUN_LIMIT = 300
+"""What those of one run may take, MB."""
+SHARE = 0.1
+"""The part of a disk that all log files take at most, where nobody says more."""
 
 _AT_REST = 86_400.0
 """A run of a container or another machine is over when nothing was written for so long, s: nobody can ask for it."""
@@ -37,18 +41,46 @@ class KeptRun(NamedTuple):
     lives: bool
 
 
-def limit() -> int:
-    """What all log files may take, bytes.
+def limit(base: Path | None = None) -> int:
+    """What all log files may take, bytes; `base` is where they are, if that is known.
 
     Raises:
         UsageError: ROBO_LOG_LIMIT is no number.
     """
-    text = os.environ.get(LOG_LIMIT_VARIABLE, "")
+    said = _said(LOG_LIMIT_VARIABLE, "all log files", 500)
+    if said is not None:
+        return said
+    usual = DEFAULT_LIMIT * 1_000_000
+    return usual if base is None else min(usual, int(SHARE * _disk_size(base)))
+
+
+def run_limit(most: int) -> int:
+    """What the log files of one run may take, bytes: not more than all may, `most`.
+
+    Raises:
+        UsageError: ROBO_LOG_RUN_LIMIT is no number.
+    """
+    said = _said(LOG_RUN_LIMIT_VARIABLE, "the log files of one run", 100)
+    return min(most, DEFAULT_RUN_LIMIT * 1_000_000 if said is None else said)
+
+
+def file_limit(most: int, processes: int) -> int:
+    """How large one file may grow, bytes, so that all of a run with so many processes take no more than `most`."""
+    return max(LEAST, min(LARGEST, most // (KEPT_FILES * processes)))
+
+
+def _said(variable: str, what: str, example: int) -> int | None:
+    text = os.environ.get(variable, "")
     if text and not (text.isascii() and text.isdigit() and int(text) > 0):
-        raise UsageError(
-            f"{LOG_LIMIT_VARIABLE}={text!r}: say how many megabytes all log files may take, for example 500"
-        )
-    return int(text or DEFAULT_LIMIT) * 1_000_000
+        raise UsageError(f"{variable}={text!r}: say how many megabytes {what} may take, for example {example}")
+    return int(text) * 1_000_000 if text else None
+
+
+def _disk_size(place: Path) -> int:
+    """Of the disk on which a folder is, or will be, bytes."""
+    there = next(one for one in (place.absolute(), *place.absolute().parents) if one.exists())
+    disk = os.statvfs(there)
+    return disk.f_blocks * disk.f_frsize
 
 
 def make_room(base: Path, most: int, own: Path | None = None) -> None:

@@ -8,7 +8,8 @@ from collections.abc import Callable
 
 import msgspec
 
-from robo.machine.log_files import SUPERVISOR, LogFiles
+from robo.environment import LOG_RUN_LIMIT_VARIABLE
+from robo.machine.log_files import KEPT_FILES, SUPERVISOR, LogFiles
 from robo.wire.reports import LogRecord
 
 FIRST_TRY, LAST_TRY = 0.5, 10.0
@@ -106,6 +107,9 @@ class LogWriter:
                 self._try_again()
         elif self._begun and now - self._looked_at >= _LOOK_PERIOD:
             self._looked_at = now
+            for node in self._files.dropped():
+                kept = f"the newest {KEPT_FILES * self._files.largest / 1e6:.3g} MB are kept ({LOG_RUN_LIMIT_VARIABLE})"
+                self._tell(_record(f"the log of {node} is full: its oldest lines go from now on, {kept}"))
             lost = self._files.lost()
             if lost is not None:
                 self._outage = Outage(time.time(), "the files or their folder were removed", lost, now)

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from robo.environment import OWNER_VARIABLE, RUN_VARIABLE
+from robo.machine.ancestry import descendants
 from robo.wire.run_id import supervisor_lives
 
 if TYPE_CHECKING:
@@ -165,11 +166,11 @@ def _family(pid: int) -> "list[psutil.Process]":
     """A process and its descendants."""
     import psutil
 
-    try:
-        process = psutil.Process(pid)
-        return [process, *process.children(recursive=True)]
-    except psutil.Error:
-        return []
+    found = []
+    for one in (pid, *descendants(pid)):
+        with suppress(psutil.Error):
+            found.append(psutil.Process(one))
+    return found
 
 
 def _alive(pids: Collection[int]) -> "Iterator[psutil.Process]":

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from robo.cli.launch.words import DEFAULT_MANIFEST, manifest_file
 from robo.cli.printing import note, write_file
+from robo.cli.secured import keys_of_robot
 from robo.errors import UsageError
 from robo.export.compose import dockerfile
 from robo.export.compose import file as compose
@@ -18,7 +19,9 @@ from robo.launch.substitution import Word
 from robo.parameters.words import sorted_out
 
 
-def export_compose(words: Sequence[str], *, robot: str | None, output: Path | None, keeper: bool = False) -> None:
+def export_compose(
+    words: Sequence[str], *, robot: str | None, output: Path | None, keeper: bool = False, security: str | None = None
+) -> None:
     """Print the Compose file of a manifest, or write it.
 
     Args:
@@ -26,12 +29,16 @@ def export_compose(words: Sequence[str], *, robot: str | None, output: Path | No
         robot: its name, if it is not to be a variable.
         output: where to write it.
         keeper: with a profile for the container that starts killed ones again.
+        security: the folder of the robot's name, or a keystore, for a secured network.
 
     Raises:
         ManifestError: the manifest has mistakes.
+        SecurityError: the robot's keys are not there.
         UsageError: the words make no sense, or the file cannot be written.
     """
     profiles = _profiles_of(words, robot)
+    keys = keys_of_robot(security, robot or "")
+    options = [*(["--keeper"] if keeper else []), *(["--security", security or str(keys)] if keys else [])]
     folder = output.parent if output is not None else Path.cwd()
     recipe = compose.context(folder) / "Dockerfile"
     build = recipe.is_file()
@@ -39,11 +46,17 @@ def export_compose(words: Sequence[str], *, robot: str | None, output: Path | No
     text = compose.export(
         profiles,
         folder=folder,
-        made_by=" ".join(["robo export compose", *words, *(["--keeper"] if keeper else [])]),
+        made_by=" ".join(["robo export compose", *words, *options]),
         image=image,
         build=build,
         keeper=keeper,
+        keys=keys,
     )
+    if keys is not None and (owner := keys.stat().st_uid) != compose.USER:
+        note(
+            f"the keys in {keys} are of user {owner}, and have to be of user {compose.USER}, as whom containers run: "
+            f"`sudo chown -R {compose.USER}` a copy of them, and name that"
+        )
     if not build:
         note(
             f"there is no {recipe}: the file builds no image, it takes {image} or what ROBO_IMAGE names. "

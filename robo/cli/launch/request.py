@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 import typer
 
 from robo.cli import completion
-from robo.cli.options import Connect, Listen, NetworkConfig, RobotName
+from robo.cli.options import Connect, Listen, NetworkConfig, RobotName, Security
 
 
 class UpRequest(NamedTuple):
@@ -35,6 +35,11 @@ class UpRequest(NamedTuple):
     json: Annotated[bool, typer.Option("--json", help="Print the plan, the arguments or the faults as JSON.")] = False
     connect: Connect = None
     listen: Listen = None
+    security: Security = None
+    share: Annotated[
+        bool,
+        typer.Option("--share", help="Let other users of this machine do all with it, and not only look."),
+    ] = False
     log_level: Annotated[
         str | None,
         typer.Option("--log-level", metavar="LEVEL", help="debug, info, warn, error or fatal (or ROBO_LOG_LEVEL)."),

@@ -6,11 +6,11 @@ from pathlib import Path
 import msgspec
 
 from robo.cli.json_text import document
-from robo.cli.launch.network import router_network
+from robo.cli.launch.network import check_listeners, router_network
 from robo.cli.printing import note, print_text
 from robo.process.router import route
 from robo.text.paths import nested
-from robo.wire import claims, tcp, zenoh_threads
+from robo.wire import claims, knocking, listeners, zenoh_threads
 from robo.wire.network import settings_of
 from robo.wire.session import close_session
 
@@ -23,17 +23,20 @@ def run_router(*, name: str, listen: Sequence[str], connect: Sequence[str], conf
     """
     zenoh_threads.use_those_of_a_router()  # before the first session of this process
     network = router_network(listen, connect, config, name=name)
+    check_listeners(network)
     dials = [endpoint for endpoint in network.connect if endpoint not in network.listen]
     towards = f", linked to {', '.join(dials)}" if dials else ""
     called = f"router {name}" if name != "router" else "router"
-    held = list(tcp.answering([e for e in map(tcp.nearby, network.listen) if e is not None], 0.1))
+    held = list(knocking.answering(network.places, 0.1))
     if held:
-        other = claims.meet(held[0])
+        other = claims.meet(held[0], network.security)
         if other is not None:
             close_session(other)
         note(f"{held[0]} is another router's just now; this router takes it over when it is free; Ctrl-C stops")
     else:
-        note(f"{called} at {', '.join(network.listen)}{towards}; Ctrl-C stops")
+        note(f"{called} {network.reached}{towards}; Ctrl-C stops")
+    for holder in listeners.strangers(network):
+        note(f"{holder}: this router does not dial it, and others do not find it there before it is free")
     route(network, lambda: False, linger=0.0)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from robo.cli.launch.modules import check_nothing_hides_robo, module_of
-from robo.errors import UsageError
+from robo.errors import SecurityError, UsageError
 
 USAGE = """Usage: robo run SERVICE [OPTIONS]
        robo run PACKAGE NODE [OPTIONS]
@@ -17,7 +17,8 @@ this folder works too.
 NODE is one of `robo pkg executables PACKAGE`.
 
 Options are the node's own: --robot-name NAME, --name NAME, -p NAME:=VALUE,
---params-file FILE, -r FROM:=TO, --connect ENDPOINT, --listen ENDPOINT.
+--params-file FILE, -r FROM:=TO, --connect ENDPOINT, --listen ENDPOINT. With --security DIR (or ROBO_SECURITY) it
+has a name on a secured network, see docs/security.md.
 `robo run SERVICE --help` also shows what it publishes and subscribes and how it is tuned.
 
 Examples:
@@ -41,15 +42,41 @@ def hand_over(arguments: Sequence[str]) -> NoReturn:
         sys.exit(2)
     try:
         check_nothing_hides_robo()
+        arguments = _secured(arguments)
         if ONE_PROCESS in arguments:
             words = ["robo.process.together", *_services_of(arguments)]
         else:
             service, options = _service_of(arguments)
             words = ["robo.process.node", service, *options]
-    except UsageError as error:
+    except (UsageError, SecurityError) as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
     os.execv(sys.executable, [sys.executable, "-m", *words])
+
+
+def _secured(arguments: Sequence[str]) -> Sequence[str]:
+    """What is left of a command line when its `--security DIR` holds for this process.
+
+    Raises:
+        UsageError: no folder follows.
+        SecurityError: something is wrong with the folder.
+    """
+    from robo.cli.secured import secure
+
+    left, given, robot = [], None, ""
+    words = iter(arguments)
+    for word in words:
+        option, _, value = word.partition("=")
+        if option == "--security":
+            given = value or next(words, None)
+            if not given:
+                raise UsageError("--security: name a folder")
+            continue
+        left.append(word)
+    if "--robot-name" in left[:-1]:
+        robot = left[left.index("--robot-name") + 1]
+    secure(given, robot)
+    return left
 
 
 def _services_of(arguments: Sequence[str]) -> list[str]:

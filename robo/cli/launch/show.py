@@ -9,7 +9,8 @@ import msgspec
 
 from robo.launch.arguments import ROBOT_NAME, ArgumentInfo
 from robo.launch.expression import as_text
-from robo.launch.plan import Plan, ProcessPlan, ReadyPlan
+from robo.launch.plan import LimitsPlan, Plan, ProcessPlan, ReadyPlan
+from robo.text.sizes import in_short
 from robo.wire.codec import jsonable
 
 
@@ -104,7 +105,17 @@ def _process_lines(process: ProcessPlan) -> list[str]:
         lines.append(f"  nice     {process.priority}")
     if process.cpus:
         lines.append(f"  cpus     {', '.join(map(str, process.cpus))}")
+    if process.limits:
+        lines.append(f"  limits   {limits_text(process.limits)}")
     return lines
+
+
+def limits_text(limits: LimitsPlan) -> str:
+    """What a process may use at most."""
+    memory = [f"memory {in_short(limits.memory)}"] if limits.memory is not None else []
+    cpu = [f"cpu {limits.cpu:g}"] if limits.cpu is not None else []
+    files = [f"files {limits.files}"] if limits.files is not None else []
+    return ", ".join([*memory, *cpu, *files])
 
 
 def ready_text(ready: ReadyPlan) -> str:

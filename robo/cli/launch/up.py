@@ -6,7 +6,7 @@ from pathlib import Path
 
 from robo.cli.json_text import document
 from robo.cli.launch import show
-from robo.cli.launch.background import notify_starter, start_in_background
+from robo.cli.launch.background import Starter, start_in_background
 from robo.cli.launch.request import UpRequest
 from robo.cli.launch.words import assignment, manifest_file, split_words
 from robo.cli.options import words_of
@@ -44,10 +44,13 @@ def run_up(request: UpRequest, begun: HeadStart | None) -> int:
     if not request.dry_run:
         # Before node classes are looked at in a forked process, which then has Zenoh already.
         lean.import_asyncio()
-        from robo.cli.launch.network import router_network
+        from robo.cli.launch.network import check_listeners, router_network, shared
+        from robo.cli.secured import secure
         from robo.supervisor import supervisor
 
+        secure(request.security, request.robot_name or "")
         network = router_network(request.listen or (), request.connect or (), request.config)
+        check_listeners(network)
     parameters = [assignment(text) for text in request.param or ()]
 
     def read() -> Resolution:
@@ -69,13 +72,17 @@ def run_up(request: UpRequest, begun: HeadStart | None) -> int:
         return 0
     if not found.plan.processes:
         raise UsageError(f"{found.plan.manifest} starts nothing with these arguments")
+    if request.share:
+        network = shared(network, found.plan.robot, [process.namespace for process in found.plan.processes])
     if request.detach:
         return _start_in_background(request, found.plan.robot)
+    starter = Starter.from_environment()
     options = supervisor.RunOptions(
         log_level=request.log_level,
         timing=request.timing,
         reload=_reading_again(read) if request.watch else None,
-        notify=notify_starter(),
+        notify=starter.notify if starter is not None else None,
+        unread=starter.gone if starter is not None else None,
         begun=begun,
     )
     return supervisor.run(found.plan, network, options)

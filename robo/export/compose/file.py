@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from robo.environment import IMAGE_VARIABLE
+from robo.errors import UsageError
 from robo.export.baggage import Project
 from robo.export.compose.layout import KEEPER, Layout
-from robo.export.compose.services import GRACE, HEALTH, Service, Services
+from robo.export.compose.services import GRACE, HEALTH, RUN, Service, Services, resources
 from robo.export.profiles import Profiles
 from robo.export.yaml_text import MERGE, Alias, Anchored, dumped
+from robo.launch.plan import LimitsPlan
 
 _COMMON: dict[str, Any] = {
     "networks": ["robot"],
@@ -28,8 +30,10 @@ _COMMON: dict[str, Any] = {
     "stop_signal": "SIGINT",
     "stop_grace_period": f"{GRACE:g}s",
     "logging": {"driver": "json-file", "options": {"max-size": "10m", "max-file": "3"}},
-    "deploy": {"resources": {"limits": {"cpus": "1.0", "memory": "256M"}}},
+    "deploy": resources(LimitsPlan()),
 }
+USER = 1000
+"""The image's own user, and group."""
 _ABOUT_THE_KEEPER = """\
   # Only with --profile {profile}: starts again what was killed by hand. It holds the engine's socket, and whoever
   # holds that is root on the host."""
@@ -43,6 +47,7 @@ def export(
     image: str = "robo:latest",
     build: bool = True,
     keeper: bool = False,
+    keys: Path | None = None,
 ) -> str:
     """The text of a Compose file.
 
@@ -53,11 +58,17 @@ def export(
         image: what the containers are made of, where ROBO_IMAGE names nothing else.
         build: whether a Dockerfile in `context(folder)` makes it.
         keeper: with a profile for a container that starts the others again when somebody kills them by hand.
+        keys: the folder of the robot's name on a secured network, if it is to be on one.
+
+    Raises:
+        UsageError: with keys there are several robots.
     """
     plan = profiles.always
     layout = Layout(profiles, keeper=keeper)
     project = Project(folder)
-    make = Services(layout, project, profiles)
+    if keys is not None and (count := len(layout.robots)) > 1:
+        raise UsageError(f"--security is one robot's, and the manifest has {count}: each is exported by itself")
+    make = Services(layout, project, profiles, keys)
     services: dict[str, Service] = {
         layout.router(robot): make.router(robot, context(folder) if build else None) for robot in layout.robots
     }
@@ -77,6 +88,9 @@ def export(
         parts.append(_ABOUT_THE_KEEPER.format(profile=layout.keeper_profile))
         parts.append(_section(KEEPER, make.keeper(layout.keeper_profile), common))
     parts.append("networks:\n  robot: {}\n")
+    if keys is not None:
+        options = {"type": "tmpfs", "device": "tmpfs", "o": f"mode=0700,uid={USER},gid={USER}"}
+        parts.append(dumped({"volumes": {RUN: {"driver_opts": options}}}))
     if project.configs:
         parts.append(dumped({"configs": project.configs}))
     return "\n".join(parts)

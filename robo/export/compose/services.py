@@ -3,14 +3,14 @@
 from pathlib import Path
 from typing import Any
 
-from robo.environment import MEMORY_VARIABLE, PORT_VARIABLE
+from robo.environment import MEMORY_VARIABLE, PORT_VARIABLE, SECURITY_VARIABLE
 from robo.export.baggage import Baggage, Project
 from robo.export.commands import DASHBOARD, DASHBOARD_PORT, MEMORY, Commands, told_by_token
 from robo.export.compose.layout import Layout
 from robo.export.names import robot_of
 from robo.export.profiles import Profiles
 from robo.export.yaml_text import MERGE, Alias, Anchored
-from robo.launch.plan import ProcessPlan, ReadyPlan
+from robo.launch.plan import LimitsPlan, ProcessPlan, ReadyPlan
 from robo.wire.network import PORT
 
 DASHBOARD_PORT_VARIABLE = "ROBO_DASHBOARD_PORT"
@@ -19,10 +19,23 @@ DASHBOARD_PORT_VARIABLE = "ROBO_DASHBOARD_PORT"
 GRACE = 3.0
 """How long a process has between the first signal and SIGKILL where its manifest grants it no longer, s."""
 
+USUAL_MEMORY = 256 << 20
+"""What a container may have where its manifest does not say, bytes."""
+USUAL_CPU = 1.0
+"""And how many processors."""
+
 HEALTH = Anchored("health", {"interval": "5s", "timeout": "3s", "start_period": "10s", "retries": 3})
 """How often health is looked at, of every service."""
 
 Service = dict[Any, Any]
+
+RUN = "run"
+"""The volume in which the processes of a secured robot meet."""
+SOCKET = "unixsock-stream//run/robo/router.sock"
+"""Where."""
+MEETING = f"{RUN}:/run/robo"
+_KEYS = "/run/keys"
+"""Where the router has its keys."""
 
 _CONDITIONS = {"started": "service_started", "ready": "service_healthy", "completed": "service_completed_successfully"}
 _RESTARTS = {"never": "no", "on-failure": "on-failure", "always": "always"}
@@ -34,7 +47,9 @@ _KEEPS = "/tmp/keeps"
 class Services:
     """Makes each service of a layout, as plain data."""
 
-    def __init__(self, layout: Layout, project: Project, profiles: Profiles) -> None:
+    def __init__(self, layout: Layout, project: Project, profiles: Profiles, keys: Path | None = None) -> None:
+        """`keys` is the folder of a name on a secured network: then processes meet by a socket, and others by TLS."""
+        self._keys = keys
         self._layout = layout
         self._project = project
         self._names = profiles.names
@@ -52,7 +67,13 @@ class Services:
         if robot == first and build is not None:
             # Compose builds each section by itself, and the image once is enough for all.
             service["build"] = {"context": self._project.source(build), "network": "host"}
-        command = ["router", "--name", self._names.shown(robot), "--listen", f"tcp/0.0.0.0:{PORT}"]
+        command = ["router", "--name", self._names.shown(robot)]
+        if self._keys is None:
+            command += ["--listen", f"tcp/0.0.0.0:{PORT}"]
+        else:
+            command += ["--listen", SOCKET, "--listen", f"tls/0.0.0.0:{PORT}"]
+            service["environment"] = {SECURITY_VARIABLE: _KEYS}
+            service["volumes"] = [f"{self._project.source(self._keys)}:{_KEYS}:ro", MEETING]
         if robot == first:
             # From the host only; other hosts are let in by a router of their own choice.
             service["ports"] = [f"127.0.0.1:${{{PORT_VARIABLE}:-{PORT}}}:{PORT}"]
@@ -81,7 +102,7 @@ class Services:
             service["configs"] = baggage.configs
         if process.cwd is not None:
             service["working_dir"] = baggage.folder(process.cwd)
-        volumes = baggage.volumes
+        volumes = [*baggage.volumes, *([MEETING] if self._keys is not None else [])]
         if process.service is not None and process.restart.policy != "never":
             volumes.append(MEMORY)
             service["environment"][MEMORY_VARIABLE] = MEMORY
@@ -95,6 +116,11 @@ class Services:
             service["stop_grace_period"] = _seconds(process.stop.timeout)
         if process.cpus:
             service["cpuset"] = ",".join(map(str, process.cpus))
+        limits = process.limits
+        if limits.memory is not None or limits.cpu is not None:
+            service["deploy"] = resources(limits)
+        if limits.files is not None:
+            service["ulimits"] = {"nofile": limits.files}
         # One that tells nothing is well while it runs. With its check disabled `docker compose up --wait` would fail.
         service["healthcheck"] = _health(health, process.ready.timeout) if health else _health(["true"])
         return service
@@ -113,7 +139,7 @@ class Services:
         }
 
     def _endpoint(self, robot: str) -> str:
-        return f"tcp/{self._layout.router(robot)}:{PORT}"
+        return SOCKET if self._keys is not None else f"tcp/{self._layout.router(robot)}:{PORT}"
 
     def _needs(self, process: ProcessPlan) -> dict[str, dict[str, Any]]:
         needs: dict[str, dict[str, Any]] = {
@@ -128,6 +154,14 @@ class Services:
             if needed.restart.propagate:
                 needs[self._layout.service(name)]["restart"] = True
         return needs
+
+
+def resources(limits: LimitsPlan) -> Service:
+    """What a container may use, as Compose has it."""
+    memory = limits.memory if limits.memory is not None else USUAL_MEMORY
+    size = f"{memory >> 20}M" if memory % (1 << 20) == 0 else f"{memory}b"
+    cpu = limits.cpu if limits.cpu is not None else USUAL_CPU
+    return {"resources": {"limits": {"cpus": str(float(cpu)), "memory": size}}}
 
 
 def _tells_health(process: ProcessPlan) -> bool:

@@ -4,14 +4,14 @@ import math
 from pathlib import PurePosixPath
 from typing import Any
 
-from robo.environment import LISTEN_VARIABLE, MEMORY_VARIABLE, SHARED_MEMORY_VARIABLE
+from robo.environment import LISTEN_VARIABLE, MEMORY_VARIABLE, SECURITY_VARIABLE, SHARED_MEMORY_VARIABLE
 from robo.errors import UsageError
 from robo.export.baggage import FILES, Baggage, Project
 from robo.export.commands import DASHBOARD, DASHBOARD_PORT, MEMORY, Commands
 from robo.export.kubernetes.variables import Variables
 from robo.export.names import inner_name, slug, take
 from robo.export.placeholders import Placeholders
-from robo.launch.plan import ProcessPlan
+from robo.launch.plan import LimitsPlan, ProcessPlan
 from robo.wire.network import PORT
 
 Object = dict[str, Any]
@@ -19,8 +19,15 @@ Object = dict[str, Any]
 ROUTER = "router"
 RUN = "/run/robo"
 """Where the processes of a pod meet."""
+SECRET, KEYS = "secret", "keys"
+"""The volumes with the keys: as the cluster has them, and as the router takes them."""
+_SECRET_PLACE, _KEYS_PLACE = "/run/secret", "/run/keys"
+_NAME = f"{_KEYS_PLACE}/name"
 
-_RESOURCES: Object = {"requests": {"cpu": "50m", "memory": "64Mi"}, "limits": {"memory": "256Mi"}}
+_CPU, _MEMORY = 0.05, 64 << 20
+"""What a container asks for: cores, bytes."""
+_MOST_MEMORY = 256 << 20
+"""What it may have where its manifest does not say, bytes."""
 _ROUTER = 60.0
 """How long a router may take to be there, s."""
 _STARTS = 2
@@ -58,26 +65,43 @@ class Containers:
         self.left_out: list[str] = []
         """What Kubernetes has no word for, or what cannot come along."""
 
-    def router(self, robot: str, connect: tuple[str, ...]) -> Object:
+    def keys(self) -> Object:
+        """What hands the router its keys before it starts, as files that are its user's alone.
+
+        Those of a Secret are root's, and links.
+        """
+        copy = f"umask 077 && mkdir -p {_NAME} && cp {_SECRET_PLACE}/* {_NAME}"
+        return {
+            **self._common(KEYS, ["-c", copy]),
+            "command": ["sh"],
+            "env": [],
+            "volumeMounts": _mounts({SECRET: _SECRET_PLACE, KEYS: _KEYS_PLACE}),
+        }
+
+    def router(self, robot: str, connect: tuple[str, ...], *, secured: bool = False) -> Object:
         """The router of a robot.
 
         Args:
             robot: its name.
             connect: endpoints that it dials.
+            secured: whether others meet it by TLS, with the keys that `keys` has brought.
         """
         words = ["router", "--name", self._variables.shown(robot)]
         words += ["--listen", f"unixsock-stream/{RUN}/router.sock"] if self._together else []
-        words += ["--listen", f"tcp/0.0.0.0:{PORT}"]
+        words += ["--listen", f"{'tls' if secured else 'tcp'}/0.0.0.0:{PORT}"]
         for endpoint in connect:
             words += ["--connect", endpoint]
         health = ["robo", "health"]
         return {
             **self._common(ROUTER, words),
-            "env": self._variables.environment(),
+            "env": [
+                *self._variables.environment(),
+                *([{"name": SECURITY_VARIABLE, "value": _NAME}] if secured else []),
+            ],
             "ports": [{"name": "zenoh", "containerPort": PORT}],
             "startupProbe": {**self._startup(health, _ROUTER), "periodSeconds": 1},
             "livenessProbe": self._liveness(health),
-            "volumeMounts": _mounts(self._places()),
+            "volumeMounts": _mounts(self._places() | ({KEYS: _KEYS_PLACE} if secured else {})),
         }
 
     def process(
@@ -119,6 +143,7 @@ class Containers:
         files = _files(name, baggage)
         container = {
             **self._common(name, words),
+            "resources": resources(process.limits),
             # Variables first: what comes after may refer to them.
             "env": self._environment(environment),
             **more,
@@ -144,7 +169,7 @@ class Containers:
             "name": name,
             "image": self._image,
             "args": words,
-            "resources": _RESOURCES,
+            "resources": resources(LimitsPlan()),
             "securityContext": {
                 "allowPrivilegeEscalation": False,
                 "readOnlyRootFilesystem": True,
@@ -190,8 +215,27 @@ class Containers:
         said += [f"ready: {what}" for what in ("log", "topics") if getattr(process.ready, what)]
         said += ["priority"] if process.priority is not None else []
         said += ["cpus"] if process.cpus else []
+        said += ["limits: files"] if process.limits.files is not None else []
         if said:
             self.left_out.append(f"{inner_name(process)}: {', '.join(said)}")
+
+
+def resources(limits: LimitsPlan) -> Object:
+    """What a container asks for and may have: never more of the one than of the other."""
+    memory = limits.memory if limits.memory is not None else _MOST_MEMORY
+    most = {"memory": _size(memory)}
+    if limits.cpu is not None:
+        most["cpu"] = _cores(limits.cpu)
+    cpu = min(_CPU, limits.cpu if limits.cpu is not None else _CPU)
+    return {"requests": {"cpu": _cores(cpu), "memory": _size(min(_MEMORY, memory))}, "limits": most}
+
+
+def _size(size: int) -> str:
+    return f"{size >> 20}Mi" if size % (1 << 20) == 0 else str(size)
+
+
+def _cores(cores: float) -> str:
+    return f"{max(1, round(1000 * cores))}m"
 
 
 def label(text: str, taken: set[str]) -> str:

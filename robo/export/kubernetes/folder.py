@@ -15,7 +15,7 @@ from robo.errors import UsageError
 from robo.export.baggage import Project
 from robo.export.commands import DASHBOARD, DASHBOARD_PORT, Commands
 from robo.export.kubernetes import objects
-from robo.export.kubernetes.containers import ROUTER, RUN, Containers, Object, label
+from robo.export.kubernetes.containers import KEYS, ROUTER, RUN, SECRET, Containers, Object, label
 from robo.export.kubernetes.variables import SETTINGS, Variables
 from robo.export.names import inner_name, robot_of
 from robo.export.profiles import ROBOT_VARIABLE, Profiles
@@ -40,6 +40,8 @@ class Wishes(NamedTuple):
     """Endpoints that the router dials."""
     secrets: frozenset[str] = frozenset()
     """Variables that come from a Secret."""
+    security: str = ""
+    """The Secret with the files of a name's folder, for a secured network; empty where security is off."""
 
     def words(self, robot: str | None) -> list[str]:
         """As a command says them, and the robot's name if it is one."""
@@ -47,7 +49,7 @@ class Wishes(NamedTuple):
         words += ["--image", self.image, *(["--deployments"] if self.form == "deployments" else [])]
         for option, values in (("--connect", self.connect), ("--secret", sorted(self.secrets))):
             words += [word for value in values for word in (option, value)]
-        return words
+        return words + (["--security", self.security] if self.security else [])
 
 
 class Exported(NamedTuple):
@@ -80,7 +82,8 @@ def export(profiles: Profiles, wishes: Wishes, *, folder: Path, made_by: str) ->
         made_by: the command that makes them, for their first line.
 
     Raises:
-        UsageError: there are several robots, or files that nodes read are too large or cannot be read.
+        UsageError: there are several robots, files that nodes read are too large or cannot be read, or with security
+            something would be in the clear.
     """
     plan = profiles.always
     robots = list(dict.fromkeys(map(robot_of, plan.processes))) or [plan.robot]
@@ -90,6 +93,8 @@ def export(profiles: Profiles, wishes: Wishes, *, folder: Path, made_by: str) ->
     if wrong := wishes.secrets - {variable.name for variable in profiles.names.variables}:
         known = ", ".join(sorted(variable.name for variable in profiles.names.variables)) or "none"
         raise UsageError(f"--secret {min(wrong)}: the manifest asks for no such variable; it asks for {known}")
+    if wishes.security:
+        _check_security(wishes)
     name = label(profiles.names.without(robots[0]), set())
     found = _Objects(profiles, wishes, Project(folder), robots[0], name)
     space = f"robot-{name}" if name != "robot" else name
@@ -109,6 +114,23 @@ def export(profiles: Profiles, wishes: Wishes, *, folder: Path, made_by: str) ->
     return Exported(files, found.containers.left_out, found.variables.unknown, found.variables.secret, space)
 
 
+def _check_security(wishes: Wishes) -> None:
+    if not _SECRET.fullmatch(wishes.security):
+        raise UsageError(
+            f"--security {wishes.security}: say the name of a Secret, in small letters, digits, - and .\n"
+            "  `kubectl create secret generic r1-keys --from-file=r1/` makes it of what `robo security bundle r1` makes"
+        )
+    if wishes.form != "pod":
+        raise UsageError(
+            "--security goes with one pod: pods of a process each would meet in the clear, since a name is a robot's "
+            "and not a node's"
+        )
+    for endpoint in wishes.connect:
+        if not endpoint.startswith("tls/"):
+            raise UsageError(f"--connect {endpoint} is in the clear, and security is on: write tls/ in its place")
+
+
+_SECRET = re.compile(r"[a-z0-9]([-a-z0-9.]{0,251}[a-z0-9])?")
 _KUSTOMIZATION = {"apiVersion": "kustomize.config.k8s.io/v1beta1", "kind": "Kustomization"}
 _OVERLAY = """\
 # A robot of its own: copy this folder, name the robot, and `kubectl apply -k overlays/NAME`.
@@ -123,7 +145,7 @@ class _Objects:
         self.variables = Variables(profiles.names, wishes.secrets)
         commands = Commands(profiles.types, self.variables.shown, "Kubernetes")
         self.containers = Containers(commands, self.variables, project, wishes.image, together=together)
-        router = self.containers.router(robot, wishes.connect)
+        router = self.containers.router(robot, wishes.connect, secured=bool(wishes.security))
         endpoint = f"unixsock-stream/{RUN}/router.sock" if together else f"tcp/router:{PORT}"
         taken = {ROUTER}
         made = [
@@ -139,10 +161,13 @@ class _Objects:
         if together:
             pod = objects.pod(
                 [container for _, container, _ in made],
-                _volumes(together, [volume for *_, volume in made]),
+                _volumes(together, [volume for *_, volume in made], wishes.security),
                 max([_grace(process) for process in plan.processes], default=LEAST_GRACE),
                 # It starts before the others, which wait until it is there, and is started again by itself.
-                init=[{**router, "restartPolicy": "Always"}],
+                init=[
+                    *([self.containers.keys()] if wishes.security else []),
+                    {**router, "restartPolicy": "Always"},
+                ],
             )
             self.workloads = [objects.stateful_set(name, name, pod)]
         else:
@@ -157,12 +182,15 @@ class _Objects:
             template["annotations"] = {_CHECKSUM: objects.checksum(self.maps)}
 
 
-def _volumes(together: bool, files: Sequence[Object | None]) -> list[Object]:
+def _volumes(together: bool, files: Sequence[Object | None], secret: str = "") -> list[Object]:
     memory: dict[str, Any] = {"medium": "Memory"}
     found: list[Object] = [{"name": "tmp", "emptyDir": {}}, {"name": "memory", "emptyDir": {}}]
     if together:
         found.append({"name": "run", "emptyDir": {**memory, "sizeLimit": "1Mi"}})
         found.append({"name": "shared-memory", "emptyDir": {**memory, "sizeLimit": _SHARED_MEMORY}})
+    if secret:
+        found.append({"name": SECRET, "secret": {"secretName": secret, "defaultMode": 0o440}})
+        found.append({"name": KEYS, "emptyDir": {**memory, "sizeLimit": "64Mi"}})
     return [*found, *(one for one in files if one is not None)]
 
 

@@ -11,14 +11,16 @@ import msgspec
 from robo.bag.of_robot import parameters_of, robot_of
 from robo.bag.read.reader import Bag
 from robo.errors import RoboError, UsageError
+from robo.launch.contracts import Question, examine_apart
 from robo.launch.faults import ManifestFaults
 from robo.launch.find import find_manifest
+from robo.launch.meant import nodes_meant, parameters_at
 from robo.launch.plan import ProcessPlan
 from robo.launch.resolve import Resolution, resolve
 from robo.launch.substitution import Word
 from robo.node.identity import Identity
 from robo.testing.regression.order import NodeOrder
-from robo.text.suggestions import suggest
+from robo.wire import names
 
 DEFAULT_MANIFEST = "robot.yaml"
 
@@ -38,6 +40,7 @@ def choose(
     robot: str | None,
     arguments: Mapping[str, str],
     parameters: Mapping[str, Any],
+    settings: Mapping[str, Any] | None = None,
 ) -> Chosen:
     """Find the nodes that words mean.
 
@@ -49,7 +52,8 @@ def choose(
             recording says parameters.
         robot: the robot's name; None for the one in the recording.
         arguments: of the manifest.
-        parameters: values over all others.
+        parameters: values over all others, of all these nodes.
+        settings: values over all others as `NODE.PARAMETER`.
 
     Raises:
         RoboError: there is no such node, or the manifest has mistakes.
@@ -66,10 +70,35 @@ def choose(
     others = None
     if named:
         found = _resolved(manifest, robot, arguments)
-        plans = _meant(found, named)
+        plans = nodes_meant(found.plan, named)
         nodes += [_of_plan(plan, said if manifest is None else {}) for plan in plans]
         others = _others(found, {plan.full_name for plan in plans})
-    return Chosen([msgspec.structs.replace(one, parameters={**one.parameters, **parameters}) for one in nodes], others)
+    of_nodes = _of_nodes(nodes, settings or {})
+    nodes = [
+        msgspec.structs.replace(one, parameters={**one.parameters, **parameters, **own})
+        for one, own in zip(nodes, of_nodes, strict=True)
+    ]
+    return Chosen(nodes, others)
+
+
+def _of_nodes(nodes: Sequence[NodeOrder], settings: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What is said of each node by `NODE.PARAMETER`."""
+    if not settings:
+        return [{} for _ in nodes]
+    answers = examine_apart([Question(one.service, {}) for one in nodes if one.name is None])
+    unnamed = iter(answers)
+    found: list[dict[str, Any]] = []
+    taken: set[str] = set()
+    for one in nodes:
+        contract = None if one.name is not None else next(unnamed).contract
+        name = one.name or (contract.name if contract is not None else "")
+        own = parameters_at(settings, name, f"/{names.join(one.namespace, name)}")
+        taken |= own.keys()
+        found.append({parameter: settings[left] for left, parameter in own.items()})
+    for left in settings:
+        if left not in taken:
+            raise UsageError(f"{left} is a parameter of none of these nodes; write NODE.PARAMETER")
+    return found
 
 
 def _robot_of(recording: Bag) -> str | None:
@@ -107,33 +136,6 @@ def _resolved(manifest: str | None, robot: str | None, arguments: Mapping[str, s
     if found.problems:
         raise ManifestFaults(found.problems)
     return found
-
-
-def _meant(found: Resolution, words: Collection[str]) -> list[ProcessPlan]:
-    processes = found.plan.processes
-    meant: list[ProcessPlan] = []
-    for word in words:
-        fitting = [one for one in processes if _is_meant(one, word)]
-        if len(fitting) > 1:
-            where = ", ".join(one.full_name for one in fitting)
-            raise UsageError(f"{word} means several nodes: {where}; name one by its full name")
-        group = [one for one in processes if word in one.group.split("/") and one.service is not None]
-        if not fitting and not group:
-            known = [one.name for one in processes]
-            raise UsageError(f"{found.plan.manifest} has no node {word}; {suggest(word, known)}")
-        for one in fitting or group:
-            if one.service is None:
-                raise UsageError(f"{one.full_name} is a command; only nodes in Python can be replayed")
-            if one not in meant:
-                meant.append(one)
-    return meant
-
-
-def _is_meant(process: ProcessPlan, word: str) -> bool:
-    if word in (process.name, process.full_name, process.full_name[1:]):
-        return True
-    (module, _, class_), (own, _, own_class) = word.partition(":"), (process.service or "").partition(":")
-    return module == own and (class_ == own_class or not (class_ and own_class))
 
 
 def _others(found: Resolution, chosen: Collection[str]) -> dict[str, list[str]]:

@@ -41,6 +41,9 @@ class Request(msgspec.Struct, kw_only=True):
     robot: str | None = None
     arguments: dict[str, str] = {}
     parameters: dict[str, Any] = {}
+    """Of all these nodes."""
+    settings: dict[str, Any] = {}
+    """By `NODE.PARAMETER`."""
     tolerances: str | None = None
     ignored: list[str] = []
     runs: int = RUNS
@@ -98,7 +101,13 @@ class _Judge:
     def judge(self) -> ReplayReport:
         request, report = self._request, self._report
         chosen = choose(
-            self._bag, request.nodes, request.manifest, request.robot, request.arguments, request.parameters
+            self._bag,
+            request.nodes,
+            request.manifest,
+            request.robot,
+            request.arguments,
+            request.parameters,
+            request.settings,
         )
         begin = int(self._mark["begin"]) if self._mark.get("begin", "").isdecimal() else None
         order = RunOrder(

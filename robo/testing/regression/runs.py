@@ -114,13 +114,14 @@ def _follow(lines: _Lines, progress: Callable[[float], None], silence: float) ->
 
 def _death(order: RunOrder, code: int | None, words: str, silence: float) -> Trouble:
     who = ", ".join(one.name or one.service for one in order.nodes)
+    ended_by = signal.Signals(-code).name if code is not None and code < 0 else ""
     if code is None:
         how = f"nothing has come of it for {silence:g} s"
     elif code < 0:
-        how = f"its process was ended by {signal.Signals(-code).name}"
+        how = f"its process was ended by {ended_by}"
     else:
         how = f"its process has ended with exit code {code}"
-    return Trouble(who, order.begin or 0, f"{how}\n{words}" if words else how)
+    return Trouble(who, order.begin or 0, f"{how}\n{words}" if words else how, ended_by)
 
 
 def _last_lines(errors: IO[bytes]) -> str:
