@@ -15,8 +15,8 @@ COPY config config
 COPY logs logs
 COPY robo robo
 RUN pip wheel --quiet --no-cache-dir --no-deps --wheel-dir /wheels .
-# For example --build-arg EXTRAS=dashboard,serial; the page of the Compose file's profile needs but 1 MB.
-ARG EXTRAS="dashboard"
+# For example --build-arg EXTRAS=dashboard,ros2,serial; what the page and the bridge to ROS 2 need is but 3 MB.
+ARG EXTRAS="dashboard,ros2"
 RUN python -m venv --without-pip /opt/robo \
  && pip --python /opt/robo/bin/python install --quiet --no-cache-dir "$(ls /wheels/*.whl)${EXTRAS:+[$EXTRAS]}"
 # One name for where packages stand, whatever Python's version: exported Compose files refer to it.

@@ -11,7 +11,7 @@ command="{\"linear\": {\"x\": ${2:-0.2}}}"
 if [ -n "${ZENOH_REST:-}" ]; then
   exec curl --fail --silent --show-error -X PUT -H 'content-type: application/json' -d "$command" "$ZENOH_REST/$key"
 fi
-exec "${PYTHON:-python3}" - "$key" "$command" "${ROBO_CONNECT:-tcp/127.0.0.1:7447}" <<'PYTHON'
+exec "${PYTHON:-python3}" - "$key" "$command" "${ROBO_CONNECT:-unixsock-stream//tmp/robo-$(id -u)/router.sock}" <<'PYTHON'
 import json, sys, zenoh
 key, command, endpoint = sys.argv[1:]
 config = zenoh.Config()

@@ -5,13 +5,15 @@
 Needs `pip install eclipse-zenoh msgpack`.
 """
 
+import os
 import sys
 import uuid
 
 import msgpack
 import zenoh
 
-robot, order, endpoint = (*sys.argv[1:], *("r1", "5", "tcp/127.0.0.1:7447")[len(sys.argv) - 1 :])
+mine = f"unixsock-stream//tmp/robo-{os.getuid()}/router.sock"  # where your robots meet
+robot, order, endpoint = (*sys.argv[1:], *("r1", "5", mine)[len(sys.argv) - 1 :])
 action = f"{robot}/fibonacci/_action"
 goal_id = {"uuid": uuid.uuid4().bytes}
 

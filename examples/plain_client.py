@@ -5,6 +5,7 @@ cmd_vel_key, as drive.sh does: the robot's mux puts that first.
 """
 
 import json
+import os
 import struct
 import sys
 import time
@@ -12,6 +13,9 @@ from typing import Any
 
 import msgpack
 import zenoh
+
+MINE = f"unixsock-stream//tmp/robo-{os.getuid()}/router.sock"
+"""Where the robots of whoever runs this meet."""
 
 
 def ask(session: zenoh.Session, key: str, request: dict[str, Any]) -> Any:
@@ -25,7 +29,7 @@ def ask(session: zenoh.Session, key: str, request: dict[str, Any]) -> Any:
 def main() -> None:
     """Talk to a robot."""
     given = dict(enumerate(sys.argv))
-    robot, endpoint = given.get(1, "r1"), given.get(2, "tcp/127.0.0.1:7447")
+    robot, endpoint = given.get(1, "r1"), given.get(2, MINE)
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))

@@ -8,6 +8,13 @@ CONNECT_VARIABLE = "ROBO_CONNECT"
 LISTEN_VARIABLE = "ROBO_LISTEN"
 """Zenoh endpoints to listen on, joined by commas. Read by all that joins the network; tools listen nowhere."""
 
+MEETING_VARIABLE = "ROBO_MEETING"
+"""The folder in which what one user runs on a machine meets, of mode 0700; by default `/tmp/robo-UID`. Read by all that
+joins the network without being told an endpoint."""
+SECURITY_VARIABLE = "ROBO_SECURITY"
+"""The folder of a name's key and certificate: all that leaves the machine goes by TLS. Read by all that joins the
+network; the nodes of a robot, which do not leave it, do not get it."""
+
 MODE_VARIABLE = "ROBO_MODE"
 """How a node that nobody has launched joins the network: router, peer or client. Also set in exported Compose files."""
 
@@ -24,7 +31,10 @@ LOG_FOLDER_VARIABLE = "ROBO_LOG_DIR"
 """Where all runs are kept. Read by the supervisor and by `robo logs`."""
 
 LOG_LIMIT_VARIABLE = "ROBO_LOG_LIMIT"
-"""How many megabytes all log files may take. Read by the supervisor."""
+"""How many megabytes all log files of a user may take. Read by the supervisor."""
+
+LOG_RUN_LIMIT_VARIABLE = "ROBO_LOG_RUN_LIMIT"
+"""How many megabytes the log files of one run may take. Read by the supervisor."""
 
 MESSAGES_VARIABLE = "ROBO_MESSAGES"
 """Modules that define message types, joined by commas. Read by tools."""

@@ -7,7 +7,12 @@
     ├── UnreadableFile        a file that somebody named and that is missing, too large or no file at all
     ├── ContractError         a node class that does not say clearly what it does
     ├── EngineError           a container engine that cannot be reached, or refuses
+    ├── SystemdError          systemd is not there, or refuses
     ├── NetworkError          the Zenoh network cannot be reached or opened
+    │   └── ReadOnly          a robot is another user's, and others only look at it
+    ├── SecurityError         keys, certificates or rules that are missing, too open, or do not fit each other
+    │   ├── PolicyError       a policy with mistakes, or what cannot be said in one
+    │   └── NotLetIn          a router that refuses the name with which it is dialled
     ├── LifecycleError        a managed node that cannot go through a transition, or did not come to active
     │   └── NotActive         a managed node was called while it was not active
     ├── ServiceError          a service's handler raised, or its answer cannot be read
@@ -24,6 +29,7 @@
     │       ├── TooOld        it is before the link's history begins
     │       └── InTheFuture   it is after the link's newest data
     ├── MessageError          data that are no message of the type that was asked for
+    ├── InterfaceError        definitions of ROS's types that cannot be read, or that robo cannot have
     ├── BagError              a recording that cannot be found, read or written
     │   ├── DamagedBag        a file that is cut, or whose bytes make no sense
     │   └── DiskFull          a recording that has ended for want of room
@@ -81,8 +87,28 @@ class NotKept(RoboError, OSError):
     """What a node wants to know when it is started again cannot be written."""
 
 
+class SystemdError(RoboError):
+    """There is no systemd on this machine, or it refuses what it is asked to do."""
+
+
 class NetworkError(RoboError, ConnectionError):
     """The Zenoh network cannot be reached or opened."""
+
+
+class ReadOnly(NetworkError):
+    """A robot is another user's, who lets others look at it and no more."""
+
+
+class SecurityError(RoboError):
+    """Keys, certificates or rules are missing, open to others, or do not fit each other; nothing is opened then."""
+
+
+class PolicyError(SecurityError):
+    """A policy has mistakes, a line for each, or cannot say what was asked of it."""
+
+
+class NotLetIn(SecurityError):
+    """A router refuses the name with which it is dialled; the message says why."""
 
 
 class LifecycleError(RoboError):
@@ -172,6 +198,10 @@ class InTheFuture(ExtrapolationError):
 
 class MessageError(RoboError, ValueError):
     """Data that are no message of the type that was asked for; a line for each mistake."""
+
+
+class InterfaceError(RoboError):
+    """Definitions of ROS's types cannot be read, or robo cannot have them; a line for each mistake."""
 
 
 class BagError(RoboError):

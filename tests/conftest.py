@@ -39,10 +39,11 @@ def intel_log() -> Path:
 
 
 @pytest.fixture(autouse=True, scope="session")
-def _logs_of_their_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Robots that tests start keep their logs apart from the user's."""
+def _places_of_their_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Robots that tests start keep their logs apart from the user's, and do not meet his."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        patch.setenv("ROBO_MEETING", str(tmp_path_factory.mktemp("meeting")))
         # Where flight recorders have their last seconds: one finds what another has left.
         patch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
         yield

@@ -24,12 +24,17 @@ def docker(*words: str, check: bool = True, **environment: str) -> str:
     return result.stdout
 
 
+def _lasting() -> dict[str, str]:
+    """The environment without what tests have set in it: an engine outlives them, and keeps files where that says."""
+    return {name: value for name, value in os.environ.items() if not name.startswith("XDG_")}
+
+
 def built_image() -> str:
     """The name of the image, which is built where it is not; the test is skipped where there is no engine."""
     with open(Path(tempfile.gettempdir()) / "robo-test-image.lock", "w") as lock:
         flock(lock, LOCK_EX)  # once, also where several workers want it
         if DOCKER_HOST.exists() and os.geteuid() == 0:
-            subprocess.run([DOCKER_HOST], check=True, capture_output=True, timeout=400)
+            subprocess.run([DOCKER_HOST], check=True, capture_output=True, timeout=400, env=_lasting())
         elif shutil.which("docker") is None or subprocess.run(["docker", "info"], capture_output=True).returncode:
             pytest.skip("there is no Docker engine here")
         docker("build", "--network=host", "--quiet", "--tag", "robo:test", ".")

@@ -29,7 +29,6 @@ from robo.bag.look.series import series
 from robo.bag.mcap import format as mcap
 from robo.bag.mcap.compression import restored
 from robo.bag.of_robot import robots_of
-from robo.bag.patterns import chosen
 from robo.bag.progress import silent
 from robo.bag.read.reader import Order
 from robo.cli.views.pictures import panels_of
@@ -38,6 +37,7 @@ from robo.recording.map.picture import as_svg
 from robo.recording.map.sources import Wanted, walk_of
 from robo.recording.play.tape import BagTape, Ready
 from robo.recording.play.topics import Choice, select
+from robo.text.patterns import chosen
 from robo.text.svg import curves
 from tests import bags
 

@@ -33,21 +33,17 @@ class PlayedPod:
 
     def start(self) -> None:
         """Start all of it, and wait until every startup probe has succeeded."""
-        docker(
-            "run",
-            "--detach",
-            "--name",
-            self._called("pause"),
-            "--network=none",
-            "--entrypoint=sleep",
-            self._image,
-            "inf",
-        )
         for volume in self._pod["volumes"]:
             self._make(volume)
+        # What is in memory is there as long as somebody has it: as long as the pod.
+        held = [f"--volume={self._called(name)}:/held/{name}" for name in self._empty()]
+        words = ("run", "--detach", "--name", self._called("pause"), "--network=none", *held, "--entrypoint=sleep")
+        docker(*words, self._image, "inf")
         for container in self._pod["initContainers"]:
-            self._run(container)
-            self._wait(container)
+            stays = container.get("restartPolicy") == "Always"
+            self._run(container, stays=stays)
+            if stays:
+                self._wait(container)
         for container in self._pod["containers"]:
             self._run(container)
         for container in self._pod["containers"]:
@@ -72,25 +68,32 @@ class PlayedPod:
     def remove(self) -> None:
         """Leave nothing of it."""
         docker("rm", "--force", "--volumes", *map(self._called, (*self.containers, "pause")), check=False)
-        names = [self._called(volume["name"]) for volume in self._pod["volumes"] if "emptyDir" in volume]
-        docker("volume", "rm", "--force", *names, check=False)
+        docker("volume", "rm", "--force", *map(self._called, self._empty()), check=False)
 
     def _called(self, part: str) -> str:
         return f"{self.name}-{part}"
+
+    def _empty(self) -> list[str]:
+        """The volumes that are empty when the pod starts."""
+        return [volume["name"] for volume in self._pod["volumes"] if "emptyDir" in volume]
 
     def _make(self, volume: dict[str, Any]) -> None:
         if "emptyDir" in volume:
             options = ("--opt", "type=tmpfs", "--opt", "device=tmpfs", "--opt", "o=uid=1000,gid=1000,mode=0770")
             docker("volume", "create", *options, self._called(volume["name"]))
             return
+        if "secret" in volume:
+            return  # as files of root's, which whoever plays it has put there
         for item in volume["configMap"]["items"]:
             path = self._folder / volume["name"] / item["path"]
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(self._maps[volume["configMap"]["name"]][item["key"]])
 
-    def _run(self, container: dict[str, Any]) -> None:
+    def _run(self, container: dict[str, Any], *, stays: bool = True) -> None:
+        """Start a container; one that does not stay is waited for."""
         security, pod = container["securityContext"], self._pod["securityContext"]
-        words = ["run", "--detach", "--name", self._called(container["name"]), "--restart=always"]
+        words = ["run", "--name", self._called(container["name"])]
+        words += ["--detach", "--restart=always"] if stays else []
         words += [f"--network=container:{self._called('pause')}", f"--user={pod['runAsUser']}:{pod['runAsGroup']}"]
         words += ["--read-only"] if security["readOnlyRootFilesystem"] else []
         words += [f"--cap-drop={one}" for one in security["capabilities"]["drop"]]
@@ -102,7 +105,7 @@ class PlayedPod:
             known[one["name"]] = self._maps[source["name"]][source["key"]] if source else _filled(one["value"], known)
         for name, value in known.items():
             words += ["--env", f"{name}={value}"]
-        empty = {volume["name"] for volume in self._pod["volumes"] if "emptyDir" in volume}
+        empty = self._empty()
         for mount in container["volumeMounts"]:
             name = mount["name"]
             source = self._called(name) if name in empty else str(self._folder / name)

@@ -34,7 +34,13 @@ def messages(type_: type[M]) -> st.SearchStrategy[M]:
 
 
 def _field(field: Field) -> st.SearchStrategy[Any]:
-    return anything() if field.bridge is not None else _kind(field.kind)
+    """Of a field that takes less than ROS's type, one is known: a text that is bounded."""
+    return anything() if field.bridge is not None and not is_bounded(field.kind) else _kind(field.kind)
+
+
+def is_bounded(kind: Kind) -> bool:
+    """Whether it is a text, or an array of texts, that may have so many letters and no more."""
+    return is_bounded(kind.item) if isinstance(kind, Array) else isinstance(kind, Single) and kind.most is not None
 
 
 def _kind(kind: Kind) -> st.SearchStrategy[Any]:
@@ -43,8 +49,8 @@ def _kind(kind: Kind) -> st.SearchStrategy[Any]:
             return messages(shape.type)
         case Array():
             return _array(kind)
-        case Single("string"):
-            return TEXTS
+        case Single("string" | "wstring"):
+            return TEXTS if kind.most is None else TEXTS.map(lambda text: text[: kind.most])
         case Single("bool"):
             return st.booleans()
         case Single("float64"):
@@ -56,11 +62,13 @@ def _kind(kind: Kind) -> st.SearchStrategy[Any]:
 
 def _array(kind: Array) -> st.SearchStrategy[Any]:
     least = kind.length or 0
-    most = kind.length if kind.length is not None else MOST
+    most = kind.length if kind.length is not None else min(MOST, kind.most or MOST)
     if kind.holds in ("list", "tuple"):
         found: st.SearchStrategy[Any] = st.lists(_kind(kind.item), min_size=least, max_size=most)
         return found.map(tuple) if kind.holds == "tuple" else found
-    data: st.SearchStrategy[Any] = st.binary(min_size=least, max_size=most if kind.length is not None else 20)
+    data: st.SearchStrategy[Any] = st.binary(
+        min_size=least, max_size=most if kind.length is not None else kind.most or 20
+    )
     return data.map(memoryview) if kind.holds == "memoryview" else data
 
 

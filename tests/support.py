@@ -177,10 +177,13 @@ def robo(*arguments: str, cwd: str | None = None) -> Iterator[Command]:
         command.close()
 
 
-def run_robo(*arguments: str, timeout: float = 60.0, cwd: str | None = None) -> "subprocess.CompletedProcess[str]":
-    """Run a `robo` command to its end."""
+def run_robo(
+    *arguments: str, timeout: float = 60.0, cwd: str | None = None, env: Mapping[str, str] | None = None
+) -> "subprocess.CompletedProcess[str]":
+    """Run a `robo` command to its end; `env` is what its environment has beside this process's."""
     command = [sys.executable, "-m", "robo", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False, cwd=cwd)
+    more = os.environ | (env or {})
+    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False, cwd=cwd, env=more)
 
 
 INTERRUPTED = (130, -signal.SIGINT)
@@ -199,7 +202,7 @@ _ENDLESS = (
     (r"robo action echo\b", ""),
     (r"robo events\b", ""),
     (r"robo bag record\b", r"--duration"),
-    (r"robo bridge foxglove\b", r"--layout"),
+    (r"robo bridge (foxglove|ros2)\b", r"--layout"),
     (r"robo logs\b.* -f\b", ""),
     (r"robo\b.* --watch\b", ""),
 )
@@ -213,8 +216,12 @@ def is_endless(line: str) -> bool:
     return any(re.search(verb, words) and not (ends and re.search(ends, words)) for verb, ends in _ENDLESS)
 
 
+_SPACES = (("net", "net"), ("mount", "mnt"))
+"""Namespaces of a desk: the option of nsenter, and the file."""
+
+
 class Desk:
-    """A folder and a network of its own, so that commands work on it as printed, with robo's usual port.
+    """A folder, a network and a meeting place of its own: commands work on it as printed, with robo's usual endpoints.
 
     Args:
         folder: where commands run.
@@ -229,8 +236,11 @@ class Desk:
         }
         self._terminals: list[Running] = []
         with ExitStack() as undo:
-            script = "ip link set lo up && echo there && exec sleep infinity"
-            self._network = Running(["unshare", "--net", "sh", "-c", script], env=self._environment)
+            met, apart = Path(f"/tmp/robo-{os.geteuid()}"), folder / ".meeting"
+            met.mkdir(mode=0o700, exist_ok=True)
+            apart.mkdir(mode=0o700)
+            script = f"ip link set lo up && mount --bind {apart} {met} && echo there && exec sleep infinity"
+            self._network = Running(["unshare", "--net", "--mount", "sh", "-c", script], env=self._environment)
             undo.callback(self._network.close)
             try:
                 self._network.wait_for("there")
@@ -240,8 +250,8 @@ class Desk:
 
     def start(self, line: str) -> Running:
         """Type a line into a terminal of its own."""
-        where = f"--net=/proc/{self._network.process.pid}/ns/net"
-        command = ["nsenter", where, "bash", "-o", "pipefail", "-c", line]
+        spaces = [f"--{kind}=/proc/{self._network.process.pid}/ns/{name}" for kind, name in _SPACES]
+        command = ["nsenter", *spaces, "bash", "-o", "pipefail", "-c", f"cd {self.folder}\n{line}"]
         terminal = Running(command, cwd=str(self.folder), env=self._environment, terminal=True)
         self._terminals.append(terminal)
         return terminal

@@ -13,7 +13,7 @@ from robo.cli.launch import run
 from robo.process import health
 
 _SHARED_TITLE = "Which network, which robot, how long"
-_SHARED = ("robot_name", "connect", "timeout")
+_SHARED = ("robot_name", "connect", "security", "timeout")
 """What a verb that looks at running robots is told: options that are described once."""
 
 _INTRO = """\

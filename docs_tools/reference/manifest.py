@@ -138,4 +138,5 @@ _KINDS: Final[Mapping[str, Callable[[Schema], str]]] = {
     "number": _number,
     "array": _array,
     "object": _object,
+    "null": lambda _: "nothing",
 }

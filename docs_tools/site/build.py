@@ -20,12 +20,13 @@ ROOT = Path(__file__).parents[2]
 
 SECTIONS = {
     "Begin here": ("index", "tutorial", "create", "node", "own_base", "real_robot", "testing", "packages"),
-    "From ROS 2": ("from_ros2", "from_ros2_launch"),
+    "From ROS 2": ("from_ros2", "moving_from_ros2", "from_ros2_launch", "ros2_bridge"),
     "Robots": (
         "running", "launch", "driving", "simulation", "sensors", "localization",
-        "several_robots", "hosts", "kubernetes", "tools", "dashboard", "foxglove", "viewing", "debugging",
+        "several_robots", "fleets", "access", "hosts", "security", "systemd", "kubernetes", "tools", "dashboard",
+        "foxglove", "viewing", "debugging",
     ),
-    "Recordings": ("recording", "playing", "recordings", "flight_recorder", "replay_test"),
+    "Recordings": ("recording", "playing", "recordings", "flight_recorder", "replay_test", "batch"),
     "Nodes": (
         "messages", "services", "actions", "parameters", "lifecycle",
         "transforms", "pictures", "performance", "clients",

@@ -6,7 +6,8 @@ once there is nothing to complete, and never an error.
 
 import os
 from collections.abc import Callable, Iterable
-from contextlib import suppress
+from contextlib import redirect_stderr, suppress
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -208,7 +209,7 @@ def _live(ctx: typer.Context, incomplete: str, find: "Callable[[zenoh.Session], 
     from robo.text.terminal import visible
 
     given: dict[str, Any] = ctx.params
-    with suppress(RoboError):
+    with suppress(RoboError), redirect_stderr(StringIO()):  # what is told on the way is not for a shell
         reach = Reach.of(given.get("connect"), given.get("robot_name"), TIMEOUT)
         with connect_to_robot(reach) as session:
             # A name with control characters, which a shell would print, is a stranger's.

@@ -9,6 +9,7 @@ import zenoh
 
 from robo.cli.printing import note
 from robo.cli.reach import Reach
+from robo.wire import whereabouts
 from robo.wire.network import Network
 
 _LOOK = 0.3
@@ -20,7 +21,9 @@ class Link:
 
     def __init__(self, session: zenoh.Session, reach: Reach) -> None:
         self._session = session
-        self._where = ", ".join(Network.from_environment("client", reach.connect).connect)
+        told = whereabouts.is_told(reach.connect)
+        named = Network.from_environment("client", reach.connect).connect if told else ()
+        self._where = ", ".join(named) or "the robots of this machine"
         self._since: float | None = None
 
     def look(self) -> str:

@@ -29,7 +29,16 @@ Connect = Annotated[
 ]
 Listen = Annotated[
     list[str] | None,
-    typer.Option("--listen", metavar="ENDPOINT", help="Listen here instead of tcp/127.0.0.1:7447 (or ROBO_LISTEN)."),
+    typer.Option("--listen", metavar="ENDPOINT", help="Listen here, for all who come (or ROBO_LISTEN)."),
+]
+Security = Annotated[
+    str | None,
+    typer.Option(
+        "--security",
+        metavar="DIR",
+        help="Be this name on a secured network: TLS, and no other (or ROBO_SECURITY).",
+        show_default=False,
+    ),
 ]
 Timeout = Annotated[
     float | None,
@@ -69,8 +78,19 @@ NodeName = Annotated[
         autocompletion=completion.nodes,
     ),
 ]
+NodeNames = Annotated[
+    str,
+    typer.Argument(
+        metavar="NODE",
+        help="A node's full name, its name where only one has it, or a pattern: 'r*/base'.",
+        autocompletion=completion.nodes,
+    ),
+]
 OptionalNode = Annotated[
-    str | None, typer.Argument(metavar="[NODE]", help="Only this node.", autocompletion=completion.nodes)
+    str | None,
+    typer.Argument(
+        metavar="[NODE]", help="Only this node, or those that a pattern matches.", autocompletion=completion.nodes
+    ),
 ]
 TopicName = Annotated[
     str,

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import typer
 
-from robo.cli.options import Connect, RobotName, Timeout
+from robo.cli.options import Connect, RobotName, Security, Timeout
 from robo.cli.reach import Reach
 from robo.cli.tree import Section, Verb
 from robo.errors import InvalidName, ManifestError, RoboError, UsageError
@@ -72,9 +72,9 @@ class _Bundle(NamedTuple):
     def of(cls, parameter: inspect.Parameter, beside: Mapping[str, inspect.Parameter]) -> "_Bundle":
         kind = parameter.annotation
         if kind is Reach:
-            every = {"robot_name": RobotName, "connect": Connect, "timeout": Timeout}
+            every = {"robot_name": RobotName, "connect": Connect, "security": Security, "timeout": Timeout}
             options = [_option(name, annotation) for name, annotation in every.items() if name not in beside]
-            return cls(parameter.name, Reach.of, options, shared=True)
+            return cls(parameter.name, _reach, options, shared=True)
         if isinstance(kind, type) and issubclass(kind, tuple):
             defaults: Mapping[str, object] = getattr(kind, "_field_defaults", {})
             fields = typing.get_type_hints(kind, include_extras=True).items()
@@ -89,6 +89,14 @@ class _Bundle(NamedTuple):
         """The parameter's value."""
         values = {option.name: options[option.name] for option in self.options}
         return values[self.name] if self.make is None else self.make(**values)
+
+
+def _reach(security: str | None = None, **options: Any) -> Reach:
+    """What the options say of the network; it holds for the process as a whole who it is there."""
+    from robo.cli.secured import secure
+
+    secure(security)
+    return Reach.of(**options)
 
 
 def _option(name: str, annotation: object, default: object = None) -> inspect.Parameter:

@@ -11,8 +11,9 @@ import msgspec
 import zenoh
 
 from robo.errors import RoboError
-from robo.tools import nodes, runs, topics
+from robo.tools import nodes, runs, topics, unsupervised
 from robo.tools.replies import read
+from robo.wire import names
 from robo.wire.keys import event_key, log_key
 from robo.wire.reports import Event, HealthLevel, LogRecord, LogsRequest, NodeStatus, ProcessStatus, health_of
 
@@ -148,6 +149,7 @@ class State:
         self._runs: set[str] = set()
         """The runs that the last look has found."""
         self._told_lines, self._told_events = Told[Line](), Told[Event]()
+        self._alone = unsupervised.Lines(session)
         # Before the past is asked for, so that nothing falls between.
         self._lines = session.declare_subscriber(log_key(_ALL), zenoh.handlers.RingChannel(_SLOTS))
         self._events = session.declare_subscriber(event_key(_ALL), zenoh.handlers.RingChannel(_SLOTS))
@@ -183,15 +185,28 @@ class State:
                 processes = runs.processes(self._session, timeout=_TIMEOUT)
                 statuses = nodes.all_status(self._session, _TIMEOUT)
                 listed = topics.list_topics(self._session, _TIMEOUT, ())
+                supervised = {one.node for one in processes}
+                said = self._alone.new() if statuses.keys() - supervised else []
             except (zenoh.ZError, RoboError):
                 pass  # the router is away; pages see how old all is
             except Exception:  # nobody has thought of it: it is told, and looked at again
                 _logger.exception("the dashboard could not look at what runs")
             else:
                 self._runs = {one.robot for one in processes if one.robot}
+                found = picture(processes, statuses, listed)
                 if not self._over.is_set():
-                    self._tell_look(picture(processes, statuses, listed))
+                    self._tell_look(found)
+                    self._tell_of_unsupervised(found.robots, said)
             self._over.wait(max(_LOOK, begin + PERIOD - time.monotonic()))
+
+    def _tell_of_unsupervised(self, robots: list[str], said: list[LogRecord]) -> None:
+        """Tell what nodes have logged that no supervisor hears."""
+        lines = []
+        for one in said:
+            robot = robot_in(robots, one.node)
+            lines.append(line_of(robot, msgspec.structs.replace(one, node=names.label(robot, one.node))))
+        if fresh := self._told_lines.new(lines):
+            self._tell_lines(newest(fresh))
 
     def _listen(self) -> None:
         while not self._over.wait(_LOOK):
@@ -294,6 +309,11 @@ def robots_of(rows: Iterable[Node], keys: Iterable[str]) -> list[str]:
     found = runs | {space for space in spaces if space in driven or not is_part(space, runs | spaces)}
     # A run of several robots is none itself.
     return sorted(one for one in found if one in spaces or not any(is_part(other, (one,)) for other in found))
+
+
+def robot_in(robots: Iterable[str], node: str) -> str:
+    """Of which of these robots a node is, by its full name; empty where of none."""
+    return max((one for one in robots if node.startswith(f"{one}/")), key=len, default="")
 
 
 def newest(lines: list[Line]) -> list[Line]:

@@ -37,6 +37,10 @@ Value = Callable[[Tree, str, Complain], Any]
 MOST: Final = 1_000_000_000
 """No number of a manifest is larger."""
 
+LEAST_MEMORY: Final = 1 << 20
+MOST_MEMORY: Final = 1 << 40
+"""Of a process, bytes."""
+
 TEXT: Final[Schema] = {"type": "string"}
 SCALAR: Final[Schema] = {"type": ["string", "number", "boolean", "null"]}
 FILLED: Final[Schema] = {"type": "string", "pattern": r"\$\{"}
@@ -44,6 +48,7 @@ FILLED: Final[Schema] = {"type": "string", "pattern": r"\$\{"}
 
 _MARK = "\ue002"
 _CPUS = re.compile(r"\s*(\d{1,4})\s*(?:-\s*(\d{1,4}))?\s*")
+_SIZE = re.compile(r"\s*(\d{1,15}|\d{1,15}\.\d{1,6}(?=\s*[KMGT]))\s*(?:([KMGT])i?)?B?\s*", re.IGNORECASE)
 _RATE = re.compile(r"\s*(>=|<=|>|<|==?)?\s*([0-9.eE+-]+)\s*(?:Hz)?\s*")
 
 
@@ -231,6 +236,17 @@ def _rate(scalar: Scalar, key: str, complain: Complain) -> tuple[float | None, f
     return (number if sign[0] in ">=" else None, number if sign[0] in "<=" else None)
 
 
+def _size(scalar: Scalar, key: str, complain: Complain) -> int | None:
+    text = as_text(scalar.value)
+    match = _SIZE.fullmatch(text)
+    size = float(match[1]) * 1024 ** " KMGT".index((match[2] or " ").upper()) if match is not None else 0.0
+    if not LEAST_MEMORY <= size <= MOST_MEMORY:
+        least = f"{LEAST_MEMORY >> 20}M"
+        complain(scalar.position, f"{key}: {shown(text)} is no size of at least {least}; write 256M or 1.5G")
+        return None
+    return int(size)
+
+
 def beside_manifest(scope: Scope, scalar: Scalar) -> object:
     """A path whose relative form counts from the manifest's folder; empty where it is."""
     path = scope.path(scalar)
@@ -257,6 +273,10 @@ A_RATE = _single(
     fields={"min_rate": 0, "max_rate": 1},
 )
 """`>= 5`, `<= 50`, `10` (at least): the least and the most messages per second, either of them None."""
+
+
+A_SIZE = _single(one_of({"type": "integer", "minimum": LEAST_MEMORY, "maximum": MOST_MEMORY}, TEXT), _size)
+"""`256M`, `1.5G`: bytes, of which 1024 are a K; without a letter bytes."""
 
 
 def a_number(low: float, high: float = MOST, *, whole: bool = False) -> Form:

@@ -17,6 +17,7 @@ from typing import Annotated, Any, Final, Literal, NamedTuple, Union, get_args, 
 import msgspec
 from msgspec import Meta
 
+from robo.errors import InvalidName
 from robo.launch.forms import (
     A_FLAG,
     A_TEXT,
@@ -35,6 +36,7 @@ from robo.launch.substitution import Complain, Scope
 from robo.text.brief import shown
 from robo.text.suggestions import suggest
 from robo.text.tree import Entry, Items, Map, Scalar, Tree, kind
+from robo.wire import names
 
 Written = Mapping[str, Tree]
 """Plain keys of a part with their values, each in its form."""
@@ -214,8 +216,9 @@ def part_of(part: type[msgspec.Struct], *, whole: bool = False) -> Form:
     """
 
     def read_part(tree: Tree, key: str, reading: Reading) -> Map | None:
-        if isinstance(tree, Items):
-            reading.complain(tree.position, f"{key}: expected a value or a map, not a list")
+        if isinstance(tree, Items) or not (isinstance(tree, Map) or short_of(part)):
+            wanted = "a value or a map" if short_of(part) else "a map"
+            reading.complain(tree.position, f"{key}: expected {wanted}, not {kind(tree)}")
             return None
         if isinstance(tree, Scalar):
             return _read_short(part, tree, key, reading)
@@ -236,6 +239,43 @@ def part_of(part: type[msgspec.Struct], *, whole: bool = False) -> Form:
 
     form = Form(schema=ref(name_of(part)), read=read_part, fill=fill_part, value=value, part=part)
     return form if whole else msgspec.structs.replace(form, merge=merge_part)
+
+
+def parts_of(part: type[msgspec.Struct]) -> Form:
+    """A map from names of topics, or patterns of them, to parts of one kind: a dict in the plan."""
+    one = part_of(part)
+
+    def read_parts(tree: Tree, key: str, reading: Reading) -> Map | None:
+        if not isinstance(tree, Map):
+            reading.complain(tree.position, f"{key}: expected a map, not {kind(tree)}")
+            return None
+        found = ((entry, one.read(_or_nothing(entry.value), f"{key} {entry.key}", reading)) for entry in tree)
+        return Map(tuple(entry._replace(value=value) for entry, value in found if value is not None), tree.position)
+
+    def fill_parts(tree: Tree, key: str, scope: Scope) -> Map:
+        filled = (entry._replace(value=one.fill(entry.value, key, scope)) for entry in _entries(tree))
+        return Map(tuple(filled), tree.position)
+
+    def value(tree: Tree, key: str, complain: Complain) -> dict[str, msgspec.Struct]:
+        for entry in _entries(tree):
+            try:
+                names.key_of(entry.key)
+            except InvalidName as error:
+                complain(entry.position, f"{key}: {error}")
+        return {entry.key: one.value(entry.value, key, complain) for entry in _entries(tree)}
+
+    return Form(
+        schema=map_of(one_of(ref(name_of(part)), {"type": "null"})),
+        read=read_parts,
+        fill=fill_parts,
+        value=value,
+        part=part,
+    )
+
+
+def _or_nothing(tree: Tree) -> Tree:
+    """A key that stands alone, `odom:`, says nothing more of what it names."""
+    return Map((), tree.position) if _is_empty(tree) else tree
 
 
 def _read_short(part: type[msgspec.Struct], scalar: Scalar, key: str, reading: Reading) -> Map | None:

@@ -23,8 +23,8 @@ from robo.launch.forms import (
     a_number,
     a_word,
 )
-from robo.launch.language import A_MAP, NOTHING, KeysOf, Written, named, named_values, special
-from robo.launch.plan import ProcessPlan, TopicPlan, Until
+from robo.launch.language import A_MAP, NOTHING, KeysOf, Written, named, named_values, part_of, special
+from robo.launch.plan import BridgesPlan, ProcessPlan, Ros2Plan, TopicPlan, Until
 from robo.text.tree import Entry, Items, Map, Position, Scalar
 
 ArgType = Literal["str", "int", "float", "bool", "path", "choice"]
@@ -211,6 +211,7 @@ class Group(Settings, frozen=True, kw_only=True):
         Meta(description="The hosts that it runs on, where a robot has several: robo up --host NAME."),
     ] = None
     topics: Annotated[tuple[TopicPromise, ...], named("topic"), Meta(description="What is promised of topics.")] = ()
+    bridges: Annotated[Map | None, part_of(BridgesPlan), Meta(description="Other systems that see this robot.")] = None
     plain: Annotated[Written, KeysOf(ProcessPlan, of_groups=True)] = NOTHING
 
 
@@ -233,6 +234,7 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
         Meta(description="Nodes that share settings and can be started by themselves."),
     ] = ()
     topics: Annotated[tuple[TopicPromise, ...], named("topic"), Meta(description="What is promised of topics.")] = ()
+    bridges: Annotated[Map | None, part_of(BridgesPlan), Meta(description="Other systems that see the robot.")] = None
 
 
 PARTS: dict[str, type[msgspec.Struct]] = {
@@ -244,5 +246,7 @@ PARTS: dict[str, type[msgspec.Struct]] = {
     "topic": TopicPlan,
     "params_item": ParameterSource,
     "variable": Variable,
+    "bridges": BridgesPlan,
+    "ros2": Ros2Plan,
 }
 """The parts of the language that are maps of known keys, by the names that the schema has for them."""

@@ -20,11 +20,12 @@ from robo.launch.forms import (
     A_PROCESS,
     A_RATE,
     A_SERVICE,
+    A_SIZE,
     SOME_CPUS,
     SOME_TOPICS,
     a_signal,
 )
-from robo.launch.language import OF_GROUPS, Named, part_of
+from robo.launch.language import OF_GROUPS, Named, part_of, parts_of
 from robo.text.tree import Position
 from robo.wire import names
 from robo.wire.qos import Quality
@@ -109,6 +110,90 @@ class ReadyPlan(msgspec.Struct, frozen=True, kw_only=True):
     timeout: Annotated[float, Meta(ge=0, description="How long it may take, s; 0 for ever. Then it has failed.")] = 60.0
 
 
+class LimitsPlan(msgspec.Struct, frozen=True, kw_only=True):
+    """What a process may use at most; None where nothing limits it."""
+
+    memory: Annotated[
+        int | None, A_SIZE, Meta(description="Memory: 256M or 1.5G. A process that needs more is ended.")
+    ] = None
+    """Bytes."""
+    cpu: Annotated[
+        float | None,
+        Meta(ge=0.0625, le=1024, description="Processor time: 0.5 is half of a core."),
+    ] = None
+    files: Annotated[int | None, Meta(ge=16, le=1_000_000, description="Open files and sockets.")] = None
+
+    def __bool__(self) -> bool:
+        """Whether anything is limited."""
+        return (self.memory, self.cpu, self.files) != (None, None, None)
+
+
+Direction = Literal["to_ros", "from_ros", "both"]
+
+
+class CrossingPlan(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """How a topic, a service or an action crosses to another system."""
+
+    SHORT: ClassVar = ("ros",)
+
+    ros: Annotated[
+        str | None, Meta(description="Its name in ROS, such as /odom; by default the same one, with the robot's.")
+    ] = None
+    direction: Annotated[
+        Direction,
+        Meta(description="to_ros: robo says or serves it; from_ros: ROS does; both: either may."),
+    ] = "to_ros"
+    type: Annotated[
+        str | None, Meta(description="Its type in robo, such as geometry/Twist; by default as either side says.")
+    ] = None
+    reliability: Annotated[
+        Literal["reliable", "best_effort"] | None, Meta(description="What ROS is told; by default reliable.")
+    ] = None
+    durability: Annotated[
+        Literal["volatile", "transient_local"] | None,
+        Meta(description="Whether who comes later gets the last messages; by default as its publisher says."),
+    ] = None
+    depth: (
+        Annotated[int, Meta(ge=0, description="Messages that are kept; 0 keeps all. By default as its publisher says.")]
+        | None
+    ) = None
+
+
+class Ros2Plan(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A bridge to a graph of ROS 2 over rmw_zenoh."""
+
+    SHORT: ClassVar = ("domain",)
+
+    domain: Annotated[int, Meta(ge=0, le=232, description="ROS_DOMAIN_ID of the graph.")] = 0
+    connect: Annotated[str, Meta(description="Zenoh endpoint of ROS's router (rmw_zenohd).")] = "tcp/localhost:7447"
+    topics: Annotated[
+        dict[str, CrossingPlan] | None,
+        parts_of(CrossingPlan),
+        Meta(description="Which topics cross, and how: {odom: /odom}. Without, all of the robot's go to ROS."),
+    ] = None
+    services: Annotated[
+        dict[str, CrossingPlan] | None,
+        parts_of(CrossingPlan),
+        Meta(description="Which services cross. Without, ROS may call all of the robot's."),
+    ] = None
+    actions: Annotated[
+        dict[str, CrossingPlan] | None,
+        parts_of(CrossingPlan),
+        Meta(description="Which actions cross. Without, ROS may send goals to all of the robot's."),
+    ] = None
+    parameters: Annotated[
+        Literal["none", "read", "write"],
+        Meta(description="What ROS may do with the parameters of the robot's nodes: none, read or write."),
+    ] = "write"
+    rosout: Annotated[bool, Meta(description="Whether the log goes to /rosout.")] = True
+
+
+class BridgesPlan(msgspec.Struct, frozen=True, kw_only=True):
+    """Other systems that see the robot, each by a process of its own."""
+
+    ros2: Annotated[Ros2Plan | None, Meta(description="ROS 2, over the wire of rmw_zenoh.")] = None
+
+
 class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
     """One process to start."""
 
@@ -165,6 +250,13 @@ class ProcessPlan(msgspec.Struct, frozen=True, kw_only=True):
     priority: Annotated[int, Meta(ge=-20, le=19, description="The nice value; lower runs first.")] | None = None
     cpus: Annotated[tuple[int, ...], SOME_CPUS, Meta(description="The processors it may use: [0, 1] or 0-3.")] = ()
     """Sorted; empty for all."""
+    limits: Annotated[
+        LimitsPlan,
+        part_of(LimitsPlan),
+        OF_GROUPS,
+        Meta(description="What it may use at most: {memory: 256M, cpu: 0.5, files: 256}."),
+    ] = LimitsPlan()
+    """Of the whole process, where several nodes share it."""
     qos: dict[str, Quality] = {}
     """By topic, what the manifest says of its ends."""
     publishes: dict[str, str]

@@ -153,7 +153,7 @@ class _Reader:
             args = tree.get("args")
             assert args is not None
             self.complain(args.position, f"{what} has args but no include that takes them")
-        if not {"include", "nodes", "groups", "topics"} & {part.key for part in tree}:
+        if not {"include", "nodes", "groups", "topics", "bridges"} & {part.key for part in tree}:
             self.complain(entry.position, f"{what} starts nothing; give it nodes, groups or an include")
         shared = values.pop("args", ())
         includes = tuple(_with_args(include, shared) for include in values.pop("includes", ()))

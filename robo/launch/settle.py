@@ -69,7 +69,7 @@ def settle(
     ]
     return Settlement(
         drafts=drafts,
-        processes=_chosen(processes, groups, host),
+        processes=_chosen(sharing.with_shared_limits(processes), groups, host),
         contracts={name: answer.contract for name, answer in answers.items() if answer.contract is not None},
         lacking={name: answer.lacking for name, answer in answers.items() if answer.lacking},
         loose=loose,

@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
+import msgspec
+
 from robo.launch.language import Written
 from robo.launch.plan import ProcessPlan
 from robo.launch.substitution import Complain
@@ -56,9 +58,20 @@ def check_together(processes: Sequence[tuple[ProcessPlan, Position]], complain: 
         other = first.setdefault(plan.process, plan)
         if other is plan and plan.process in nodes:
             complain(where, f"process {plan.process} has the name of a node; call it something else")
+        if plan.limits and other.limits and plan.limits != other.limits:
+            text = f"limits: {other.full_name} has other ones for the process {plan.process}, which both share"
+            complain(where, f"{plan.full_name}: {text}; say them once, in the group or at one node")
+        if plan.limits and not other.limits:
+            first[plan.process] = plan
         if {*other.hosts} != {*plan.hosts}:
             text = f"shares the process {plan.process} with {other.full_name}, which is on {_listed(other.hosts)}"
             complain(where, f"{plan.full_name}, on {_listed(plan.hosts)}, {text}")
+
+
+def with_shared_limits(processes: Sequence[ProcessPlan]) -> list[ProcessPlan]:
+    """The same processes; what one node says of the limits of the process that it shares is said of all its nodes."""
+    said = {plan.process: plan.limits for plan in processes if plan.process is not None and plan.limits}
+    return [msgspec.structs.replace(plan, limits=said.get(plan.process or "", plan.limits)) for plan in processes]
 
 
 def _listed(hosts: Iterable[str]) -> str:

@@ -11,6 +11,7 @@ import msgspec
 
 from robo.errors import ManifestError, UnreadableFile
 from robo.launch import arguments as args
+from robo.launch.bridged import nodes_of
 from robo.launch.draft import Draft, Place, draft, promise, within
 from robo.launch.find import find_manifest
 from robo.launch.forms import scalars
@@ -156,6 +157,10 @@ class Unfolding:
             self.topics += [found] if found is not None else []
         for node in part.nodes if isinstance(part, Group) else ():
             self._node(node, scope, context)
+        if part.bridges is not None:
+            namespace = context.place.namespace or str(scope.values.get(args.ROBOT_NAME, args.DEFAULT_ROBOT))
+            for node in nodes_of(part.bridges, namespace, scope, self.complain):
+                self._node(node, scope, context)
         for group in part.groups:
             self._group(group, scope, context)
 

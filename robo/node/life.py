@@ -18,6 +18,7 @@ from robo.node.endpoints import Endpoints
 from robo.node.factory import EndpointFactory
 from robo.node.hooks import Hooks, overrides
 from robo.node.identity import Identity
+from robo.node.last_lines import LastLines
 from robo.node.loops import TimerLoop
 from robo.node.parameter_server import Answers, ParameterServer
 from robo.node.part import found_in, put_into
@@ -185,7 +186,12 @@ class Life:
             put_into(node, c.attribute, client)
         for a in node.contract.action_clients:
             vars(node)[a.attribute] = make.action_client(a.types, a.action, a.timeout)
-        status = StatusServer(self.session, self._identity, lambda: node.status)
+        last_lines = None if log.is_supervised() else LastLines(node.full_name)
+        if last_lines is not None:
+            logger.addHandler(last_lines)
+            made.callback(logger.removeHandler, last_lines)
+        lines = None if last_lines is None else last_lines.after
+        status = StatusServer(self.session, self._identity, lambda: node.status, lines)
         made.callback(status.stop, GRACE)
         return events
 
@@ -244,7 +250,7 @@ class Life:
         self._token = self.session.liveliness().declare_token(token.key())
 
     def _check_ready(self) -> None:
-        if self._readiness is None or not self._node.ready():
+        if self._readiness is None or self._shutdown.is_set() or not self._node.ready():
             return
         if self._readiness is not None and not self._shutdown.is_set():  # it may have been told to end meanwhile
             self._declare_ready()

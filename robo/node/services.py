@@ -281,6 +281,7 @@ def ask(
         priority: of the request and of its answer.
 
     Raises:
+        ReadOnly: there was no answer, for it is another user's robot, to look at.
         ServiceTimeout: there was no answer.
         ServiceError: the handler raised.
     """
@@ -294,7 +295,12 @@ def ask(
         priority=zenoh_priority(priority),
         **OF_ONE,
     )
-    return _understood(key, queries.first_answer(replies), timeout, granted, begin)
+    answer = queries.first_answer(replies)
+    if answer is None:
+        from robo.wire import doors  # most callers never need to know
+
+        doors.check(session, key.partition("/")[0], timeout)
+    return _understood(key, answer, timeout, granted, begin)
 
 
 def _understood(

@@ -1,5 +1,6 @@
 """What a node has seen so far: its counters as a `NodeStatus`, and the key on which anybody may ask for it."""
 
+import os
 import time
 from collections.abc import Callable, Sequence
 
@@ -12,8 +13,11 @@ from robo.node.turn import Turn
 from robo.node.turns import Turns
 from robo.wire import keys, shared_memory
 from robo.wire.queries import QueryLoop, reply
-from robo.wire.reports import NodeStatus, TurnStatus
+from robo.wire.reports import LastWords, NodeStatus, TurnStatus
 from robo_messages import DiagnosticStatus
+
+_LONGEST_TIME = 19
+"""Digits."""
 
 
 class Status:
@@ -58,14 +62,23 @@ class Status:
 
 
 class StatusServer:
-    """Answers queries on a node's status key."""
+    """Answers queries on a node's status key, and on that of its last lines where nobody else keeps them."""
 
-    def __init__(self, session: zenoh.Session, identity: Identity, status: Callable[[], NodeStatus]) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        identity: Identity,
+        status: Callable[[], NodeStatus],
+        lines: Callable[[int], LastWords] | None = None,
+    ) -> None:
         self._session = session
         self._status = status
+        self._lines = lines
         key = keys.status_key(identity.namespace, identity.name)
+        self._lines_key = keys.lines_key(identity.namespace, identity.name)
+        served, tells = (key, [key]) if lines is None else (f"{key}/**", [key, self._lines_key])
         # Not complete: of two nodes with one name both are asked.
-        self._loop = QueryLoop(session, key, self._answer, tells=[key], complete=False)
+        self._loop = QueryLoop(session, served, self._answer, tells=tells, complete=False)
         self._loop.start()
 
     def stop(self, timeout: float) -> bool:
@@ -73,6 +86,9 @@ class StatusServer:
         return self._loop.stop(timeout)
 
     def _answer(self, query: zenoh.Query, key: str) -> None:
+        if self._lines is not None and key == self._lines_key:
+            reply(query, key, self._lines(_time_of(str(query.parameters))))
+            return
         info = self._session.info
         status = msgspec.structs.replace(
             self._status(),
@@ -80,8 +96,25 @@ class StatusServer:
             links=[str(zid) for zid in (*info.routers_zid(), *info.peers_zid())],
             time=time.time_ns(),
             large_messages=shared_memory.way_of(self._session),
+            memory=_resident(),
+            processor_time=time.process_time(),
         )
         reply(query, key, status)
+
+
+def _resident() -> int | None:
+    """Memory of this process, bytes; None where the system has no /proc."""
+    try:
+        with open("/proc/self/statm", "rb") as file:
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return None
+
+
+def _time_of(selector: str) -> int:
+    """The time that somebody has asked for, ns since the epoch; 0, which is all, where it is none."""
+    word = dict(part.partition("=")[::2] for part in selector.split(";")).get("since", "")
+    return int(word) if len(word) <= _LONGEST_TIME and word.isascii() and word.isdigit() else 0
 
 
 def _look(turn: Turn, callbacks: list[str], now: float) -> TurnStatus:

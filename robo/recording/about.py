@@ -26,6 +26,8 @@ PERIOD = 10.0
 """So often, at most, it is looked again, s."""
 MOST_LOOKS = 50
 """Of one recording: nodes that come and go fill no file."""
+_MOST_NODES = 10_000
+"""Of one recording: those of more are not looked for."""
 _MOST_PARAMETERS = 10_000_000
 """Of all nodes together, bytes."""
 
@@ -166,6 +168,8 @@ class Watch:
         self._changed = threading.Event()
         self._over = threading.Event()
         self._seen: set[str] = set()
+        self._there: set[str] = set()
+        """The nodes that were heard of and have not gone, by full name."""
         handler = zenoh.handlers.Callback(self._notice, indirect=False)
         self._subscriber = session.liveliness().declare_subscriber(NodeToken.ALL, handler, history=True)
         self._thread = threading.Thread(target=self._run, name="robo-about", daemon=True)
@@ -180,9 +184,14 @@ class Watch:
 
     def _notice(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
-        is_new = sample.kind == zenoh.SampleKind.PUT and key not in self._seen and len(self._seen) < 10_000
-        if is_new and isinstance(parse_token(key), NodeToken):
+        token = parse_token(key)
+        if not isinstance(token, NodeToken):
+            return
+        if sample.kind == zenoh.SampleKind.DELETE:
+            self._there.discard(token.full_name)
+        elif key not in self._seen and len(self._seen) < _MOST_NODES:
             self._seen.add(key)
+            self._there.add(token.full_name)
             self._appeared = True
             self._changed.set()
 
@@ -191,12 +200,15 @@ class Watch:
         for number in range(MOST_LOOKS):
             self._appeared = False
             try:
-                self._told(look(self._session, self._manifests))
+                found = look(self._session, self._manifests)
+                self._told(found)
             except Exception as error:  # of the network, of a disk with manifests, of what strangers say
                 if not self._over.is_set():
                     why = str(error) if isinstance(error, zenoh.ZError) else f"{type(error).__name__}: {error}"
                     self._failed(brief(f"parameters and graph are not in the recording: {why}"))
                 return
+            # On a busy machine the answer may lack who has been heard of meanwhile.
+            self._appeared |= not self._there <= set(found.metadata["nodes"].split())
             while not self._appeared:
                 if self._over.is_set():
                     return

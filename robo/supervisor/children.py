@@ -110,8 +110,11 @@ class Children:
             self.present.readiness.lose_token()
 
     def check(self, now: float) -> None:
-        """Look after a child that is ready, or stands by; called a few times a second."""
+        """Look after a child; called a few times a second."""
         if self.present is None or not self.present.running:
+            return
+        if self.present.is_over_limit():
+            self.present.send(signal.SIGKILL)
             return
         if self.life.phase not in (Phase.READY, Phase.STANDBY):
             return
@@ -150,7 +153,9 @@ class Children:
             code = await child.wait()
         finally:
             self._readiness.cancel()
-        hint = self._run.sigkill_hint() if code == -signal.SIGKILL and self.life.unasked else ""
+        hint = child.limit_reached(code) if self.life.unasked else ""
+        if not hint and code == -signal.SIGKILL and self.life.unasked:
+            hint = self._run.sigkill_hint()
         words = describe_exit(code) + hint
         for left in child.left:
             self._run.left_behind(left._replace(node=self.life.plan.full_name))

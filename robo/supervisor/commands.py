@@ -22,6 +22,7 @@ from robo.wire.reports import (
     ProcessName,
     ProcessStatus,
     Request,
+    RunReport,
     Site,
     SnapshotFile,
 )
@@ -125,6 +126,7 @@ class Commands:
     def __init__(
         self,
         address: Address,
+        about: RunReport,
         processes: Mapping[str, Process],
         journal: Journal,
         sites: Sites,
@@ -137,6 +139,7 @@ class Commands:
         """
         Args:
             address: which run it is.
+            about: what is told of it as a whole.
             processes: of the run, by full name.
             journal: what has been told of the run.
             sites: that the robot was told to dial.
@@ -147,6 +150,7 @@ class Commands:
             snapshots: what flight recorders have written on a node's account, by its full name.
         """
         self._address = address
+        self._about = about
         self._processes = processes
         self._journal = journal
         self._tasks = tasks
@@ -159,7 +163,14 @@ class Commands:
     @property
     def tells(self) -> dict[str, Verb]:
         """What only tells, by verb."""
-        return {"ps": self.ps, "why": self.why, "events": self.events, "logs": self.logs, "sites": self.sites}
+        return {
+            "about": self.about,
+            "ps": self.ps,
+            "why": self.why,
+            "events": self.events,
+            "logs": self.logs,
+            "sites": self.sites,
+        }
 
     @property
     def acts(self) -> dict[str, Verb]:
@@ -167,6 +178,10 @@ class Commands:
         return {"stop": self.stop, "start": self.start, "restart": self.restart, "down": self.down}
 
     # -- what only tells -------------------------------------------------------------------------
+
+    async def about(self, _: Request) -> RunReport:
+        """Which run it is, of which version of robo and of which manifest."""
+        return self._about
 
     async def ps(self, request: Request) -> list[ProcessStatus]:
         """The state of processes in figures."""

@@ -44,6 +44,10 @@ class Console:
         for line in text.split("\n"):
             self._write(SELF, self._painted(visible(line, keep="\t"), colours.LEVELS["ERROR"]))
 
+    def close(self) -> None:
+        """Write no more: nobody reads it."""
+        self._open = False
+
     def _write(self, node: str, text: str, at: float | None = None) -> None:
         if not self._open:
             return

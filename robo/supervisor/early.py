@@ -11,7 +11,8 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from robo.environment import RUN_VARIABLE
+from robo.environment import RUN_VARIABLE, SECURITY_VARIABLE
+from robo.machine.service_manager import ServiceManager
 from robo.process.template import PADDING
 from robo.wire.run_id import new_run_id
 
@@ -22,17 +23,22 @@ class HeadStart(NamedTuple):
     run_id: str
     template: "tuple[subprocess.Popen[bytes], socket.socket] | None"
     """The template process and the socket to ask it on; None where processes are not forked."""
+    manager: ServiceManager | None = None
+    """What has started this process as a service; None where it was not."""
 
 
 def begin() -> HeadStart:
     """Begin a run. What has been begun ends with this process."""
+    manager = ServiceManager.from_environment()  # first, so that nobody else finds it there
     run_id = new_run_id()
-    return HeadStart(run_id, _start_template({**base_environment(), RUN_VARIABLE: run_id}))
+    return HeadStart(run_id, _start_template({**base_environment(), RUN_VARIABLE: run_id}), manager)
 
 
 def base_environment() -> dict[str, str]:
     """What every process of a run finds: this one's environment, and the programs that run here."""
-    return {**os.environ, "PYTHONUNBUFFERED": "1", "PATH": search_path()}
+    # Nodes meet at their robot's router, and have no name of their own on a secured network.
+    environment = {name: value for name, value in os.environ.items() if name != SECURITY_VARIABLE}
+    return {**environment, "PYTHONUNBUFFERED": "1", "PATH": search_path()}
 
 
 def search_path() -> str:

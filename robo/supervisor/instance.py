@@ -9,8 +9,10 @@ from typing import Protocol
 import msgspec
 
 from robo.launch.plan import ProcessPlan
+from robo.machine.ancestry import ancestors
 from robo.machine.child import Spawned
 from robo.machine.forks import Fork, Template
+from robo.machine.limits import Hold, Limiter
 from robo.machine.orphans import Left
 from robo.machine.priority import give_priority
 from robo.machine.probe import succeeds
@@ -26,6 +28,7 @@ class Run(Protocol):
 
     spawned: Spawned
     template: Template | None
+    limiter: Limiter
 
     def environment(self, plan: ProcessPlan) -> dict[str, str]:
         """The environment of a process; each start has its own."""
@@ -102,6 +105,7 @@ class Instance:
         beats = plan.service is not None or plan.ready.when == "node"
         self._child = make(run.spawned, self._on_line, self._on_beat if beats else None, beat_period(plan.watchdog))
         self._usage: Usage | None = None
+        self._hold: Hold | None = None
 
     @property
     def pid(self) -> int | None:
@@ -133,6 +137,10 @@ class Instance:
             lacking = give_priority(self.pid, plan.priority, plan.cpus)
             if lacking is not None:
                 self._output("robo", f"WARN  runs without {lacking}")
+            if plan.limits:
+                self._hold = self._run.limiter.hold(self.pid, plan.process or plan.full_name, plan.limits)
+                if self._hold.lacking:
+                    self._output("robo", f"WARN  runs without the limit {self._hold.lacking}")
         return None
 
     async def wait(self) -> int:
@@ -142,6 +150,14 @@ class Instance:
     def send(self, number: signal.Signals) -> None:
         """Send a signal to the process and its group."""
         self._child.send(number)
+
+    def is_over_limit(self) -> bool:
+        """Whether it uses more than it may, and is to be killed; to be called a few times a second."""
+        return self._hold is not None and self.running and self._hold.look()
+
+    def limit_reached(self, code: int) -> str:
+        """Which limit it has ended by, in words to follow its exit code; empty where it was none."""
+        return self._hold.blame(code, self._child.last_lines) if self._hold is not None else ""
 
     def leads(self, pid: int) -> bool:
         """Whether a process of this machine is the child, or in its process group."""
@@ -154,12 +170,7 @@ class Instance:
         """Whether a process is the child, or was started by it: a debugger or a script in between."""
         if self.pid is None or pid == self.pid or self.leads(pid):
             return self.pid is not None
-        import psutil
-
-        try:
-            return any(p.pid == self.pid for p in psutil.Process(pid).parents())
-        except psutil.Error:
-            return False
+        return self.pid in ancestors(pid)
 
     def exit(self, code: int, reason: str, time: int) -> Exit:
         """How it has ended; `time` is now, ns since the epoch."""

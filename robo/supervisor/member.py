@@ -258,7 +258,7 @@ class Member:
         self._children.notice_token_gone(pid)
 
     def check(self, now: float) -> None:
-        """Look after a process that is ready; called a few times a second."""
+        """Look after a process that runs; called a few times a second."""
         self._children.check(now)
 
     def excuse_silence(self, now: float) -> None:

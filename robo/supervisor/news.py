@@ -1,11 +1,16 @@
 """What people are told of how a run comes along: that all is ready, and what becomes of single processes."""
 
+import os
 import time
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
+from robo.machine.ancestry import age
 from robo.supervisor import journal, needs
 from robo.supervisor.timing import Started, timing_text
+
+ENDS = "ends: "
+"""What stands before the word on a failure with which the run ends."""
 
 
 class Process(needs.Process, journal.Process, Protocol):
@@ -66,7 +71,8 @@ class News:
         Args:
             processes: of the run, by full name.
             journal: where it is told.
-            notify: is told `up`, `ready`, `down` and why something fails before: for whoever waits in the background.
+            notify: is told `up`, `ready`, `down` and why something fails before, after `ENDS` if the run ends with it:
+                for whoever waits in the background.
             clock: monotonic, s; the run begins now.
         """
         self.all_ready = False
@@ -89,7 +95,6 @@ class News:
         self._journal.event("up")
         self._notify("up")
         self._is_up = True
-        self._tell_starter()
 
     def down(self) -> None:
         """The run is over."""
@@ -99,18 +104,16 @@ class News:
         """A process has come to another state; whether the run ends already."""
         self._journal.event(process.state, process.reason, process)
         self._tell(process, closing=closing)
-        if not closing:
-            self._tell_starter()
-            if process.finished:
-                for other, until in needs.in_vain(self._processes, process):
-                    self._journal.warn(f"{other.label} is not started: it needs {process.label} {until}")
+        if not closing and process.finished:
+            for other, until in needs.in_vain(self._processes, process):
+                self._journal.warn(f"{other.label} is not started: it needs {process.label} {until}")
 
     def look(self, robot: str, where: str, *, with_timing: bool) -> None:
         """Tell that all is ready, once it is.
 
         Args:
             robot: what the run is called.
-            where: the endpoints at which it is reached.
+            where: at which endpoints it is reached, in words.
             with_timing: whether to say where the time of the start went.
         """
         # What has done its work and ended well is as good as ready.
@@ -120,12 +123,24 @@ class News:
         seconds = self._clock() - self.begin
         count = len(self._processes)
         nodes = "1 node" if count == 1 else f"{count} nodes"
-        self._journal.say(f"{robot} is ready: {nodes} in {seconds:.2f} s, at {where}; Ctrl-C stops")
+        self._journal.say(f"{robot} is ready: {nodes} in {seconds:.2f} s, {where}; Ctrl-C stops")
         if with_timing:
             for line in self._timing():
                 self._journal.say(line)
         self._journal.event("ready")
         self._notify("ready")
+
+    def tell_starter(self, *, ends: bool) -> None:
+        """Let whoever waits for this run in the background know that it will not be ready all by itself.
+
+        Args:
+            ends: whether the run ends with what has failed.
+        """
+        if self.all_ready or not self._is_up:
+            return  # who is told too early finds nobody to ask
+        for one in self._processes.values():
+            if one.down:
+                self._notify(f"{ENDS if ends else ''}{one.label} {one.reason}")
 
     def _tell(self, process: Process, *, closing: bool) -> None:
         state, reason, label = process.state, process.reason, process.label
@@ -144,18 +159,8 @@ class News:
         elif state == "ready" and (self.all_ready or process.restarts.count) and process.shows_readiness:
             self._journal.say(f"{label} is ready" + (" again" if process.restarts.count else ""))
 
-    def _tell_starter(self) -> None:
-        """Let whoever waits for this run in the background know that it will not be ready all by itself."""
-        if self.all_ready or not self._is_up:
-            return  # who is told too early finds nobody to ask
-        for one in self._processes.values():
-            if one.down:
-                self._notify(f"{one.label} {one.reason}")
-
     def _timing(self) -> list[str]:
-        import psutil  # which takes a tenth of a start, and this one is done
-
-        born = psutil.Process().create_time()
+        born = time.time() - age(os.getpid())
         shift = time.time() - self._clock() - born
         started = {
             name: Started(one.label, list(one.plan.needs), one.started_at + shift, one.ready_at + shift)

@@ -8,9 +8,10 @@ from typing import Protocol
 import msgspec
 
 from robo.environment import NETWORK_VARIABLE
+from robo.errors import NetworkError
 from robo.machine.child import describe_exit
 from robo.machine.forks import Fork, Template
-from robo.process.router import LONGEST_LINGER
+from robo.process.router import LONGEST_LINGER, UNUSABLE
 from robo.wire.network import Network
 
 _MODULE = "robo.process.router"
@@ -84,21 +85,28 @@ class Router:
 
     @property
     def reached_at(self) -> str:
-        """Where tools and other robots find it, for people."""
-        return ", ".join(one for one in self.network.listen if not one.startswith(_UNIX_SOCKET))
+        """Where tools and other robots find it, for people: `at tcp/0.0.0.0:7447`."""
+        return self.network.reached
 
     async def start(self) -> None:
         """Start it."""
         await self._process.start([sys.executable, "-m", _MODULE], self._environment, fork=self._fork)
 
     async def keep(self) -> None:
-        """Start it again whenever it dies or hangs; nodes and tools find it again by themselves."""
+        """Start it again whenever it dies or hangs; nodes and tools find it again by themselves.
+
+        Raises:
+            NetworkError: the first one cannot do its work, and says why.
+        """
+        first = True
         while True:
             ended = asyncio.create_task(self._process.wait())
             hangs = asyncio.create_task(self._hangs())
             try:
                 await asyncio.wait([ended, hangs], return_when=asyncio.FIRST_COMPLETED)
                 if ended.done():
+                    if first and ended.result() == UNUSABLE:
+                        raise NetworkError("nobody could reach the robot's router, see above; nothing goes on")
                     self._journal.warn(f"the router ended with {describe_exit(ended.result())}; starting it again")
                 else:
                     hangs.result()
@@ -107,6 +115,7 @@ class Router:
             finally:
                 ended.cancel()
                 hangs.cancel()
+            first = False
             await asyncio.sleep(_BREATH)
             await self.start()
 

@@ -34,11 +34,18 @@ class Journal(Protocol):
 class Sites:
     """Watches over the links of one robot's router to its sites."""
 
-    def __init__(self, robot: str, endpoints: Sequence[str], journal: Journal) -> None:
-        """The journal is told of what changes."""
+    def __init__(self, robot: str, endpoints: Sequence[str], journal: Journal, security: str = "") -> None:
+        """
+        Args:
+            robot: what the run is called.
+            endpoints: of the sites.
+            journal: is told of what changes.
+            security: the folder of the name that the robot has there; empty where security is off.
+        """
         self.all = {endpoint: Site(robot, endpoint, reached=False, since=time.time_ns()) for endpoint in endpoints}
         """By endpoint."""
         self._journal = journal
+        self._security = security
         self._begin = time.monotonic()
 
     def note(self, unreached: Mapping[str, OSError]) -> None:
@@ -68,7 +75,16 @@ class Sites:
             if wrong is not None:
                 self._change(endpoint, reached=False, reason=tcp.reason(wrong))
             elif not before.reached:  # else it is just linking again
-                self._change(endpoint, reached=False, reason="what listens there does not speak Zenoh, or refuses")
+                self._change(endpoint, reached=False, reason=await asyncio.to_thread(self._refusal, endpoint))
+
+    def _refusal(self, endpoint: str) -> str:
+        """Why a site at which somebody listens is not linked."""
+        said = ""
+        if self._security:
+            from robo.wire import tls  # which most processes do without
+
+            said = tls.refused(endpoint, self._security, _ANSWERS_WITHIN)
+        return said or "what listens there does not speak Zenoh, or refuses"
 
     def _change(self, endpoint: str, *, reached: bool, reason: str) -> None:
         before = self.all[endpoint]

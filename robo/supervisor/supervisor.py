@@ -23,7 +23,9 @@ from robo.machine.log_files import SUPERVISOR, LogFiles, RunInfo
 from robo.machine.log_writer import LogWriter
 from robo.machine.memory_kills import MemoryKills
 from robo.machine.orphans import Left
-from robo.supervisor import consequences, instance, needs
+from robo.process.router import TOLD
+from robo.supervisor import about, consequences, instance, needs
+from robo.supervisor.attendance import Attendance
 from robo.supervisor.changes import Changes
 from robo.supervisor.commands import Address, Commands
 from robo.supervisor.console import Console
@@ -39,10 +41,11 @@ from robo.supervisor.run_environment import RunEnvironment
 from robo.supervisor.sharing import Houses, Lodger
 from robo.supervisor.sites import Sites
 from robo.supervisor.snapshots import Snapshots
-from robo.supervisor.stopping import Stopping, end_within_limits, take_signals
+from robo.supervisor.stopping import LAST_RESORT, Stopping, end_within_limits, take_signals
 from robo.supervisor.tasks import Tasks
 from robo.supervisor.topic_watch import Flow, TopicWatch, promises
-from robo.wire import claims, discovery, names
+from robo.text.folders import log_base
+from robo.wire import claims, discovery, listeners, names
 from robo.wire.network import Network
 from robo.wire.reports import State
 from robo.wire.run_id import new_run_id
@@ -67,6 +70,8 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Reads the manifest again, or tells its mistakes; with it changed files restart what they touch."""
     notify: Callable[[str], None] | None = None
     """Is told `up`, `ready` and `down`: for whoever waits for a run in the background."""
+    unread: Callable[[], bool] | None = None
+    """Whether nobody reads the console any more, as it is in the background; None for a run in the foreground."""
     begun: HeadStart | None = None
     """What of the run has begun already."""
 
@@ -95,15 +100,18 @@ class Supervisor:
         self._robot = robot = plan.robot
         self._custody = custody
         self._timing = options.timing
+        self._console = console
+        self._unread = options.unread
         begun = options.begun
         self.template = Template(*begun.template) if begun is not None and begun.template is not None else None
         self.spawned = custody.spawned
+        self.limiter = custody.limiter
         self.changes = Changes()
         self._members: dict[str, Member] = {}
         self._lives: dict[str, asyncio.Task[object]] = {}
         self._memory_kills = MemoryKills(time.monotonic())
         files = _log_files(plan, router, custody.run)
-        self._log_room = files.folder.parent.parent, log_space.limit(), files.folder
+        self._log_room = files.folder.parent.parent, log_space.limit(files.folder.parent.parent), files.folder
         self._log_writer = LogWriter(files, lambda line: self._journal.note_trouble(line))
         self._journal = journal = Journal(robot, console, self._log_writer)
         self._news = News(self._members, journal, options.notify)
@@ -113,22 +121,35 @@ class Supervisor:
         self._environment = RunEnvironment(
             environment, custody.folder, endpoint, self._shows_token, direct=_may_link(plan)
         )
-        process = Child(custody.spawned, lambda _, line: console.line(SUPERVISOR, f"router: {line}"))
+        process = Child(custody.spawned, lambda _, line: self._router_says(line))
         network = msgspec.structs.replace(router, name=robot, listen=(endpoint, *router.listen))
         self._router = Router(process, network, environment, self.template, journal)
         self._houses = Houses(custody.spawned, journal.shared_output, journal.left_behind)
-        self._sites = Sites(robot, [e for e in router.connect if e not in router.listen], journal)
+        self._sites = Sites(robot, [e for e in router.connect if e not in router.listen], journal, router.security)
         self._claim = claim = claims.Claim(router, robot, [p.full_name for p in plan.processes], custody.run)
         self._presence = Presence(robot, plan.host, claim, self._members, self.changes, journal, self._stopping)
         outside = frozenset(topic.key for topic in plan.topics if topic.external)
         address = Address(robot, custody.run, plan.host or discovery.hostname(), bool(plan.host), outside)
         self._snapshots = Snapshots({process.namespace for process in plan.processes})
         self._commands = Commands(
-            address, self._members, journal, self._sites, tasks, stopping, self.unmet, self.renew, self._snapshots.of
+            address,
+            about.report(plan, custody.run),
+            self._members,
+            journal,
+            self._sites,
+            tasks,
+            stopping,
+            self.unmet,
+            self.renew,
+            self._snapshots.of,
         )
         read = options.reload
         self._reload = Reload(plan, read, self._members, journal, tasks, self) if read is not None else None
         self._topics = TopicWatch(promises(plan.topics, plan.processes))
+        manager = begun.manager if begun is not None else None
+        self._attendance = (
+            Attendance(manager, self._members, stopping, self.unmet, LAST_RESORT) if manager is not None else None
+        )
         for one in plan.processes:
             self._make(one)
 
@@ -140,9 +161,10 @@ class Supervisor:
         """
         self._news.phase_over("Python, manifest and node classes")
         if self.template is not None:
-            self.spawned.add(self.template.process.pid)
+            self._custody.take_in(self.template.process.pid)
             self.template.listen()
         take_signals(asyncio.get_running_loop(), self._stopping)
+        attending = asyncio.create_task(self._attendance.attend()) if self._attendance is not None else None
         try:
             if await self._may_start():
                 await self._start()
@@ -153,6 +175,8 @@ class Supervisor:
         finally:
             end_within_limits(self._stopping)
             await self._end()
+            if attending is not None:
+                attending.cancel()
         self._news.down()
         return self._stopping.result
 
@@ -170,6 +194,13 @@ class Supervisor:
         self._sites.note(self._claim.unreached)
         await self._router.start()
         self._tasks.tend(self._router.keep(), "the router")
+        for holder in listeners.strangers(self._router.network):
+            self._journal.warn(f"{holder}: {self._robot} does not dial it, and others cannot look at {self._robot}")
+        if self._router.network.shared and self._claim.sessions:
+            self._journal.warn(
+                f"others come by the door of what runs here already, which does not share {self._robot};"
+                " --listen tcp/127.0.0.1:7448 makes another"
+            )
         self._news.phase_over("router started")
         for name in self._members:
             self._begin_life(name)
@@ -185,9 +216,16 @@ class Supervisor:
         self._journal.audience = Control(session, self._robot, tells, acts, asyncio.get_running_loop())
         self._presence.show()
         self._news.up()
+        self._tell_starter()
         self._tasks.tend(self._presence.settle(), "the claim of names")
         self._tasks.tend(self._sites.watch(session), "the links to sites")
         self._tasks.tend(self._look_after(), "the run")
+
+    def _router_says(self, line: str) -> None:
+        if line.startswith(TOLD):
+            self._journal.warn(f"the router: {line.removeprefix(TOLD)}")
+        else:
+            self._console.line(SUPERVISOR, f"router: {line}")
 
     def _make(self, plan: ProcessPlan) -> None:
         label = names.label(self._robot, plan.full_name)
@@ -199,7 +237,8 @@ class Supervisor:
         self._lives[name] = self._tasks.tend(self._members[name].live(), name)
 
     def _on_task_failed(self, name: str, error: BaseException) -> None:
-        self._journal.warn(f"{name} is not looked after any more: {error!r}")
+        told = str(error) if isinstance(error, NetworkError) else f"{name} is not looked after any more: {error!r}"
+        self._journal.warn(told)
         self._stopping.finish(1)
 
     # -- what members ask and tell -----------------------------------------------------------------
@@ -236,6 +275,10 @@ class Supervisor:
         self._news.changed(member, closing=self._stopping.begun)
         if not self._stopping.begun:
             consequences.draw(member, self._members, self._tasks, self._stopping)
+            self._tell_starter()
+
+    def _tell_starter(self) -> None:
+        self._news.tell_starter(ends=self._stopping.begun or not needs.can_go_on(self._members))
 
     def _shows_token(self, name: str) -> bool:
         # What another host runs is waited for by this supervisor, not by the node itself.
@@ -273,6 +316,8 @@ class Supervisor:
 
         def over() -> bool:
             self._news.look(self._robot, self._router.reached_at, with_timing=self._timing)
+            if self._attendance is not None:
+                self._attendance.look()
             if not needs.can_go_on(self._members):
                 self._stopping.finish(None)
             return self._stopping.begun
@@ -294,6 +339,9 @@ class Supervisor:
                 member.check(now)
             last = now
             self._custody.reap()
+            if self._unread is not None and self._unread():
+                self._unread = None
+                self._console.close()
             self._memory_kills.look(now)
             self._log_writer.look()
             if self._log_writer.wants_room():
@@ -382,4 +430,6 @@ def _log_files(plan: Plan, router: Network, run: str) -> LogFiles:
         processes=[p.process or "" for p in plan.processes],
         endpoints=list(router.listen),
     )
-    return LogFiles(info)
+    count = len({*info.nodes, *info.processes} - {""}) + 1  # and its own
+    most = log_space.run_limit(log_space.limit(log_base()))
+    return LogFiles(info, largest=log_space.file_limit(most, count))

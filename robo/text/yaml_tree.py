@@ -45,6 +45,10 @@ MAX_LENGTH = 500_000
 MAX_DEPTH = 100
 """A file that nests lists and maps deeper than this is refused."""
 
+_TOO_DEEP = f"nested more than {MAX_DEPTH} levels deep"
+_READERS_DEPTH = "exceeded maximum nesting depth"
+"""libyaml, from 0.2.6 on, of 1,000 levels: it reads ahead, and may see those before it tells of the hundredth."""
+
 
 def lines_of(text: str) -> list[str]:
     r"""The lines of a text as positions count them: YAML has more line ends than `\n`."""
@@ -108,7 +112,10 @@ def parse(
             builder.take(event)
     except yaml.MarkedYAMLError as error:
         where = _place(text, name, error)
-        problems.append(Problem(where, f"not valid YAML: {_why(text, where) or error.problem or error}"))
+        if error.problem == _READERS_DEPTH:
+            problems.append(Problem(where, _TOO_DEEP))
+        else:
+            problems.append(Problem(where, f"not valid YAML: {_why(text, where) or error.problem or error}"))
         return None
     except yaml.YAMLError as error:
         problems.append(Problem(Position(name, 1, 1), f"not valid YAML: {str(error).strip()}"))
@@ -194,7 +201,7 @@ class _Builder:
             self._finish(scalar, 1, event.anchor)
         elif isinstance(event, (yaml.SequenceStartEvent, yaml.MappingStartEvent)):
             if len(self._stack) >= MAX_DEPTH:
-                raise _Unreadable(self._position(event), f"nested more than {MAX_DEPTH} levels deep")
+                raise _Unreadable(self._position(event), _TOO_DEEP)
             is_map = isinstance(event, yaml.MappingStartEvent)
             self._stack.append(_Open(self._position(event), event.anchor, is_map=is_map))
         elif isinstance(event, (yaml.SequenceEndEvent, yaml.MappingEndEvent)):

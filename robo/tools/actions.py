@@ -13,7 +13,7 @@ import zenoh
 from robo.errors import ActionError, ActionTimeout
 from robo.tools import replies
 from robo.tools.offers import Offer, list_actions
-from robo.wire import codec, queries
+from robo.wire import codec, doors, queries
 from robo.wire.goals import GoalState, id_of, id_text, new_goal_id, state_of
 from robo.wire.keys import action_key
 from robo.wire.long_query import Gone, LongQuery
@@ -85,6 +85,7 @@ def ask(
     if isinstance(answer, Fault):
         raise ActionError(f"action {action}: {answer.error}: {answer.message}")
     if answer is None:
+        doors.check(session, action.partition("/")[0], timeout)
         raise ActionTimeout(f"action {action}: its server did not answer within {timeout:g} s")
     return _read(answer, kind, action)
 

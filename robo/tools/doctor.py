@@ -23,9 +23,9 @@ from robo.errors import NetworkError
 from robo.machine import orphans, serial_ports
 from robo.machine.cgroup import ControlGroup
 from robo.text.folders import log_base
-from robo.tools import nodes, runs, topics
+from robo.tools import fleet, nodes, runs, topics
 from robo.tools import strangers as unannounced
-from robo.wire import tcp
+from robo.wire import knocking, listeners, meeting, whereabouts
 from robo.wire.claims import port_taken
 from robo.wire.network import PORT, RENDEZVOUS, Network
 from robo.wire.session import close_session, open_session
@@ -65,12 +65,14 @@ def examine(connect: Sequence[str], *, kill_test: bool = False, ask_ports: bool 
     checks: list[Callable[[], Finding]] = [
         python,
         packages,
+        meeting_place,
         lambda: port(connect),
         lambda: router(connect),
         lambda: twins(connect),
         lambda: strangers(connect),
         lambda: qualities(connect),
         lambda: sites(connect),
+        lambda: versions(connect),
         multicast,
         clock,
         files,
@@ -106,8 +108,34 @@ def packages() -> Finding:
     return Finding("packages", "ok", ", ".join(found))
 
 
+def meeting_place() -> Finding:
+    """Whether the folder in which this user's robots meet is the user's alone."""
+    try:
+        meeting.prepare()
+    except NetworkError as error:
+        fault, _, fix = str(error).partition("\n")
+        return Finding("meeting", "fault", fault, fix.strip())
+    return Finding("meeting", "ok", f"robots of this user meet in {meeting.folder()}, where nobody else comes")
+
+
 def port(connect: Sequence[str]) -> Finding:
-    """Whether the rendezvous can be listened at, or whether a Zenoh router has it."""
+    """Whether a robot can listen where it is to, or whether a Zenoh router has the port."""
+    return _port_told(connect) if whereabouts.is_told(connect) else _door()
+
+
+def _door() -> Finding:
+    """Who has the port at which others look at the robots of this machine."""
+    door = _door_here()
+    holder = listeners.holder(door)
+    if holder is None:
+        return Finding("port", "ok", f"nobody is known to have {door}, where others look at a robot")
+    if holder.is_stranger:
+        fix = "robo up --listen tcp/127.0.0.1:7448 opens another door"
+        return Finding("port", "note", f"{holder}: your robots do not dial it, and others do not see them there", fix)
+    return Finding("port", "ok", f"{holder}: others look there at what runs here")
+
+
+def _port_told(connect: Sequence[str]) -> Finding:
     address = _tcp_of(connect)
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -123,10 +151,19 @@ def port(connect: Sequence[str]) -> Finding:
 
 def router(connect: Sequence[str]) -> Finding:
     """Whether a robot or a router answers."""
-    where = ", ".join(connect) or os.environ.get(CONNECT_VARIABLE) or RENDEZVOUS
+    where = ", ".join(connect) or os.environ.get(CONNECT_VARIABLE) or _where_yours_meet()
     if _reaches_router(connect):
         return Finding("router", "ok", f"a router answers at {where}")
     return Finding("router", "note", f"no router answers at {where}", "robo up starts one with each robot")
+
+
+def _where_yours_meet() -> str:
+    return f"{meeting.endpoint()} and {_door_here()}"
+
+
+def _door_here() -> str:
+    """Where others look at robots of this machine: with security on, by TLS."""
+    return whereabouts.door_of(Network.from_environment("client"))
 
 
 def twins(connect: Sequence[str]) -> Finding:
@@ -165,13 +202,25 @@ def sites(connect: Sequence[str]) -> Finding:
     return Finding("sites", "ok", "no robot looks for a site that it does not reach")
 
 
+def versions(connect: Sequence[str]) -> Finding:
+    """Whether robots run one version of robo, and manifests of one name are the same."""
+    robots = _asked(connect, lambda session: fleet.robots_of(fleet.Watch(session, runs.TIMEOUT).look())) or []
+    found = fleet.differences(robots)
+    if found:
+        return Finding("versions", "note", "; ".join(map(str, found)), "update those, or leave it: robo ps --fleet")
+    known = sorted({robot.version for robot in robots if robot.version})
+    if not known:
+        return Finding("versions", "ok", "no robot tells of its version")
+    return Finding("versions", "ok", f"all robots run robo {known[0]}, and manifests of one name are the same")
+
+
 def _asked(connect: Sequence[str], ask: Callable[[zenoh.Session], T]) -> T | None:
     """What the robots here say; None where there is none."""
-    network = msgspec.structs.replace(Network.from_environment("client", connect), timeout=0.5)
-    tried = tcp.tried(network.connect, 0.1)
-    if {place for place, wrong in tried if isinstance(wrong, ConnectionRefusedError)} == set(network.connect):
-        return None  # at once: Zenoh would try again and again
     try:
+        network = msgspec.structs.replace(whereabouts.of_tool(connect, 0.0), timeout=0.5)
+        tried = knocking.tried(network.connect, 0.1)
+        if {one for one, wrong in tried if isinstance(wrong, ConnectionRefusedError)} == set(network.connect):
+            return None  # at once: Zenoh would try again and again
         session = open_session(network)
     except NetworkError:
         return None
@@ -236,7 +285,10 @@ def files() -> Finding:
 
 def memory() -> Finding:
     """Whether there is room for a few nodes: about 30 MB each."""
-    free = psutil.virtual_memory().available
+    try:
+        free = psutil.virtual_memory().available
+    except OSError:
+        return Finding("memory", "note", "nobody tells here how much is free", "a node needs about 30 MB")
     if free < 300e6:
         return Finding("memory", "note", f"{free / 1e6:.0f} MB are free", "a node needs about 30 MB")
     return Finding("memory", "ok", f"{free / 1e9:.1f} GB are free, {os.cpu_count()} processors")

@@ -10,11 +10,13 @@ import zenoh
 from robo.errors import NodeUnreachable
 from robo.text.graph import SYSTEM_TYPES
 from robo.text.suggestions import closest
-from robo.tools import nodes, runs
-from robo.wire import admin, discovery
+from robo.tools import nodes, refusals, runs
+from robo.tools.refusals import Told
+from robo.wire import admin, discovery, listeners, meeting
 from robo.wire.admin import RouterInfo, RouterLink
 from robo.wire.discovery import hostname
 from robo.wire.keys import VERBS, EndpointKind, EndpointToken, NodeToken
+from robo.wire.network import RENDEZVOUS
 from robo.wire.reports import NodeStatus
 
 _PINGS = 5
@@ -52,6 +54,8 @@ class NetworkView(msgspec.Struct, frozen=True):
     names: dict[str, str]
     """What is known of Zenoh ids: the node or router that has it."""
     problems: list[str]
+    refused: list[Told]
+    """What secured routers have refused."""
 
 
 class Reason(msgspec.Struct, frozen=True):
@@ -82,8 +86,19 @@ def look(session: zenoh.Session, timeout: float) -> NetworkView:
         routers,
         found,
         names,
-        [*_problems(routers, found, status), *runs.lost_sites(session, timeout=timeout)],
+        [*_problems(routers, found, status), *runs.lost_sites(session, timeout=timeout), *_strange_doors(session)],
+        sorted(refusals.told(session, timeout), key=lambda one: one.router),
     )
+
+
+def _strange_doors(session: zenoh.Session) -> list[str]:
+    """Who else holds the port at which others would look at the robots of this user, whom this session has met."""
+    if not any(str(link.dst) == meeting.endpoint() for link in session.info.links()):
+        return []
+    holder = listeners.holder(RENDEZVOUS)
+    if holder is None or not holder.is_stranger:
+        return []
+    return [f"{holder}: your robots do not dial it, and others do not see them there"]
 
 
 def _node(

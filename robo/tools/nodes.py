@@ -115,6 +115,11 @@ class NodeInfo(msgspec.Struct, frozen=True):
     checks: list[DiagnosticStatus] = []
     """What it said last of how well it does."""
 
+    @property
+    def is_of_ros(self) -> bool:
+        """Whether it is a node of ROS 2 that a bridge shows."""
+        return self.class_name == NodeToken.ROS and not self.pid
+
 
 STATE = "get_state"
 """The service by which a managed node is known, active or not."""
@@ -126,16 +131,19 @@ def is_managed(token: EndpointToken) -> bool:
     return is_its and token.kind == "srv" and token.type_name == "lifecycle/GetState"
 
 
-def list_nodes(session: zenoh.Session, timeout: float = 1.0, *, inactive: bool = False) -> list[NodeToken]:
+def list_nodes(
+    session: zenoh.Session, timeout: float = 1.0, *, inactive: bool = False, of_ros: bool = False
+) -> list[NodeToken]:
     """Every node that is ready, sorted by full name.
 
     Args:
         session: whose network to ask on.
         timeout: how long to wait for routers that do not answer, s.
         inactive: whether managed nodes that are not active count too; their class, process and host are not known.
+        of_ros: whether nodes of ROS 2 count too, which a bridge shows: they answer nothing that is asked of nodes.
     """
-    there = tokens(session, timeout)
-    found = [token for token in there if isinstance(token, NodeToken)]
+    there = tokens(session, timeout) if inactive else tokens(session, timeout, NodeToken.ALL)
+    found = [token for token in there if isinstance(token, NodeToken) and (of_ros or not token.is_of_ros)]
     if inactive:
         ready = {token.full_name for token in found}
         found += [
@@ -210,11 +218,16 @@ def all_status(session: zenoh.Session, timeout: float) -> dict[str, NodeStatus]:
 
 
 def node_info(session: zenoh.Session, node: NodeToken, timeout: float = 1.0) -> NodeInfo:
-    """All about one node. It takes `LOAD_WINDOW`, over which load and rates are measured."""
+    """All about one node. It takes `LOAD_WINDOW`, over which load and rates are measured.
+
+    Of a node of ROS 2 that a bridge shows there is what it publishes, hears, serves and calls, and no more.
+    """
     from robo.tools import parameters  # which reads YAML; lists of nodes do without
 
     ends = [token for token in tokens(session, timeout) if isinstance(token, EndpointToken)]
     own = sorted((t for t in ends if t.full_name == node.full_name), key=lambda token: token.topic)
+    if node.is_of_ros:
+        return _info(node, own, None, None, None, None, "")
     before, problem = None, ""
     values: dict[str, object] | None = None
     supervised: ProcessStatus | None = None

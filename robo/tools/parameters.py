@@ -11,6 +11,7 @@ from robo.parameters import files as parameter_files
 from robo.text.paths import nested
 from robo.text.tree import Problem
 from robo.text.unreadable import UNREADABLE
+from robo.wire import doors
 from robo.wire.keys import NodeToken, parameters_key
 from robo.wire.queries import Fault, first_answer
 from robo.wire.reports import Result, Setting
@@ -34,19 +35,23 @@ class Described(msgspec.Struct, frozen=True):
     read_only: bool
 
 
-def get(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ()) -> dict[str, object]:
-    """Values by name; all where no names are given.
+def get(
+    session: zenoh.Session, node: NodeToken, names: Sequence[str] = (), timeout: float = TIMEOUT
+) -> dict[str, object]:
+    """Values by name; all where no names are given. The node may take `timeout` seconds to answer.
 
     Raises:
         NodeUnreachable: the node does not answer.
         ParameterError: it has no such parameter.
     """
-    return _complete(node, names, _ask(session, node, "get", _named(names), dict[str, object]))
+    return _complete(node, names, _ask(session, node, "get", _named(names), dict[str, object], timeout))
 
 
-def describe(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ()) -> list[Described]:
+def describe(
+    session: zenoh.Session, node: NodeToken, names: Sequence[str] = (), timeout: float = TIMEOUT
+) -> list[Described]:
     """All that is known of parameters. Raises as `get`."""
-    return list(_ask(session, node, "describe", _named(names), dict[str, Described]).values())
+    return list(_ask(session, node, "describe", _named(names), dict[str, Described], timeout).values())
 
 
 def explain(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ()) -> dict[str, list[Setting]]:
@@ -55,14 +60,14 @@ def explain(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ()) 
     return _complete(node, names, {name: sources for name, sources in said.items() if sources})
 
 
-def set_all(session: zenoh.Session, node: NodeToken, changes: Mapping[str, object]) -> None:
+def set_all(session: zenoh.Session, node: NodeToken, changes: Mapping[str, object], timeout: float = TIMEOUT) -> None:
     """Set several parameters, all or none.
 
     Raises:
         NodeUnreachable: the node does not answer.
         ParameterError: it refuses; says why.
     """
-    result = _ask(session, node, "set", dict(changes), Result)
+    result = _ask(session, node, "set", dict(changes), Result, timeout)
     if not result.successful:
         raise ParameterError(result.reason)
 
@@ -113,10 +118,12 @@ def _named(names: Sequence[str]) -> dict[str, object] | None:
     return {"names": list(names)} if names else None
 
 
-def _ask(session: zenoh.Session, node: NodeToken, verb: str, request: object, kind: type[T]) -> T:
+def _ask(
+    session: zenoh.Session, node: NodeToken, verb: str, request: object, kind: type[T], timeout: float = TIMEOUT
+) -> T:
     key = parameters_key(node.namespace, node.node, verb)
     payload = msgspec.msgpack.encode(request) if request is not None else None
-    answer = first_answer(session.get(key, payload=payload, timeout=TIMEOUT))
+    answer = first_answer(session.get(key, payload=payload, timeout=timeout))
     if isinstance(answer, Fault):
         raise ParameterError(answer.message)
     if answer is not None:
@@ -124,4 +131,5 @@ def _ask(session: zenoh.Session, node: NodeToken, verb: str, request: object, ki
             return msgspec.msgpack.decode(answer.payload.to_bytes(), type=kind)
         except UNREADABLE as error:
             raise ParameterError(f"the answer of {node.full_name} cannot be read: {error}") from None
-    raise NodeUnreachable(f"{node.full_name} did not answer within {TIMEOUT:g} s; is a callback of it stuck?")
+    doors.check(session, node.namespace, TIMEOUT)
+    raise NodeUnreachable(f"{node.full_name} did not answer within {timeout:g} s; is a callback of it stuck?")

@@ -10,7 +10,7 @@ import zenoh
 from robo.errors import NodeNotFound, RunError, UsageError
 from robo.text.suggestions import suggest
 from robo.tools.replies import read, samples
-from robo.wire import names
+from robo.wire import doors, names
 from robo.wire.discovery import hostname, user
 from robo.wire.keys import SupervisorToken, control_key, event_key, log_key, parse_supervisor_token, supervisors_key
 from robo.wire.queries import Fault, read_fault
@@ -292,6 +292,7 @@ def _ask(session: zenoh.Session, robot: str, verb: str, asked: Request, kind: ty
         raise fault.raised()
     if not answers:
         processes(session, robot)  # tells which robots there are
+        doors.check(session, robot, timeout)
         raise RunError(f"the supervisor of {robot} did not answer within {timeout:g} s")
     return answers
 

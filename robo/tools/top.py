@@ -3,15 +3,12 @@
 import time
 
 import msgspec
-import psutil
 import zenoh
 
 from robo.samples.meters import Meter
 from robo.samples.stream import Arrival, Stream
-from robo.tools import nodes, runs, topics
-from robo.wire.discovery import hostname
-from robo.wire.keys import NodeToken
-from robo.wire.reports import HealthLevel, NodeStatus, ProcessStatus, health_of
+from robo.tools import nodes, runs, topics, unsupervised
+from robo.wire.reports import HealthLevel, ProcessStatus
 
 STALE_PERIODS = 5.0
 """A topic is stale when its last message is so many times older than what is usual between two."""
@@ -142,7 +139,7 @@ class Watch:
         self._flows: dict[str, Traffic] = {}
         self._publishers: dict[str, int] = {}
         self._begin = time.monotonic()
-        self._usage: dict[int, psutil.Process] = {}
+        self._alone = unsupervised.Processes(session, min(timeout, _STATUS_TIMEOUT))
 
     def take_in(self, until: float) -> None:
         """Receive until a time by the monotonic clock."""
@@ -181,33 +178,14 @@ class Watch:
 
     def _nodes(self) -> list[NodeFigures]:
         processes = runs.processes(self._session, timeout=self._timeout)
-        found = {status.node: _supervised(status) for status in processes}
-        alone = [token for token in nodes.list_nodes(self._session, self._timeout) if token.full_name not in found]
-        asked = nodes.all_status(self._session, min(self._timeout, _STATUS_TIMEOUT)) if alone else {}
-        for token in alone:
-            found[token.full_name] = self._alone(token, asked.get(token.full_name))
-        return [found[name] for name in sorted(found) if self._is_wanted(name.strip("/"))]
-
-    def _alone(self, token: NodeToken, status: NodeStatus | None) -> NodeFigures:
-        """A node that no supervisor runs: the figures of its process, if it is on this machine."""
-        cpu, memory = None, None
-        if token.host == hostname():
-            try:
-                process = self._usage.setdefault(token.pid, psutil.Process(token.pid))
-                cpu, memory = process.cpu_percent(), process.memory_info().rss
-            except psutil.Error:
-                self._usage.pop(token.pid, None)
-        health, trouble = ("stale", "does not answer") if status is None else health_of(status.checks)
-        figures = NodeFigures(
-            token.full_name, "ready", "", token.pid, token.host, cpu, memory, None, None,
-            health=health, trouble=trouble,
-        )  # fmt: skip
-        if status is None or status.running_for < nodes.LONG_CALLBACK:
-            return figures
-        return msgspec.structs.replace(figures, running=status.running, running_for=status.running_for)
+        there = nodes.list_nodes(self._session, self._timeout)
+        found = [*processes, *self._alone.look(there, processes, self._namespace)]
+        return sorted(
+            (_figures(one) for one in found if self._is_wanted(one.node.strip("/"))), key=lambda one: one.node
+        )
 
 
-def _supervised(status: ProcessStatus) -> NodeFigures:
+def _figures(status: ProcessStatus) -> NodeFigures:
     return NodeFigures(
         status.node,
         status.state,
@@ -216,7 +194,7 @@ def _supervised(status: ProcessStatus) -> NodeFigures:
         status.host,
         status.cpu,
         status.memory,
-        status.restarts,
+        status.restarts if status.run else None,
         status.uptime,
         status.running,
         status.running_for,

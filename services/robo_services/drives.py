@@ -173,8 +173,10 @@ class Ackermann(msgspec.Struct, frozen=True, kw_only=True):
 
         0 for what is not finite, and for a turn on the spot.
         """
-        if twist.linear == 0.0 or not math.isfinite(twist.linear) or not math.isfinite(twist.angular):
+        if not math.isfinite(twist.linear) or not math.isfinite(twist.angular):
             return STANDING
+        if twist.linear == 0.0:
+            return Twist2(twist.linear, 0.0)  # which has a sign, too
         curvature = clamp(twist.angular / twist.linear, self.max_curvature)
         twist = Twist2(twist.linear, twist.linear * curvature)
         return _scaled(self._rolling(twist), twist, self.max_wheel_velocity)

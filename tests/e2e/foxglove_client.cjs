@@ -114,7 +114,11 @@ async function main() {
   const beats = setInterval(() => {
     client.sendMessage(drive, writer.writeMessage({ linear: { x: 0.3, y: 0, z: 0 }, angular: { x: 0, y: 0, z: 0 } }));
   }, 50);
-  found.published = (await command.next()).linear.x;
+  // The zeros with which a client before this one was stopped may come first.
+  found.published = 0;
+  while (found.published === 0) {
+    found.published = (await command.next()).linear.x;
+  }
   let speed = 0;
   while (speed < 0.2) {
     speed = (await odometry.next()).twist.twist.linear.x;

@@ -63,7 +63,7 @@ def test_info(folder: Path) -> None:
 def test_info_tells_of_a_file_that_is_cut_and_of_types_that_are_not_known(folder: Path) -> None:
     code, out, said = run(folder, "info", "cut.mcap")
     assert (code, "messages    15 on 4 topics" in out) == (0, True)
-    assert "cut.mcap, byte 11,591: the file is cut: " in said
+    assert "cut.mcap, byte 11,613: the file is cut: " in said
     assert "`robo bag check cut.mcap` tells more, and `robo bag recover` makes a whole file" in said
     with bag.Recording(folder / "strange.mcap", SMALL) as recording:
         recording.write(recording.topic(bag.TopicInFile("arm", "arm_msgs/msg/J", "float64 a\n")), b"x", START, START)
@@ -92,7 +92,7 @@ def test_check(folder: Path) -> None:
     code, out, _ = run(folder, "check", "cut.mcap")
     assert code == 1
     assert out.startswith("cut.mcap: 15 messages; the recording is damaged\n")
-    assert "cut   -      1      -     cut.mcap, byte 11,591: the file is cut: " in out
+    assert "cut   -      1      -     cut.mcap, byte 11,613: the file is cut: " in out
     bags.drive(folder / "lossy.mcap", SMALL, missing=[4, 5])
     out = made(folder, "check", "lossy.mcap")
     assert "the recording is whole" in out
@@ -173,15 +173,15 @@ def test_merge_and_diff(folder: Path) -> None:
 def test_recover_is_named_where_a_file_is_cut(words: tuple[str, ...], folder: Path) -> None:
     code, _, said = run(folder, *words)
     assert code == 1
-    assert "error: cut.mcap, byte 11,591: the file is cut: " in said
+    assert "error: cut.mcap, byte 11,613: the file is cut: " in said
     assert "`robo bag recover" in said
     assert not (folder / "new").exists()
 
 
 def test_recover(folder: Path) -> None:
     code, out, said = run(folder, "recover", "cut.mcap", "-o", "whole.mcap")
-    assert (code, out) == (0, "whole.mcap: 15 messages, 409 B at its end left out\n")
-    assert said.startswith("cut.mcap, byte 11,591: the file is cut: ")
+    assert (code, out) == (0, "whole.mcap: 15 messages, 387 B at its end left out\n")
+    assert said.startswith("cut.mcap, byte 11,613: the file is cut: ")
     assert made(folder, "check", "whole.mcap") == "whole.mcap: 15 messages, nothing is wrong\n"
     assert run(folder, "recover", "drive.mcap", "-o", "again.mcap")[2] == "nothing was wrong with drive.mcap\n"
     (folder / "parts" / "parts_2.mcap").write_bytes(b"")

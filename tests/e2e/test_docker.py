@@ -1,6 +1,7 @@
 """The reference robot as containers, on a real Docker engine."""
 
 import json
+import os
 import shutil
 import socket
 import time
@@ -15,12 +16,16 @@ import yaml
 import zenoh
 
 from robo.export.baggage import PACKAGES
+from robo.export.compose import file as compose
 from robo.export.compose.keeper import DELAY
+from robo.export.profiles import profiles_of
+from robo.security.keystore import Keystore
 from robo.testing.heard import Heard
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from tests.conftest import free_port
 from tests.docker_engine import built_image, docker
+from tests.extras import needs_cryptography
 from tests.packages import shared_wheel
 from tests.support import PATIENCE, eventually, run_robo
 
@@ -226,6 +231,37 @@ def test_a_second_robot_is_a_profile(project: Project, published: None) -> None:
     names = {json.loads(line)["node"] for line in listed.stdout.splitlines()}
     assert {"/r1/safety_monitor", "/r1_2/safety_monitor"} <= names
     assert len(names) == 12
+
+
+@needs_cryptography
+@pytest.mark.skipif(os.geteuid() != 0, reason="the keys have to be of the image's user")
+def test_a_secured_robot_meets_by_a_socket_and_lets_in_who_has_a_name(image: str, tmp_path: Path) -> None:
+    store = Keystore(tmp_path / "security")
+    store.init("site")
+    store.add("r1", "robot", (), 30)
+    store.add("ann", "operator", (), 30)
+    for name in ("r1", "ann"):
+        for path in (store.name_folder(name), *store.name_folder(name).iterdir()):
+            os.chown(path, compose.USER, compose.USER)
+    profiles = profiles_of(ROOT / "launch" / "robot.yaml", {"demo": "arc"}, "r1")
+    file = tmp_path / "docker-compose.yml"
+    file.write_text(compose.export(
+        profiles, folder=tmp_path, made_by="a test", image=image, build=False, keys=store.name_folder("r1"),
+    ))  # fmt: skip
+    port = free_port()
+    words = ("compose", "--project-name", f"robo_test_{port}", "--file", str(file))
+    try:
+        docker(*words, "up", "--wait", "--detach", ROBO_PORT=str(port))
+        network = f"--network=container:robo_test_{port}-router-1"
+        outside = ("run", "--rm", network, f"--volume={store.name_folder('ann')}:/run/ann:ro", image)
+        listed = docker(*outside, "node", "list", "--connect", "tls/127.0.0.1:7447", "--security", "/run/ann")
+        assert "/r1/safety_monitor" in listed
+        plain = docker(*outside, "node", "list", "--connect", "tcp/127.0.0.1:7447", "--timeout", "3", check=False)
+        assert "/r1" not in plain
+        said = docker(*words, "exec", "-T", "safety_monitor", "robo", "topic", "echo", "r1/odom", "--once")
+        assert "pose" in said
+    finally:
+        docker(*words, "down", "--timeout", "3", "--volumes", check=False)
 
 
 def test_the_dashboard_is_a_profile(project: Project, published: None) -> None:

@@ -24,9 +24,9 @@ CORRIDOR = f"walls: [[-2, -2, {WALL}, -2], [{WALL}, -2, {WALL}, 2], [{WALL}, 2, 
 
 
 def stops_at_the_wall(robot: Robot) -> Odometry:
-    stood: Odometry = robot.wait_for(
-        "ground_truth", lambda truth: truth.pose.pose.position.x > 1.0 and truth.twist.twist.linear.x == 0.0
-    )
+    """It stands for what is in the way: on a busy machine it may stand before because scans are late."""
+    robot.wait_for("safety_state", lambda state: reason_of(state) == "obstacle")
+    stood: Odometry = robot.wait_for("ground_truth", lambda truth: truth.twist.twist.linear.x == 0.0, new=True)
     return stood
 
 

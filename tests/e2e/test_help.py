@@ -12,7 +12,10 @@ from typer.main import get_command
 from robo.cli.app import app
 from robo.cli.launch import run
 from robo.process import health
+from robo.security.keystore import Keystore
+from robo.security.rights import Role
 from tests import bags, replays
+from tests.extras import HAS_RAY
 from tests.pages import ROOT
 from tests.support import INTERRUPTED, Desk, Running, eventually, is_endless
 
@@ -35,16 +38,24 @@ _OF_THEIR_OWN: dict[tuple[str, ...], str] = {("run",): run.USAGE, ("health",): h
 EXAMPLES = examples_of(get_command(app))
 NOT_RUN = {
     ("keeper",): "it needs a container engine; tests/integration/test_keeper.py has one of its own",
+    ("bridge", "ros2"): "it needs ROS's router; tests/e2e/test_ros2_bridge.py has what is one",
+    ("service", "status"): "it needs systemd; tests/e2e/test_systemd.py has one of its own",
     (
         "view",
         "rerun",
     ): "it needs Rerun; tests/integration/test_rerun.py writes files where it is installed",
 }
+_KEYSTORES = (
+    "init", "add", "list", "renew", "revoke", "allow", "deny", "explain", "check", "bundle",
+)  # fmt: skip
 ALONE = {("up",), ("router",), ("run",)}
 """Verbs that are tried where no robot runs."""
 NO_MATTER = {
     ("check",), ("create",), ("replay-test",), ("schema",), ("test",), ("export", "compose"), ("export", "dockerfile"),
-    ("node", "show"), ("map",),
+    ("export", "systemd"), ("service", "install"), ("service", "remove"),
+    ("node", "show"), ("map",), ("interface", "import"),
+    *(("batch", verb) for verb in ("run", "replay", "replay-test", "call")),
+    *(("security", verb) for verb in _KEYSTORES),
     *(("bag", verb) for verb in ("info", "check", "cut", "filter", "merge", "diff", "recover", "convert", "plot")),
 }  # fmt: skip
 """Verbs that look at no network."""
@@ -87,6 +98,21 @@ class Gripper(Message):
     width: float = 0.0
     """m."""
 '''
+SCORES = """
+from robo import bag
+from robo.batch import Run
+
+
+def length(run: Run) -> dict[str, float]:
+    with bag.open(run.recording) as recording:
+        return {"length": recording.duration}
+"""
+BATCH = """
+run: replay
+recordings: recordings/*.mcap
+nodes: position_tracker
+sweep: {position_tracker.max_distance: [10, 20]}
+"""
 MANIFEST = """
 include: {file: robot.yaml, args: {flight_recorder: true}}
 groups:
@@ -130,7 +156,10 @@ class Lab:
             "two_hosts.yaml": TWO_HOSTS,
             "gripper/pyproject.toml": "[project]\nname = 'gripper'\n",
             "gripper/tests/test_gripper.py": "def test_gripper() -> None:\n    pass\n",
+            "my_robot/scores.py": SCORES,
+            "batch.yaml": BATCH,
             "tolerances.yaml": "time: 0.005\n",
+            "src/my_interfaces/msg/Grip.msg": "float64 width   # m\n",
             "params.yaml": "waypoint_follower: {ros__parameters: {speed: 0.3}}\n",
         }.items():
             (folder / name).parent.mkdir(exist_ok=True, parents=True)
@@ -163,6 +192,18 @@ class Lab:
             self._make_reference()
         elif verb == "record":  # which makes it itself
             (folder / "drive.mcap").unlink()
+
+    def lay_out_keystore(self, verb: str) -> None:
+        """Have the keystore that a verb's examples use, as if nothing had been done with it before."""
+        for name in ("security", "site"):
+            shutil.rmtree(self._desk.folder / name, ignore_errors=True)
+        if verb != "init":
+            store = Keystore(self._desk.folder / "security")
+            store.init("robo")
+            people: dict[str, Role] = {"site": "router", "r1": "robot", "ann": "operator", "eve": "viewer"}
+            for name, role in people.items():
+                store.add(name, role, (), 30)
+            store.change("r1", "publish", "fleet/positions", allow=True)
 
     def type(self, line: str) -> None:
         """Type a line as an example has it, and see it do what it does."""
@@ -251,8 +292,12 @@ def test_every_verb_has_examples() -> None:
 def test_the_examples_of_a_verb_work(lab: Lab, path: tuple[str, ...]) -> None:
     if path in NOT_RUN:
         pytest.skip(NOT_RUN[path])
-    if path[0] in ("bag", "map", "replay-test"):
+    if path[0] == "batch" and not HAS_RAY:
+        pytest.skip("Ray is not installed: pip install 'robo-zenoh[ray]'")
+    if path[0] in ("bag", "batch", "map", "replay-test"):
         lab.lay_out_recordings(path[-1])
+    if path[0] in ("security", "router"):
+        lab.lay_out_keystore(path[-1])
     for line in EXAMPLES[path]:
         if path not in NO_MATTER:
             lab.robot(runs=path not in ALONE)

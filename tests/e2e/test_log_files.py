@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import eventually, robo, run_robo
+from robo.text.files import size_of
+from tests.support import Running, eventually, plain_environment, robo, run_robo
 
 TALK = "import time\nnumber = 0\nwhile True:\n    print(number, flush=True)\n    number += 1\n    time.sleep(0.05)\n"
 
@@ -130,6 +131,19 @@ def test_a_flood_is_logged_in_part_and_told_while_it_lasts(base: Path, floods: s
 
         eventually(lambda: all(map(told, ("noisy", "nul", "endless"))), "each flood is told while it goes on")
         assert run_robo("logs", "noisy", "-n", "1000").stdout.count("| y") > 10
+
+
+def test_floods_fill_no_more_than_a_run_may(base: Path, floods: str, endpoint: str) -> None:
+    words = [sys.executable, "-m", "robo", "up", floods, "--listen", endpoint]
+    run = Running(words, env=plain_environment() | {"ROBO_LOG_RUN_LIMIT": "1"})
+    try:
+        for name in ("noisy", "nul", "endless"):
+            run.wait_for(f"the log of {name} is full: its oldest lines go from now on")
+        sizes = [sum(size_of(file) for file in base.glob("*/*/*.jsonl*")) for _ in range(20)]
+        assert 200_000 < max(sizes) <= 1_000_000
+        assert run.output.count("the log of noisy is full") == 1
+    finally:
+        run.close()
 
 
 def test_a_run_that_is_refused_leaves_the_logs_of_the_one_that_runs(base: Path, talking: str, endpoint: str) -> None:

@@ -448,11 +448,29 @@ def test_a_run_in_the_background_that_fails_says_why(endpoint: str, tmp_path: Pa
     try:
         assert failed.returncode == 1
         assert "my_robot is not all ready: bad ended with exit code 3" in failed.stderr
+        assert "it runs on" in failed.stderr
     finally:
         tell(endpoint, "down")
     wrong = run_robo("up", str(tmp_path / "none.yaml"), "-d")
     assert wrong.returncode == 2
     assert "there is no manifest" in wrong.stderr
+
+
+def test_a_run_in_the_background_that_ends_with_its_failure_is_over_when_that_is_told(
+    endpoint: str, tmp_path: Path
+) -> None:
+    bad = write(tmp_path, "groups: {g: {nodes: {bad: {run: [python, -c, 'exit(3)'], ready: {log: never}}}}}\n")
+    for _ in range(3):
+        failed = run_robo("up", bad, "-d", "--wait", "--listen", endpoint)
+        assert failed.returncode == 1
+        assert "my_robot is not all ready: bad ended with exit code 3" in failed.stderr
+        assert "it has ended with that; `robo why` tells more" in failed.stderr
+    good = write(tmp_path, "groups: {g: {nodes: {ok: {run: [sleep, '600']}}}}\n")
+    again = run_robo("up", good, "-d", "--wait", "--listen", endpoint)
+    try:
+        assert again.returncode == 0, again.stderr
+    finally:
+        tell(endpoint, "down")
 
 
 TROUBLE = {

@@ -157,7 +157,7 @@ def test_mistakes_are_told_and_never_a_traceback(words: tuple[str, ...], message
         *(("topic", verb) for verb in ("list", "info", "type", "find", "echo", "pub", "hz", "plot")),
         *(("topic", verb) for verb in ("bw", "delay", "loss")),
         *(("node", verb) for verb in ("list", "info", "show")),
-        *(("interface", verb) for verb in ("list", "show")),
+        *(("interface", verb) for verb in ("list", "show", "import")),
         ("export", "compose"),
     ],
 )

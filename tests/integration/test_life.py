@@ -143,3 +143,29 @@ def test_nodes_that_share_a_session_leave_each_other_alone(robo_session: zenoh.S
         assert not first.stopping
         assert first.session == ledger
     assert ledger.live == []
+
+
+class Ending(Node):
+    """Is told to end while it is asked whether it is ready."""
+
+    def on_start(self) -> None:
+        self.asked = 0
+
+    def ready(self) -> bool:
+        self.asked += 1
+        self.shutdown()
+        return True
+
+    @timer(rate=20.0)
+    def tick(self) -> None:
+        """Give whoever asks again the time for it."""
+        self.ticks = getattr(self, "ticks", 0) + 1
+
+
+def test_a_node_that_is_told_to_end_is_asked_no_more_whether_it_is_ready(robo_session: zenoh.Session) -> None:
+    ledger: Any = Ledger(robo_session)
+    node = Ending(namespace="r1", session=ledger)
+    with node:
+        eventually(lambda: getattr(node, "ticks", 0) >= 20, "it has run on")
+    assert node.asked == 1
+    assert not any("/node/" in what for what in ledger.all)

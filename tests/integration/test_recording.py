@@ -19,12 +19,14 @@ import robo_messages
 from robo import KEEP_ALL, Node, Publisher, bag
 from robo.bag.mcap.index import COUNTS
 from robo.bag.of_robot import ABOUT
+from robo.recording import about
 from robo.recording.intake import _KEEPER, Intake
 from robo.recording.recorder import MADE, Recorder, Status
 from robo.recording.selection import EVERYTHING, Selection
 from robo.wire import codec
+from robo.wire.discovery import wait_for_nodes
 from robo_messages import Header, Odometry, String, TFMessage, Time, TransformStamped, Twist, Vector3
-from tests.support import eventually
+from tests.support import PATIENCE, eventually
 
 TWIST = codec.encoding_of(Twist)
 
@@ -456,6 +458,28 @@ def test_parameters_graph_and_versions_are_in_the_file(
     graph = json.loads(attachments["graph.json"])
     assert "r1/cmd_vel" in [topic["key"] for topic in graph["topics"]]
     assert attachments["manifests/robot.yaml"] == b"nodes: []\n"
+
+
+def test_a_look_that_lacks_a_node_of_which_was_heard_is_taken_again(
+    session: zenoh.Session, other: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a busy machine a router may answer late."""
+    looks: list[about.About] = []
+
+    def look(whose: zenoh.Session, manifests: about.Manifests) -> about.About:
+        seen = real(whose, manifests)
+        return seen if looks else seen._replace(metadata={**seen.metadata, "nodes": ""})
+
+    real = about.look
+    monkeypatch.setattr(about, "look", look)
+    with Driver(namespace="r1", session=session):
+        assert not wait_for_nodes(other, ["/r1/driver"], PATIENCE)
+        watch = about.Watch(other, looks.append, pytest.fail)
+        try:
+            eventually(lambda: "/r1/driver" in looks[-1].metadata["nodes"] if looks else False, "it has looked again")
+        finally:
+            watch.close()
+    assert looks[0].metadata["nodes"] == ""
 
 
 def test_what_waits_has_a_limit_and_what_is_left_out_is_counted(session: zenoh.Session, other: zenoh.Session) -> None:

@@ -59,6 +59,11 @@ class Robot:
         """Wait until odometry says that it does."""
         self.wait_for_odometry(lambda odom: odom.twist.twist.linear.x > 0.3, anew=True)
 
+    def is_asked_anew(self) -> None:
+        """Wait until the base has heard what the board counts from now on."""
+        for _ in range(2):  # the first may be on its way
+            self.wait_for_odometry(lambda _: True, anew=True)
+
     def call(self, method: Any) -> None:
         method(Trigger.Request())
 
@@ -209,7 +214,9 @@ def test_without_power_by_usb_nothing_is_counted_and_the_pose_stays(
         r.drive(0.5)
         r.wait_for_odometry(lambda odom: odom.pose.pose.position.x > 0.3)
         r.drive(0.0)
-        eventually(lambda: r.error < 0.01 and r.board._board.rates.left == 0.0, "it stands, and knows where")
+        eventually(lambda: r.board._board.rates.left == 0.0, "it stands")
+        r.is_asked_anew()
+        assert r.error < 0.01, "and knows where"
         stood = r.base._track.track.pose
         r.call(r.board.unplug)
         eventually(lambda: r.state[0] == ERROR, "it is gone")

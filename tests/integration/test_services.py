@@ -141,7 +141,7 @@ def test_a_query_with_wildcards_runs_nothing(
         for wide in ("r1/actor/parameters/set/**", "r1/*/parameters/set", "**/set", "**/$*et"):
             assert set(ask(wide, msgpack.packb({"speed": 9.0}))[0]) <= reading, wide
         assert set(ask("**")[0]) == reading
-        assert set(ask("@robo/**")[0]) == {"@robo/r1/status/actor"}
+        assert set(ask("@robo/**")[0]) == {"@robo/r1/status/actor", "@robo/r1/status/actor/log"}
         assert actor.calls == []
         assert set(actor.status.served.values()) == {0}
         assert actor.parameters.speed == 0.5
@@ -342,3 +342,19 @@ def test_the_contract_says_what_is_served() -> None:
     assert [(s.service, s.method) for s in node.contract.services] == [("double", "double"), ("~/nested", "nested")]
     assert {c.attribute for c in node.contract.clients} == {"myself", "doubling"}
     assert SetBool.Response().success
+
+
+def test_what_is_interrupted_while_it_begins_can_be_stopped(
+    session: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C in a tool comes at any moment."""
+
+    def interrupted(_self: threading.Thread) -> None:
+        raise KeyboardInterrupt
+
+    loop = queries.QueryLoop(session, "r1/reset", lambda _query, _key: None, acts=["r1/reset"])
+    with monkeypatch.context() as patch:
+        patch.setattr(threading.Thread, "start", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            loop.start()
+    assert loop.stop(1.0)

@@ -55,6 +55,7 @@ def modules_after(code: str) -> set[str]:
         "import robo_services.mujoco_sim, robo.process.node",
         "import robo_services.recorder, robo.process.node",
         "import robo_services.dashboard, robo.process.node",
+        "import robo_services.ros2_bridge, robo.process.node",
         "import robo.process.router",
     ],
 )
@@ -120,8 +121,10 @@ ALWAYS_HEAVY = {"numpy", "asyncio", "pytest"}
 
 
 MAY_LOAD = {
+    "batch": {"yaml"},
     "dashboard": {"asyncio", "yaml"},
     "node": {"yaml"},
+    "bridge_ros2": {"yaml"},
     "param": {"yaml"},
     "service": {"yaml"},
     "create": {"yaml"},
@@ -129,6 +132,7 @@ MAY_LOAD = {
     "plot": {"rich"},
     "bag_record": {"rich"},
     "screen": {"rich"},
+    "security": {"yaml"},
     "top": {"rich", "psutil"},
     "doctor": {"psutil"},
 }

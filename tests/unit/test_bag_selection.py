@@ -17,9 +17,9 @@ from robo.bag.look import pairing
 from robo.bag.look.comparison import Diff
 from robo.bag.look.pairing import Pairing
 from robo.bag.moments import moment
-from robo.bag.patterns import chosen, matcher
 from robo.bag.types import topic_of
 from robo.errors import InvalidName, UsageError
+from robo.text.patterns import chosen, matcher
 from robo.wire import names
 from robo_messages import Twist
 from tests import bags

@@ -310,6 +310,10 @@ def with_number(part: str, key: str, value: object) -> dict[str, Any]:
         group["topics"] = {"odom": {key: value}}
     elif part == "quality":
         group["topics"] = {"odom": {"qos": {key: value}}}
+    elif part == "ros2":
+        group["bridges"] = {"ros2": {key: value}}
+    elif part == "crossing":
+        group["bridges"] = {"ros2": {"topics": {"odom": {key: value}}}}
     else:
         node[part] = {key: value}
     return {"groups": {"g": group}}

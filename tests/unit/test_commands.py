@@ -12,11 +12,15 @@ from robo.machine.log_files import LogFilter
 from robo.supervisor.commands import Address, Commands, meant
 from robo.supervisor.control import read_request
 from robo.supervisor.tasks import Tasks
-from robo.wire.reports import Event, LogRecord, LogsRequest, Outcome, Request, Site
+from robo.wire.keys import ACTS, TELLS
+from robo.wire.reports import Event, LogRecord, LogsRequest, Outcome, Request, RunReport, Site
 from tests.processes import FakeJournal, FakeProcess, FakeStopping, process_plan
 from tests.virtual_time import now, run
 
 SITE = Site("r1", "tcp/10.0.0.5:7447", reached=False, since=1)
+ABOUT = RunReport(
+    robot="r1", run="id17", host="pi", user="ann", version="1.2.3", manifest="robot.yaml", digest="0a1b", since=1
+)
 GROUPS = {"base": "drive/motors", "lidar": "drive", "arm/tracker": "", "camera": "vision"}
 
 
@@ -58,7 +62,7 @@ class Desk:
         self.renewed: list[str] = []
         """Who was about to be started anew."""
         commands = Commands(
-            address, self.processes, self.journal, Sites(), tasks, self.stopping,
+            address, ABOUT, self.processes, self.journal, Sites(), tasks, self.stopping,
             lambda plan: [*plan.needs], self.renewed.extend,
         )  # fmt: skip
         self.tells, self.acts = commands.tells, commands.acts
@@ -82,8 +86,7 @@ class Desk:
 
 def test_what_tells_touches_no_process_and_may_be_asked_of_all() -> None:
     desk = Desk()
-    assert set(desk.tells) == {"ps", "why", "events", "logs", "sites"}
-    assert set(desk.acts) == {"stop", "start", "restart", "down"}, "these answer to exactly their key"
+    assert (set(desk.tells), set(desk.acts)) == (set(TELLS), set(ACTS))
     for verb in desk.tells:
         desk.ask(verb)
     assert desk.asked() == {}
@@ -170,6 +173,10 @@ def test_lines_are_those_of_the_time_and_the_level_that_are_asked_for() -> None:
     assert desk.ask("logs", level="warn") == []
     with pytest.raises(UsageError, match="loud"):
         desk.ask("logs", level="loud")
+
+
+def test_of_the_run_as_a_whole_is_told_what_it_was_made_of() -> None:
+    assert Desk().ask("about") == ABOUT
 
 
 def test_sites_are_told_whatever_is_named() -> None:

@@ -13,10 +13,11 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robo.errors import ManifestError
+from robo.errors import ManifestError, UsageError
 from robo.export.commands import MEMORY, as_word
 from robo.export.compose import dockerfile
 from robo.export.compose import file as compose
+from robo.export.compose.services import SOCKET
 from robo.export.names import slug, take
 from robo.export.placeholders import Placeholders
 from robo.export.profiles import Profiles, profiles_of
@@ -116,6 +117,9 @@ def test_what_compose_has_no_word_for_changes_nothing(settings: str) -> None:
         ("stop: {timeout: 4.5}", "stop_grace_period", "4.5s"),
         ("stop: {timeout: 10000000}", "stop_grace_period", "10000000s"),
         ("cpus: 0-2", "cpuset", "0,1,2"),
+        ("limits: {memory: 1.5G}", "deploy", {"resources": {"limits": {"cpus": "1.0", "memory": "1536M"}}}),
+        ("limits: {cpu: 0.5}", "deploy", {"resources": {"limits": {"cpus": "0.5", "memory": "256M"}}}),
+        ("limits: {files: 100}", "ulimits", {"nofile": 100}),
         ("cwd: /tmp", "working_dir", "/tmp"),
         ("args: [-v]", "command", ["sleep", "inf", "-v"]),
         ("prefix: nice -n 5", "command", ["nice", "-n", "5", "sleep", "inf"]),
@@ -313,6 +317,30 @@ def test_a_robot_of_a_profile_has_a_router_in_it() -> None:
     assert found["second_router"]["command"][-2:] == ["--connect", "tcp/router:7447"]
     assert list(found["second_c"]["depends_on"]) == ["second_router", "second_a"]
     assert found["second_c"]["environment"]["ROBO_CONNECT"] == "tcp/second_router:7447"
+
+
+def test_with_keys_processes_meet_by_a_socket_and_others_come_by_tls(tmp_path: Path) -> None:
+    keys = tmp_path / "security" / "names" / "r1"
+    keys.mkdir(parents=True)
+    profiles = profiles_of(of_nodes("a: {run: x}", "b: {service: robo_services.position_tracker}"), {}, "r1")
+    tree = tree_of(profiles, keys=keys)
+    router, *others = tree["services"].values()
+    assert router["command"][3:] == ["--listen", SOCKET, "--listen", "tls/0.0.0.0:7447"]
+    assert router["environment"] == {"ROBO_SECURITY": "/run/keys"}
+    assert router["volumes"] == ["./security/names/r1:/run/keys:ro", "run:/run/robo"]
+    for other in others:
+        assert other["environment"]["ROBO_CONNECT"] == SOCKET
+        assert "run:/run/robo" in other["volumes"]
+        assert "ROBO_SECURITY" not in other["environment"], "nodes have no keys"
+        assert "/run/keys" not in str(other)
+    assert tree["volumes"]["run"]["driver_opts"]["type"] == "tmpfs"
+    assert "tcp/" not in str(tree["services"])
+
+
+def test_a_name_is_one_robots(tmp_path: Path) -> None:
+    two = profiles_of(written(TWO_ROBOTS, "args: {second: {default: false}}"), {"second": True}, "r1")
+    with pytest.raises(UsageError, match="each is exported by itself"):
+        tree_of(two, keys=tmp_path)
 
 
 def test_an_argument_that_is_given_is_no_profile() -> None:

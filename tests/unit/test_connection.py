@@ -47,7 +47,8 @@ def test_one_that_answers_is_enough() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         endpoints = [f"tcp/127.0.0.1:{free_port()}", f"tcp/127.0.0.1:{server.getsockname()[1]}"]
         assert unreached(endpoints, Reach()) is None
-    assert unreached(["unixsock-stream//tmp/nobody.sock"], Reach()) is None
+    assert unreached(["unixsock-stream//tmp/nobody.sock"], Reach()) is not None
+    assert unreached(["quic/site.example:7447"], Reach()) is None, "it is not to be tried without Zenoh"
 
 
 def test_a_link_to_a_node_alone_is_a_link_too(endpoint: str) -> None:

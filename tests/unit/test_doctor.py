@@ -15,6 +15,7 @@ import pytest
 
 from robo.machine import orphans, serial_ports
 from robo.tools import doctor
+from robo.wire import listeners
 
 
 def looks(monkeypatch: pytest.MonkeyPatch, *found: list[int]) -> None:
@@ -147,3 +148,23 @@ def test_a_port_that_another_has_for_itself_is_not_asked(tmp_path: Path, monkeyp
         (found,) = doctor.ports(ask=True)
         monkeypatch.undo()
         assert found.message == f"{path} is open elsewhere"
+
+
+def test_who_has_the_port_at_which_others_look_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ROBO_CONNECT", raising=False)
+    monkeypatch.setattr(listeners, "holder", lambda _: listeners.Holder(7447, "127.0.0.1", 4242))
+    found = doctor.port(())
+    assert found.verdict == "note"
+    assert "by user 4242: your robots do not dial it, and others do not see them there" in found.message
+    monkeypatch.setattr(listeners, "holder", lambda _: listeners.Holder(7447, "127.0.0.1", os.geteuid()))
+    assert doctor.port(()).verdict == "ok"
+    monkeypatch.setattr(listeners, "holder", lambda _: None)
+    assert doctor.port(()).verdict == "ok"
+
+
+def test_a_meeting_place_that_is_open_to_others_is_a_fault(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("ROBO_MEETING", str(tmp_path / "m"))
+    assert doctor.meeting_place().verdict == "ok"
+    (tmp_path / "m").chmod(0o777)
+    found = doctor.meeting_place()
+    assert (found.verdict, "is open to others (mode 777" in found.message) == ("fault", True)

@@ -366,7 +366,7 @@ SHAPES = {
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_the_fields_of_these_types_are_all_of_ros_in_its_order(name: str) -> None:
-    lines = [line for line in ros_text.ros_text(name).splitlines() if not line.startswith("#")]
+    lines = [line for line in ros_text.ros_text(name).splitlines() if line and not line.startswith("#")]
     assert lines == SHAPES[name]
 
 

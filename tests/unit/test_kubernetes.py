@@ -14,16 +14,19 @@ import yaml
 
 from robo.cli.launch.export import export_kubernetes
 from robo.errors import UsageError
+from robo.export.kubernetes import containers
 from robo.export.kubernetes import folder as kubernetes
 from robo.export.kubernetes.folder import Exported, Wishes
 from robo.export.kubernetes.variables import Variables
 from robo.export.placeholders import Placeholders
 from robo.export.profiles import profiles_of
+from robo.launch.plan import LimitsPlan
 from tests.pod_security import complaints
 
 ROOT = Path(__file__).parents[2]
 ROBOT = ROOT / "launch" / "robot.yaml"
 POD = Wishes("robo:1.2")
+SECURED = Wishes("robo:1.2", connect=("tls/site.example:7447",), security="r1-keys")
 DEPLOYMENTS = Wishes("robo:1.2", "deployments", ("tcp/10.0.0.7:7448",))
 NAME = re.compile(r"[a-z0-9]([-a-z0-9]{0,61}[a-z0-9])?")
 
@@ -71,15 +74,51 @@ def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.parametrize("wishes", [POD, DEPLOYMENTS], ids=["pod", "deployments"])
+FORMS = pytest.mark.parametrize("wishes", [POD, SECURED, DEPLOYMENTS], ids=["pod", "secured", "deployments"])
+
+
+@FORMS
 def test_pods_are_admitted_where_only_those_are_that_may_do_nothing(wishes: Wishes) -> None:
     found = exported(ROBOT, wishes, dashboard=True)
     pods = pods_of(found)
-    assert len(pods) == (1 if wishes is POD else 8)
+    assert len(pods) == (8 if wishes is DEPLOYMENTS else 1)
     assert [complaints(pod) for pod in pods.values()] == [[]] * len(pods)
     (namespace,) = (one for one in objects_of(found) if one["kind"] == "Namespace")
     assert namespace["metadata"]["labels"]["pod-security.kubernetes.io/enforce"] == "restricted"
     assert {one["metadata"].get("namespace") for one in objects_of(found)} == {None, namespace["metadata"]["name"]}
+
+
+def test_with_security_others_come_by_tls_and_keys_are_a_secrets() -> None:
+    found = exported(ROBOT, SECURED, robot="r1")
+    (pod,) = pods_of(found).values()
+    keys, router = pod["initContainers"]
+    assert (keys["name"], router["name"], router["restartPolicy"]) == ("keys", "router", "Always")
+    assert "restartPolicy" not in keys, "the router waits until they are there"
+    words = " ".join(router["args"])
+    assert "--listen unixsock-stream/run/robo/router.sock" in words.replace("//", "/")
+    assert "--listen tls/0.0.0.0:7447 --connect tls/site.example:7447" in words
+    assert "tcp/" not in words
+    where = environment_of(router)["ROBO_SECURITY"]
+    assert where.startswith(next(m["mountPath"] for m in router["volumeMounts"] if m["name"] == "keys"))
+    with_keys = [one["name"] for one in containers_of(found).values() if "keys" in str(one.get("volumeMounts"))]
+    assert with_keys == ["keys", "router"], "nodes have no keys"
+    volumes = {one["name"]: one for one in pod["volumes"]}
+    assert volumes["secret"]["secret"]["secretName"] == "r1-keys"
+    assert volumes["keys"]["emptyDir"]["medium"] == "Memory"
+    assert "PRIVATE" not in "".join(found.files.values())
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"form": "deployments"}, "--security goes with one pod"),
+        ({"connect": ("tcp/10.0.0.7:7448",)}, "tcp/10.0.0.7:7448 is in the clear"),
+        ({"security": "R1 keys"}, "say the name of a Secret"),
+    ],
+)
+def test_what_would_be_in_the_clear_is_refused(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        exported(ROBOT, SECURED._replace(**changes), robot="r1")
 
 
 def test_a_pod_that_may_do_more_is_complained_of() -> None:
@@ -101,7 +140,7 @@ def test_a_pod_that_may_do_more_is_complained_of() -> None:
         assert any(word in one for one in complaints(copy)), word
 
 
-@pytest.mark.parametrize("wishes", [POD, DEPLOYMENTS], ids=["pod", "deployments"])
+@FORMS
 def test_all_that_is_referred_to_is_there(wishes: Wishes) -> None:
     found = exported(ROBOT, wishes, dashboard=True)
     maps = {one["metadata"]["name"]: one["data"] for one in objects_of(found) if one["kind"] == "ConfigMap"}
@@ -322,6 +361,24 @@ def test_what_has_no_word_is_told() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("limits", "resources"),
+    [
+        (LimitsPlan(), {"requests": {"cpu": "50m", "memory": "64Mi"}, "limits": {"memory": "256Mi"}}),
+        (
+            LimitsPlan(memory=1 << 30, cpu=0.5),
+            {"requests": {"cpu": "50m", "memory": "64Mi"}, "limits": {"memory": "1024Mi", "cpu": "500m"}},
+        ),
+        (
+            LimitsPlan(memory=(1 << 20) + 1, cpu=0.0625),
+            {"requests": {"cpu": "50m", "memory": "1048577"}, "limits": {"memory": "1048577", "cpu": "62m"}},
+        ),
+    ],
+)
+def test_limits_are_those_of_the_container(limits: LimitsPlan, resources: object) -> None:
+    assert containers.resources(limits) == resources
+
+
 def test_several_robots_are_exported_one_by_one() -> None:
     with pytest.raises(UsageError, match="2 robots"):
         exported(ROOT / "launch" / "docker.yaml", second_robot=True)
@@ -340,7 +397,7 @@ def test_it_is_written_as_a_folder_and_the_same_each_time(tmp_path: Path, capsys
 
 
 @pytest.mark.parametrize("version", ["1.29", "1.33", "1.37"])
-@pytest.mark.parametrize("wishes", [POD, DEPLOYMENTS], ids=["pod", "deployments"])
+@FORMS
 def test_schemas_of_kubernetes_know_every_field(wishes: Wishes, version: str) -> None:
     validate = pytest.importorskip("kubernetes_validate", reason="pip install kubernetes-validate: schemas, 108 MB")
     for one in objects_of(exported(ROBOT, wishes, dashboard=True)):

@@ -28,7 +28,7 @@ from robo.launch.language import (
     values_of,
 )
 from robo.launch.manifest import PARTS, Group, NodeEntry
-from robo.launch.plan import LogPlan, ProcessPlan, ReadyPlan, RestartPlan, StopPlan, TopicPlan
+from robo.launch.plan import LimitsPlan, LogPlan, ProcessPlan, ReadyPlan, RestartPlan, StopPlan, TopicPlan
 from robo.launch.reader import read as read_manifest
 from robo.launch.schema import SPECIAL, manifest_schema, parts
 from robo.launch.substitution import Scope, Shared
@@ -229,16 +229,16 @@ def test_keys_of_another_struct_are_plain() -> None:
 
 def test_a_node_says_all_keys_of_the_plan_and_a_group_those_that_are_for_all() -> None:
     assert keys_of(ProcessPlan).keys() <= keys_of(NodeEntry).keys()
-    assert keys_of(Group).keys() & keys_of(ProcessPlan).keys() == {"restart", "log", "process", "args"}
+    assert keys_of(Group).keys() & keys_of(ProcessPlan).keys() == {"restart", "log", "process", "limits", "args"}
     assert not keys_of(Group)["args"].plain, "arguments of its includes, not words of a command"
 
 
-@pytest.mark.parametrize("part", [RestartPlan, StopPlan, LogPlan, ReadyPlan])
+@pytest.mark.parametrize("part", [RestartPlan, StopPlan, LogPlan, ReadyPlan, LimitsPlan])
 def test_every_field_of_a_part_of_the_plan_is_a_key(part: type[msgspec.Struct]) -> None:
     assert {key.field for key in keys_of(part).values()} == {field.name for field in msgspec.structs.fields(part)}
 
 
-@pytest.mark.parametrize("part", [RestartPlan, StopPlan, LogPlan, ReadyPlan, ProcessPlan])
+@pytest.mark.parametrize("part", [RestartPlan, StopPlan, LogPlan, ReadyPlan, LimitsPlan, ProcessPlan])
 def test_every_default_of_the_plan_is_one_that_a_manifest_may_say(part: type[msgspec.Struct]) -> None:
     keys = {key.field: key for key in keys_of(part).values()}
     for field in msgspec.structs.fields(part):
@@ -277,7 +277,8 @@ def test_the_schema_has_a_definition_for_all_that_it_names() -> None:
 
     look(SCHEMA)
     assert named == set(SCHEMA["$defs"])
-    assert set(SCHEMA["$defs"]) == {*SPECIAL, *PARTS, "restart", "stop", "log", "ready", "quality"}
+    of_keys = {"restart", "stop", "log", "ready", "limits", "quality", "crossing"}
+    assert set(SCHEMA["$defs"]) == {*SPECIAL, *PARTS, *of_keys}
 
 
 # -- what the schema accepts, the reader accepts -----------------------------------------------------------

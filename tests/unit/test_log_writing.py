@@ -12,7 +12,7 @@ from robo import environment
 from robo.errors import UsageError
 from robo.machine import log_files
 from robo.machine.log_files import LogFiles, RunInfo
-from robo.machine.log_space import KEPT_RUNS, KeptRun, kept_runs, limit, make_room, surplus
+from robo.machine.log_space import KEPT_RUNS, KeptRun, file_limit, kept_runs, limit, make_room, run_limit, surplus
 from robo.machine.log_writer import FIRST_TRY, LAST_TRY, LogWriter
 from robo.tools import logs
 from robo.wire.reports import LogRecord
@@ -106,6 +106,22 @@ def test_a_full_disk_is_tried_again_at_growing_intervals(desk: Desk, monkeypatch
     assert gaps[0] == pytest.approx(FIRST_TRY)
     assert gaps == sorted(gaps)
     assert gaps[-1] == pytest.approx(LAST_TRY)
+
+
+def test_only_their_user_reads_them(tmp_path: Path) -> None:
+    before = os.umask(0)
+    try:
+        (tmp_path / "r1").mkdir(mode=0o755)  # as it was made once
+        files = LogFiles(info(), tmp_path / "new" / "log")
+        files.begin()
+        files.write(line(1))
+        files.close()
+        LogFiles(info(), tmp_path).begin()
+    finally:
+        os.umask(before)
+    made = [files.folder, files.folder.parent, tmp_path / "new" / "log", tmp_path / "r1"]
+    assert [oct(one.stat().st_mode & 0o777) for one in made] == ["0o700"] * 4
+    assert {oct(one.stat().st_mode & 0o777) for one in files.folder.iterdir()} == {"0o600"}
 
 
 def test_a_folder_that_is_removed_is_made_again(desk: Desk) -> None:
@@ -250,6 +266,48 @@ def test_what_runs_keeps_its_files_but_for_those_that_were_set_aside(
     own.write(line(31))
     old.close()
     own.close()
+
+
+def test_that_the_oldest_lines_go_is_told_once(tmp_path: Path) -> None:
+    told: list[str] = []
+    clock = [0.0]
+    files = LogFiles(info(), tmp_path, largest=600)
+    writer = LogWriter(files, lambda record: told.append(record.message), lambda: clock[0])
+    writer.begin()
+    for number in range(200):
+        writer.write(line(number))
+        clock[0] += 1.0
+        writer.look()
+    assert told == [
+        "the log of a is full: its oldest lines go from now on, the newest 0.0018 MB are kept (ROBO_LOG_RUN_LIMIT)"
+    ]
+    assert sum(file.stat().st_size for file in files.folder.glob("*.jsonl*")) <= 1800
+    writer.close()
+
+
+def test_all_files_of_a_run_take_no_more_than_it_may() -> None:
+    assert file_limit(300_000_000, 10) == 10_000_000
+    assert file_limit(300_000_000, 5) == 10_000_000
+    assert file_limit(300_000_000, 100) == 1_000_000
+    assert file_limit(1_000_000, 100) == 50_000
+
+
+def test_a_run_may_take_what_is_said_and_not_more_than_all_may(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(environment.LOG_RUN_LIMIT_VARIABLE, raising=False)
+    assert run_limit(1_000_000_000) == 300_000_000
+    assert run_limit(200_000_000) == 200_000_000
+    monkeypatch.setenv(environment.LOG_RUN_LIMIT_VARIABLE, "50")
+    assert run_limit(1_000_000_000) == 50_000_000
+    monkeypatch.setenv(environment.LOG_RUN_LIMIT_VARIABLE, "much")
+    with pytest.raises(UsageError, match="ROBO_LOG_RUN_LIMIT='much': say how many megabytes the log files of one run"):
+        run_limit(1)
+
+
+def test_on_a_small_disk_logs_take_a_tenth_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(environment.LOG_LIMIT_VARIABLE, raising=False)
+    disk = os.statvfs(tmp_path)
+    size = disk.f_blocks * disk.f_frsize
+    assert limit(tmp_path / "not" / "there") == min(1_000_000_000, size // 10)
 
 
 def test_the_limit_is_a_number_of_megabytes(monkeypatch: pytest.MonkeyPatch) -> None:

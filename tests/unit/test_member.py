@@ -12,6 +12,8 @@ import pytest
 from robo.launch.plan import ProcessPlan, ReadyPlan, RestartPlan, StopPlan
 from robo.machine.child import Spawned
 from robo.machine.forks import Fork, Template
+from robo.machine.limit_groups import LimitGroups
+from robo.machine.limits import Limiter
 from robo.machine.orphans import Left
 from robo.supervisor.changes import Changes
 from robo.supervisor.member import Member
@@ -86,6 +88,7 @@ class FakeRun:
         self.changes = Changes()
         self.spawned = Spawned(1, lambda _pid, _running: None)
         self.template: Template | None = None
+        self.limiter = Limiter(LimitGroups("run", None, 1, {}))
         self.may_spawn = asyncio.Event()
         self.may_spawn.set()
         self.drained = asyncio.Event()

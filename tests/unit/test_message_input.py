@@ -7,7 +7,19 @@ import pytest
 import robo_messages
 from robo.errors import MessageError
 from robo.interfaces.message_input import message_of, restored
-from robo_messages import DiagnosticStatus, Image, LaserScan, Odometry, Path, PoseStamped, Range, Time, Twist, Vector3
+from robo_messages import (
+    DiagnosticStatus,
+    Image,
+    LaserScan,
+    OccupancyGrid,
+    Odometry,
+    Path,
+    PoseStamped,
+    Range,
+    Time,
+    Twist,
+    Vector3,
+)
 
 
 def test_data_become_a_message() -> None:
@@ -32,6 +44,12 @@ def test_now_and_auto_are_the_time_of_now() -> None:
     other = message_of(PoseStamped, {"header": "auto"})
     assert isinstance(other, PoseStamped)
     assert other.header.stamp >= before
+
+
+def test_signed_bytes_may_be_said_as_numbers() -> None:
+    grid = message_of(OccupancyGrid, {"data": [-1, 0, 100]})
+    assert isinstance(grid, OccupancyGrid)
+    assert bytes(grid.data) == b"\xff\x00\x64"
 
 
 @pytest.mark.parametrize(
@@ -61,6 +79,12 @@ def test_now_and_auto_are_the_time_of_now() -> None:
         (DiagnosticStatus, {"level": 1.5}, ["diagnostic/DiagnosticStatus.level: expected int from 0 to 3, got float"]),
         (Image, {"data": "*"}, ["sensor/Image.data: expected bytes, as base64 or a list of numbers from 0 to 255"]),
         (Image, {"data": [256]}, ["sensor/Image.data: expected bytes"]),
+        (Image, {"data": [-1]}, ["sensor/Image.data: expected bytes"]),
+        (
+            OccupancyGrid,
+            {"data": [128]},
+            ["nav/OccupancyGrid.data: expected bytes, as base64 or a list of numbers from -128 to 127, got list [128]"],
+        ),
         (Time, "later", ["std/Time: expected std/Time {sec: int from"]),
         (Vector3, {3: 1}, ["geometry/Vector3 has no field '3'"]),
     ],

@@ -2,7 +2,7 @@
 
 import pytest
 
-from robo.supervisor.news import News
+from robo.supervisor.news import ENDS, News
 from robo.wire.reports import State
 from tests.processes import FakeJournal, FakeProcess, process_plan
 
@@ -18,7 +18,7 @@ class Desk:
         return self.processes[f"/r1/{name}"]
 
     def look(self, *, with_timing: bool = False) -> None:
-        self.news.look("r1", "tcp/127.0.0.1:7447", with_timing=with_timing)
+        self.news.look("r1", "at tcp/127.0.0.1:7447", with_timing=with_timing)
 
 
 def test_that_all_is_ready_is_told_once() -> None:
@@ -108,16 +108,27 @@ def test_what_waits_in_vain_is_named() -> None:
 
 def test_whoever_waits_in_the_background_hears_why_it_will_not_be_ready() -> None:
     desk = Desk("a", "b")
-    desk.news.changed(desk["a"].fail("ended with exit code 3"), closing=False)
+    desk["a"].fail("ended with exit code 3")
+    desk.news.tell_starter(ends=False)
     assert desk.notified == [], "too early: there is nobody to ask"
     desk.news.up()
+    desk.news.tell_starter(ends=False)
     assert desk.notified == ["up", "a ended with exit code 3"]
     desk["a"].ready = True
     desk.look()
-    desk.news.changed(desk["b"].fail(), closing=False)
+    desk["b"].fail()
+    desk.news.tell_starter(ends=False)
     assert desk.notified[2:] == ["ready"], "it has been ready: nobody waits any more"
     desk.news.down()
     assert desk.notified[-1] == "down"
+
+
+def test_whoever_waits_in_the_background_hears_that_the_run_ends_with_it() -> None:
+    desk = Desk("a")
+    desk.news.up()
+    desk["a"].fail("was killed by SIGSEGV")
+    desk.news.tell_starter(ends=True)
+    assert desk.notified == ["up", f"{ENDS}a was killed by SIGSEGV"]
 
 
 def test_a_run_in_the_foreground_has_nobody_waiting() -> None:

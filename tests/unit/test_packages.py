@@ -306,6 +306,7 @@ def test_robo_announces_the_nodes_that_ship() -> None:
         "position_tracker",
         "recorder",
         "robot_state_publisher",
+        "ros2_bridge",
         "safety_monitor",
         "serial_base",
         "static_transform_publisher",

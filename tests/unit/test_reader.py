@@ -189,7 +189,7 @@ def test_a_group_has_those_keys_alone_that_are_for_all_in_it() -> None:
     assert found.namespace is not None
     assert shown(found.hosts) == ["a", "b"]
     _, mistakes = group("watchdog: 5")
-    assert mistakes[0].startswith("1:25: unknown key 'watchdog' in group 'g'; it may hold args, env")
+    assert mistakes[0].startswith("1:25: unknown key 'watchdog' in group 'g'; it may hold args, bridges, env")
 
 
 def test_a_node_that_is_no_map_is_there_all_the_same() -> None:

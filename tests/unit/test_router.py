@@ -1,6 +1,7 @@
 """The robot's router as the supervisor keeps it, without a process."""
 
 import asyncio
+import resource
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from types import SimpleNamespace
@@ -9,6 +10,7 @@ import msgspec
 import pytest
 
 from robo.environment import NETWORK_VARIABLE
+from robo.errors import NetworkError
 from robo.machine.forks import Fork
 from robo.process import router as process_router
 from robo.supervisor import router as supervised
@@ -100,13 +102,23 @@ def test_it_finds_its_network_in_its_environment() -> None:
 
 
 def test_one_that_dies_is_started_again_and_that_is_told() -> None:
-    process, journal = Ends((5.0, 3), (0.0, -11), (1e9, 0)), Journal()
+    process, journal = Ends((5.0, 1), (0.0, -11), (1e9, 0)), Journal()
     keep(process, journal)
     assert process.starts == pytest.approx([0.0, 5.1, 5.2]), "one that dies at once does not keep a core busy"
     assert journal.warnings == [
-        "the router ended with exit code 3; starting it again",
+        "the router ended with exit code 1; starting it again",
         "the router ended with killed by SIGSEGV; starting it again",
     ]
+
+
+def test_one_at_which_nobody_can_arrive_is_the_end_of_a_start_and_not_of_a_run() -> None:
+    process = Ends((2.0, process_router.UNUSABLE))
+    with pytest.raises(NetworkError, match="nobody could reach the robot's router"):
+        run(router(process, Journal()).keep())
+    process, journal = Ends((5.0, 1), (2.0, process_router.UNUSABLE), (1e9, 0)), Journal()
+    keep(process, journal)
+    assert len(process.starts) == 3
+    assert journal.warnings[1] == f"the router ended with exit code {process_router.UNUSABLE}; starting it again"
 
 
 def test_one_that_answers_nobody_is_started_again_and_that_is_told() -> None:
@@ -169,3 +181,23 @@ def test_a_router_serves_its_last_readers(
     monkeypatch.setattr(process_router, "time", SimpleNamespace(monotonic=lambda: seconds, sleep=sleep))
     process_router.serve_the_last(0.5, waiting)
     assert seconds == pytest.approx(ends_at, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("limits", "wanted"),
+    [
+        ((1024, 1_048_576), (8192, 1_048_576)),
+        ((1024, resource.RLIM_INFINITY), (8192, resource.RLIM_INFINITY)),
+        ((1024, 4096), (4096, 4096)),
+        ((20_000, 20_000), None),
+        ((resource.RLIM_INFINITY, resource.RLIM_INFINITY), None),
+    ],
+)
+def test_a_router_may_have_as_many_connections_as_it_is_granted(
+    limits: tuple[int, int], wanted: tuple[int, int] | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[tuple[int, int]] = []
+    monkeypatch.setattr(resource, "getrlimit", lambda _: limits)
+    monkeypatch.setattr(resource, "setrlimit", lambda _, given: said.append(given))
+    process_router.allow_connections()
+    assert said == ([] if wanted is None else [wanted])

@@ -2,6 +2,7 @@
 
 import json
 import os
+import socket
 import threading
 from pathlib import Path
 from typing import cast
@@ -11,7 +12,7 @@ import pytest
 from robo.cli.launch.network import router_network
 from robo.cli.launch.router import print_config
 from robo.errors import NetworkError, UsageError
-from robo.wire import zenoh_threads
+from robo.wire import meeting, zenoh_threads
 from robo.wire.network import Mode, Network, settings_by_path, settings_of, zenoh_config
 from robo.wire.session import close_session, open_session
 
@@ -81,6 +82,27 @@ def test_the_printed_configuration_is_a_routers(capsys: pytest.CaptureFixture[st
     assert tree["connect"]["retry"] == settings_of(Network())["connect/retry"]
 
 
+def test_a_router_has_limits_and_a_file_may_say_others(tmp_path: Path) -> None:
+    largest = "transport/link/rx/max_message_size"
+    assert settings_of(Network())[largest] == 128 << 20
+    assert largest not in settings_of(Network(mode="peer")), "nodes of one robot are no strangers"
+    zenoh_config(Network())  # Zenoh accepts them
+    (tmp_path / "network.yaml").write_text(json.dumps({"transport": {"link": {"rx": {"max_message_size": 1_000_000}}}}))
+    assert settings_of(router_network([], [], tmp_path / "network.yaml"))[largest] == 1_000_000
+
+
+def test_connections_that_say_nothing_keep_nobody_out(endpoint: str) -> None:
+    router = open_session(Network(listen=(endpoint,)))
+    address = ("127.0.0.1", int(endpoint.rpartition(":")[2]))
+    idle = [socket.create_connection(address) for _ in range(150)]
+    try:
+        close_session(open_session(Network(mode="client", connect=(endpoint,), timeout=8.0)))
+    finally:
+        for one in idle:
+            one.close()
+        close_session(router)
+
+
 def test_shared_memory_can_be_switched_off(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "transport/shared_memory/enabled" not in settings_of(Network())
     monkeypatch.setenv("ROBO_SHM", "off")
@@ -101,15 +123,16 @@ def test_a_session_is_closed_where_no_thread_can_be_begun_any_more(monkeypatch: 
 def test_a_node_that_is_told_where_to_dial_joins_that_network_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("ROBO_CONNECT", raising=False)
     monkeypatch.delenv("ROBO_LISTEN", raising=False)
-    elsewhere, here = "tcp/192.0.2.1:7447", "tcp/127.0.0.1:7447"
+    elsewhere, here, door = "tcp/192.0.2.1:7447", meeting.endpoint(), "tcp/127.0.0.1:7447"
 
     def network(mode: Mode, connect: tuple[str, ...] = (), *, meeting_point: bool = False) -> tuple[object, object]:
         found = Network.from_environment(mode, connect, meeting_point=meeting_point)
         return found.connect, found.listen
 
-    assert network("router") == ((here,), (here,))
+    assert network("router") == ((here,), (here, door)), "the door is not dialled: anybody may have it"
     assert network("router", (elsewhere,)) == ((elsewhere,), ())
     assert network("router", (elsewhere,), meeting_point=True) == ((elsewhere, here), (here,)), "a robot is found here"
+    assert network("client") == ((here,), ())
     monkeypatch.setenv("ROBO_CONNECT", elsewhere)
     assert network("router") == ((elsewhere,), ())
     monkeypatch.setenv("ROBO_LISTEN", "tcp/127.0.0.1:7777")

@@ -19,6 +19,7 @@ EVERYTHING = UpRequest(
     param=["driver.pin:=3", "rate:=[1, 2]"],
     connect=["tcp/site:7447"],
     listen=["tcp/127.0.0.1:7448", "tcp/[::1]:7448"],
+    security="security/names/r2",
     log_level="debug",
     host="arm",
     detach=True,

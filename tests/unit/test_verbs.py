@@ -132,7 +132,7 @@ def test_a_command_of_ros_2_is_answered_with_what_robo_has(words: tuple[str, ...
 
 @pytest.mark.parametrize(
     ("word", "meant"),
-    [("echo", "topic echo or robo action echo or robo tf echo"), ("call", "service call"),
+    [("echo", "topic echo or robo action echo or robo tf echo"), ("call", "service call or robo batch call"),
      ("info", "topic info or robo node info or robo service info or robo action info or robo bag info"),
      ("tpoic", "topic"), ("restrat", "restart")],
 )  # fmt: skip

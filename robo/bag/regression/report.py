@@ -99,6 +99,8 @@ class Trouble(msgspec.Struct, frozen=True):
     time: int
     """By the recording's clock, ns since the epoch."""
     text: str
+    ended_by: str = ""
+    """The signal that ended its process, such as SIGKILL; empty for none."""
 
 
 class ReplayReport(msgspec.Struct, kw_only=True):

@@ -19,10 +19,10 @@ from typing import Any
 
 import msgspec
 
-from robo.bag.patterns import matcher
 from robo.errors import UnreadableFile, UsageError
 from robo.text.brief import shown
 from robo.text.files import read_text
+from robo.text.patterns import matcher
 from robo.text.suggestions import suggest
 from robo.text.tree import Map, Problem, Scalar, Tree, kind
 from robo.text.yaml_tree import parse

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from robo.cli.options import Json
+from robo.cli.options import Json, JsonLines
 from robo.cli.reach import Reach
 from robo.cli.tree import group
 from robo.cli.verb import verb
@@ -73,3 +73,50 @@ def foxglove(
         return
     access = Access(token_file, without_token, tuple(origins or ()), look)
     serve(reach, listen=listen, access=access, json=json)
+
+
+@verb(
+    verbs,
+    "ros2",
+    "robo bridge ros2 --robot-name r1",
+    "robo bridge ros2 --robot-name r1 --topic odom=/odom --topic cmd_vel_key=/cmd_vel,from_ros,depth=1",
+    "robo bridge ros2 --robot-name r1 --domain 3 --parameters read --json",
+    "robo bridge ros2 --robot-name r1 --service 'safety_monitor/*=/safety/*'",
+    short_help="Let ROS 2 see a robot, and a robot ROS 2.",
+)
+def ros2(
+    reach: Reach,
+    domain: Annotated[int, typer.Option("--domain", help="ROS_DOMAIN_ID of the graph.", min=0, max=232)] = 0,
+    ros_connect: Annotated[
+        str, typer.Option("--ros-connect", metavar="ENDPOINT", help="ROS's router: rmw_zenohd, or a robot's.")
+    ] = "tcp/localhost:7447",
+    topics: Annotated[
+        list[str] | None,
+        typer.Option("--topic", metavar="NAME[=ROS][,WORD...]", help="A topic that crosses; without, all go to ROS."),
+    ] = None,
+    services: Annotated[
+        list[str] | None,
+        typer.Option("--service", metavar="NAME[=ROS][,WORD...]", help="A service; without, ROS may call all."),
+    ] = None,
+    actions: Annotated[
+        list[str] | None,
+        typer.Option("--action", metavar="NAME[=ROS][,WORD...]", help="An action; without, ROS may use all."),
+    ] = None,
+    parameters: Annotated[
+        str, typer.Option("--parameters", metavar="WORD", help="What ROS may do with them: none, read or write.")
+    ] = "write",
+    rosout: Annotated[bool, typer.Option("--rosout/--no-rosout", help="Whether the log goes to /rosout.")] = True,
+    json: JsonLines = False,
+) -> None:
+    """Connect a robot with a graph of ROS 2 over the wire of rmw_zenoh, until Ctrl-C. Nothing of ROS is needed.
+
+    ROS's tools and nodes see the robot's nodes, topics, services, actions and parameters as their own. What comes from
+    ROS is said: NAME=ROS,from_ros, or both for either direction. Names are within the robot; * and ** match. Other
+    words are reliable, best_effort, volatile, transient_local, depth=N and type=GROUP/TYPE.
+
+    In a manifest, `bridges: {ros2: {...}}` does the same, supervised.
+    """
+    from robo.cli.views.bridge_ros2 import Wanted, connect
+
+    wanted = Wanted(domain, ros_connect, topics, services, actions, parameters, rosout)
+    connect(reach, wanted, json=json)

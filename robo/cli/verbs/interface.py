@@ -1,5 +1,6 @@
 """`robo interface`: types of messages, services and actions."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -44,3 +45,34 @@ def interface_show(
     from robo.cli.views.interface import print_type
 
     print_type(type_name, only_one(json=json, json_schema=json_schema, ros=ros, type_hash=type_hash))
+
+
+@verb(
+    verbs,
+    "import",
+    "robo interface import src/my_interfaces",
+    "robo interface import src/my_interfaces -o my_interfaces.py",
+    "robo interface import src -o my_messages",
+    "robo interface import src --json | jq -r .ros_type",
+)
+def interface_import(
+    paths: Annotated[
+        list[Path], typer.Argument(metavar="PATH...", help="Files, packages or workspaces of ROS.", show_default=False)
+    ],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE.py|FOLDER", help="Write a module or a package.")
+    ] = None,
+    package: Annotated[
+        str | None, typer.Option("--package", metavar="NAME", help="The ROS package of files that are in none.")
+    ] = None,
+    json: JsonLines = False,
+) -> None:
+    """Make message types of ROS's .msg, .srv and .action files: Python classes with the same bytes and hashes.
+
+    Below the paths each package.xml says a package. A type that robo ships is used and not made again; one that is
+    neither there nor in robo is an error. Without -o the module is printed; a FOLDER gets a module for each package.
+    Comments become docstrings. What was made before is written over, and nothing else.
+    """
+    from robo.cli.views.interface_import import import_types
+
+    import_types(paths, output=output, package=package, json=json)

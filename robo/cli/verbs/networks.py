@@ -5,11 +5,12 @@ from typing import Annotated
 
 import typer
 
-from robo.cli.options import Connect, Listen, NetworkConfig
+from robo.cli.options import Connect, Listen, NetworkConfig, Security
 from robo.cli.tree import Section
 from robo.cli.verb import verb
 
 verbs = Section("Networks and containers")
+verbs.group("security", "Who may do what on a network")
 
 
 @verb(
@@ -18,6 +19,7 @@ verbs = Section("Networks and containers")
     "robo router",
     "robo router --listen tcp/0.0.0.0:7447 --name site",
     "robo router --connect tcp/site.example:7447",
+    "robo router --name site --listen tls/0.0.0.0:7447 --security security",
     "robo router --print-config > zenohd.json5",
     short_help="Run a Zenoh router for robots and hosts to meet at.",
 )
@@ -25,6 +27,7 @@ def router(
     name: Annotated[str, typer.Option("--name", metavar="NAME", help="What it is called in `robo net`.")] = "router",
     listen: Listen = None,
     connect: Connect = None,
+    security: Security = None,
     config: NetworkConfig = None,
     print_config: Annotated[
         bool, typer.Option("--print-config", help="Print the configuration for zenohd, and end.")
@@ -37,7 +40,9 @@ def router(
     """
     from robo.cli.launch.router import print_config as show
     from robo.cli.launch.router import run_router
+    from robo.cli.secured import secure
 
+    secure(security, name)
     (show if print_config else run_router)(name=name, listen=listen or [], connect=connect or [], config=config)
 
 

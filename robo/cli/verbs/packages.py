@@ -147,3 +147,6 @@ def replay_test(request: ReplayWords) -> int:
     from robo.cli.views.replay_test import run_replay_test
 
     return run_replay_test(request)
+
+
+verbs.group("batch", "Run many recordings and parameters at once, on Ray")

@@ -19,10 +19,29 @@ verbs = Section("Processes")
     "robo ps",
     "robo ps --watch",
     "robo ps --json | jq -r 'select(.state != \"ready\").node'",
+    "robo ps --fleet",
     short_help="List processes: state, restarts, cpu, memory, rates.",
 )
-def ps(reach: Reach, json: JsonLines = False, watch: Watch = False, interval: Interval = 1.0) -> None:
-    """List the processes of running robots: state, restarts, processor, memory, messages per second."""
+def ps(
+    reach: Reach,
+    fleet: Annotated[bool, typer.Option("--fleet", help="A line a robot, rather than a line a process.")] = False,
+    json: JsonLines = False,
+    watch: Watch = False,
+    interval: Interval = 1.0,
+) -> None:
+    """List the processes of running robots: state, restarts, processor, memory, messages per second.
+
+    Nodes that no supervisor runs (`robo run`, containers) tell of themselves: their figures are of the time since their
+    start, with --watch since the look before.
+
+    With --fleet: how many nodes of each robot are ready, the worst health, the version of robo, the manifest, and what
+    is wrong first. With --watch, too, robots that have gone are shown as offline, with since when.
+    """
+    if fleet:
+        from robo.cli.views.fleet import print_fleet
+
+        print_fleet(reach, json=json, watch=watch, interval=interval)
+        return
     from robo.cli.views.runs import print_processes
 
     print_processes(reach, json=json, watch=watch, interval=interval)
@@ -94,7 +113,8 @@ def logs(
     """Print what the processes of a run have printed; of the latest run on this machine by default.
 
     With --connect (or ROBO_CONNECT), and where no run is kept on this machine, supervisors are asked over the
-    network, on all hosts of the robot: they keep the last 5,000 lines.
+    network, on all hosts of the robot: they keep the last 5,000 lines. Where a robot has no supervisor (`robo run`,
+    containers), its nodes are asked, which keep 500 each.
     """
     from robo.cli.views.logs import Wanted, print_logs, print_runs
 

@@ -10,6 +10,7 @@ from robo.cli.options import Json
 from robo.cli.reach import Reach
 from robo.cli.tree import Section
 from robo.cli.verb import verb
+from robo.errors import UsageError
 
 verbs = Section("Start and stop")
 
@@ -29,6 +30,7 @@ Names = Annotated[
     "robo up -p waypoint_follower.speed:=0.3",
     "robo up fleet.yaml robots:=5 --dry-run",
     "robo up -d --wait --robot-name r1",
+    "robo up --share --robot-name r1",
     "robo up mine.yaml --watch",
     "robo up simulation.yaml --show-args",
     "robo up two_hosts.yaml --host arm --connect tcp/base.local:7447",
@@ -80,7 +82,7 @@ def run(
     hand_over(words or [])
 
 
-def _commanding(what: Literal["stop", "start", "restart"], about: str, *examples: str, short_help: str) -> None:
+def _commanding(what: Literal["stop", "start"], about: str, *examples: str, short_help: str) -> None:
     """Make a verb of what a supervisor does to some of its processes: they all take the same words."""
 
     def have_done(reach: Reach, names: Names, json: Json = False) -> None:
@@ -106,13 +108,72 @@ _commanding(
     "robo start /r1/waypoint_follower",
     short_help="Start what has stopped or failed.",
 )
-_commanding(
+
+
+@verb(
+    verbs,
     "restart",
-    "Stop nodes or groups of a running robot and start them again.",
     "robo restart position_tracker",
     "robo restart control --robot-name r1",
+    "robo restart --rolling --dry-run",
+    "robo restart --rolling 'r*' --batch 2 --settle 5",
     short_help="Stop nodes or groups and start them again.",
 )
+def restart(
+    reach: Reach,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="NODE|GROUP...",
+            help="Full names, names or groups; with --rolling robots, too, and patterns: 'r*', 'r*/base'.",
+            autocompletion=completion.processes,
+        ),
+    ] = None,
+    rolling: Annotated[
+        bool, typer.Option("--rolling", help="One after another, each only when those before are healthy.")
+    ] = False,
+    batch: Annotated[int, typer.Option("--batch", metavar="N", help="With --rolling, so many at a time.", min=1)] = 1,
+    settle: Annotated[
+        float, typer.Option("--settle", metavar="S", help="With --rolling, how long each has to stay healthy.", min=0.0)
+    ] = 5.0,
+    timeout: Annotated[
+        float | None,
+        typer.Option(
+            "--timeout",
+            metavar="S",
+            help="With --rolling, how long each may take to be healthy, by default 60; else how long to wait for the"
+            " network.",
+            min=0.0,
+            show_default=False,
+        ),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="With --rolling, say who would be started again, in which order.")
+    ] = False,
+    json: Json = False,
+) -> int:
+    """Stop nodes or groups of a running robot and start them again.
+
+    With --rolling, robots or nodes one after another, all robots where none is named. The next one's turn comes when
+    the one before is ready, with all its checks ok, and has stayed so. At the first that does not become healthy it
+    stops, tells why, and leaves the rest as they are. Nodes that were stopped stay so. --json prints JSON Lines then.
+
+    Exit code: 0 it is done, 1 something did not become healthy or is not there, 2 words that make no sense, 130 Ctrl-C.
+    """
+    if rolling:
+        from robo.cli.views.rolling import restart_rolling
+        from robo.tools.rollout import Terms
+
+        terms = Terms(batch, settle, 60.0 if timeout is None else timeout)
+        return restart_rolling(names or [], reach, terms, dry_run=dry_run, json=json)
+    if dry_run or (batch, settle) != (1, 5.0):
+        raise UsageError("--batch, --settle and --dry-run go with --rolling")
+    if not names:
+        raise UsageError("name nodes or groups, or say --rolling")
+    from robo.cli.views.runs import command
+
+    command("restart", names, reach._replace(given_timeout=timeout), json=json)
+    return 0
 
 
 @verb(verbs, "down", "robo down", "robo down --robot-name r1", "robo down --all", short_help="End the run of a robot.")

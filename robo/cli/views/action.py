@@ -6,7 +6,7 @@ from contextlib import ExitStack
 
 import zenoh
 
-from robo.cli.connection import connect_to_robot
+from robo.cli.connection import connect_to_robot, see_that_it_obeys
 from robo.cli.printing import note, print_json, print_line
 from robo.cli.reach import Reach
 from robo.cli.views.service import data_of, shape, type_and_data
@@ -72,6 +72,7 @@ def send_goal(
         found = offers.find_action(session, wanted, reach.timeout)
         if type_name not in (None, found.type):
             raise UsageError(f"{found.key} is a {found.type}, not a {type_name}; its type need not be said")
+        see_that_it_obeys(session, reach, found.key)
         goal = data_of(parts_of(found.type)[0], text, "a goal")
         sending = actions.Sending(session, found, reach.timeout)
         goal_id = id_text(sending.id)
@@ -115,6 +116,7 @@ def cancel(name: str, goal: str | None, reach: Reach, *, json: bool) -> int:
     wanted = reach.key(name)
     with connect_to_robot(reach) as session:
         found = offers.find_action(session, wanted, reach.timeout)
+        see_that_it_obeys(session, reach, found.key)
         canceling = actions.cancel(session, found.key, goal, reach.timeout)
     if json:
         print_json({"canceling": canceling})

@@ -13,11 +13,11 @@ from robo.bag.forms.lines import STANDARD
 from robo.bag.forms.to_csv import to_csv
 from robo.bag.mcap.compression import Compression
 from robo.bag.of_robot import only_robot
-from robo.bag.patterns import chosen, matcher
 from robo.bag.progress import Tell
 from robo.cli.printing import amount, note, print_line
 from robo.cli.views.bag_progress import progress
 from robo.errors import BagError, UsageError
+from robo.text.patterns import chosen, matcher
 from robo.text.terminal import visible
 
 _MOST_TOLD = 20

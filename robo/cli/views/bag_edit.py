@@ -7,12 +7,12 @@ from robo.bag.edit.editing import Edited
 from robo.bag.mcap.compression import Compression
 from robo.bag.moments import moment
 from robo.bag.of_robot import only_robot
-from robo.bag.patterns import chosen
 from robo.cli.printing import amount, data_size, note, print_line
 from robo.cli.views.bag_progress import progress
 from robo.cli.views.bag_times import duration
 from robo.errors import BagError, UsageError
 from robo.text.dates import date
+from robo.text.patterns import chosen
 from robo.text.terminal import visible
 
 

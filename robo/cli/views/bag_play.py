@@ -14,7 +14,7 @@ import zenoh
 from robo import bag
 from robo.bag.of_robot import robots_of
 from robo.bag.read.reader import Bag, Order
-from robo.cli.connection import connect_to_robot
+from robo.cli.connection import connect_to_robot, see_that_it_obeys
 from robo.cli.link import Link
 from robo.cli.printing import amount, hint, note, print_json, print_line
 from robo.cli.reach import Reach
@@ -77,6 +77,7 @@ def play(path: str, reach: Reach, words: "PlayWords", *, json: bool) -> int:
         selection = select(recording.topics, choice, recording.path, robots_of(recording))
         tape = _tape(recording, selection.played, words)  # a mistake is told before anything is dialled
         session = ends.enter_context(connect_to_robot(reach))
+        see_that_it_obeys(session, reach, selection.played[0].key if selection.played else "")
         listening = _refuse_taken(session, selection.played, words, reach)
         run = _Run(session, recording, tape, selection, words, reach, json=json)
         run.play(listening)

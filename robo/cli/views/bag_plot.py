@@ -8,12 +8,12 @@ from robo import bag
 from robo.bag.look.series import series
 from robo.bag.moments import moment
 from robo.bag.of_robot import only_robot
-from robo.bag.patterns import chosen
 from robo.cli.printing import amount, note, print_json, print_line
 from robo.cli.views.bag_progress import progress
 from robo.cli.views.pictures import STANDARD, check_picture, panels_of, written
 from robo.errors import UsageError
 from robo.text.dates import date
+from robo.text.patterns import chosen
 from robo.text.svg import Theme, curves
 from robo.text.terminal import visible
 

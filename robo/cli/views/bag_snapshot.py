@@ -4,7 +4,7 @@ import time
 
 import msgspec
 
-from robo.cli.connection import connect_to_robot
+from robo.cli.connection import connect_to_robot, see_that_it_obeys
 from robo.cli.printing import data_size, hint, print_json, print_line
 from robo.cli.reach import Reach
 from robo.errors import FlightRecorderError, UsageError
@@ -32,6 +32,7 @@ def take_snapshot(reach: Reach, reason: str, *, json: bool) -> None:
     with connect_to_robot(reach) as session:
         found = [one for one in offers.list_services(session, reach.timeout) if one.type == _TYPE]
         service = _only(found, reach)
+        see_that_it_obeys(session, reach, service.key)
         hint(f"{service.servers[0]} records a few seconds more, and writes the file")
         request = msgspec.msgpack.encode(TakeSnapshot.Request(reason))
         attachment = codec.pack_attachment(1, time.time_ns())

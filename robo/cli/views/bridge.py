@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from robo.bridges.foxglove.layouts import layout_of
-from robo.cli.connection import connect_to_robot
+from robo.cli.connection import connect_to_robot, tell_where_it_is_read_only
 from robo.cli.link import watched
 from robo.cli.printing import note, print_json, print_line, print_text
 from robo.cli.reach import Reach
@@ -74,6 +74,8 @@ def serve(reach: Reach, *, listen: str, access: Access, json: bool) -> None:
         await server.serve(lambda port: _tell(host, port, tokens, look=access.look, json=json), over.wait())
 
     with connect_to_robot(reach) as session, watched(session, reach) as link:
+        if not access.look:
+            tell_where_it_is_read_only(session, reach)
         server = Server(session, settings, lambda text: note(visible(text)), reach.covers, lambda: link.lost)
         asyncio.run(until_stopped(server))
 

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from robo.cli.connection import connect_to_robot
+from robo.cli.connection import connect_to_robot, tell_where_it_is_read_only
 from robo.cli.printing import print_json, print_line
 from robo.cli.reach import Reach
 from robo.dashboard.place import PORT, Settings
@@ -34,6 +34,7 @@ def serve(reach: Reach, *, listen: str, token_file: Path | None, names: Sequence
     host, port = place(listen, PORT)
     settings = Settings.of(host, port, token_file, names)
     with connect_to_robot(reach) as session:
+        tell_where_it_is_read_only(session, reach)
         asyncio.run(_serve(Dashboard(session, settings), lambda port: _tell(settings, port, json=json)))
 
 

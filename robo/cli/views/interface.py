@@ -4,7 +4,7 @@ import msgspec
 
 from robo.cli.json_text import document
 from robo.cli.printing import note, paint, print_json, print_line, print_table, print_text
-from robo.errors import ContractError, MessageError
+from robo.errors import ContractError, MessageError, UsageError
 from robo.interfaces import apart, catalogue
 from robo.interfaces.apart import Described, InRos, Sheet
 from robo.interfaces.catalogue import FieldInfo
@@ -36,12 +36,15 @@ def print_type(name: str, form: str | None) -> None:
     Raises:
         MessageError: there is no such type.
         ContractError: the file that says it cannot be imported, or ROS is asked for and cannot have it.
+        UsageError: ROS makes it of another one, so that it has nothing but a hash.
     """
     try:
         found = apart.described(name)
     except UnknownType as error:
         raise MessageError(error.args[0]) from None
     sheets = found.sheets
+    if found.made_of and form != "type_hash":
+        raise UsageError(f"ROS makes {name} of {found.made_of}: only its --type-hash is there; show {found.made_of}")
     if form == "ros":
         print_text(_in_ros(found).text)
     elif form == "type_hash":

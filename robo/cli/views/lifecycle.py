@@ -4,7 +4,7 @@ import sys
 
 import zenoh
 
-from robo.cli.connection import connect_to_robot, nodes_of
+from robo.cli.connection import connect_to_robot, nodes_of, see_that_it_obeys
 from robo.cli.printing import note, print_json, print_line, print_table
 from robo.cli.reach import Reach
 from robo.errors import NodeUnreachable
@@ -79,6 +79,7 @@ def set_state(node: str, transition: str, reach: Reach, *, patience: float, json
     """
     with connect_to_robot(reach) as session:
         name = lifecycle.find(_nodes(session, reach), node)
+        see_that_it_obeys(session, reach, name)
         done = lifecycle.change(session, name, transition, reach.timeout, patience)
     if json:
         print_json(done)

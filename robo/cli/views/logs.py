@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
+import msgspec
 import zenoh
 
 from robo.cli.connection import connect_to_robot, join_robot
@@ -13,12 +14,14 @@ from robo.cli.link import watched
 from robo.cli.printing import note, print_json, print_table
 from robo.cli.reach import Reach
 from robo.environment import CONNECT_VARIABLE
-from robo.errors import RoboError
+from robo.errors import RoboError, RunError
 from robo.machine.log_files import LogFilter
 from robo.supervisor.console import Console
 from robo.text.folders import log_base
-from robo.tools import logs, runs
-from robo.wire.reports import LogRecord, LogsRequest
+from robo.tools import logs, nodes, runs, unsupervised
+from robo.wire.keys import NodeToken
+from robo.wire.names import label
+from robo.wire.reports import LogRecord, LogsRequest, ProcessName
 from robo.wire.run_id import supervisor_lives
 
 _ASK_TIMEOUT = 5.0
@@ -101,7 +104,7 @@ def _where_files_lack(chosen: logs.LoggedRun) -> tuple[str, zenoh.Session | None
     if not supervisor_lives(chosen.info.run, unknown=False):
         return "", None
     try:
-        session = join_robot(Reach(tuple(chosen.info.endpoints), chosen.info.robot, _ASK_TIMEOUT))
+        session = join_robot(Reach(tuple(chosen.info.endpoints[:1]), chosen.info.robot, _ASK_TIMEOUT))
     except RoboError:
         _tell_of_silence(chosen)
         return "", None
@@ -136,7 +139,14 @@ def _and_after(
 def _print_from_network(wanted: Wanted, reach: Reach) -> None:
     wants = wanted.filter().wants
     with connect_to_robot(reach) as session, watched(session, reach):
-        robot, part = runs.target_of(session, reach.robot, wanted.nodes)
+        try:
+            robot, part = runs.target_of(session, reach.robot, wanted.nodes)
+        except RunError:
+            there = [node for node in nodes.list_nodes(session) if not node.run]
+            if not unsupervised.of_robot(there, reach.robot or ""):
+                raise
+            _print_of_nodes(wanted, session, there, reach.robot or "")
+            return
         labels = logs.labels_meant(wanted.nodes, [status.name for status in runs.processes(session, robot)], part)
         stream = runs.OutputStream(session, robot)
         asked = LogsRequest(sorted(labels), wanted.begin(), wanted.level, wanted.lines)
@@ -145,6 +155,25 @@ def _print_from_network(wanted: Wanted, reach: Reach) -> None:
         printer.show_past(found)
         if wanted.follow:
             printer.show_coming(one for one in stream.coming() if (not labels or one.node in labels) and wants(one))
+
+
+def _print_of_nodes(wanted: Wanted, session: zenoh.Session, there: Sequence[NodeToken], robot: str) -> None:
+    """Print what nodes that no supervisor runs keep themselves."""
+    names = [ProcessName(robot, node.full_name, "") for node in unsupervised.of_robot(there, robot)]
+    labels = logs.labels_meant(wanted.nodes, names)
+    wants = wanted.filter().wants
+    lines = unsupervised.Lines(session, robot)
+
+    def wanted_of(found: Iterable[LogRecord]) -> Iterator[LogRecord]:
+        for one in found:
+            named = msgspec.structs.replace(one, node=label(robot, one.node))
+            if (not labels or named.node in labels) and wants(named):
+                yield named
+
+    printer = _Printer(wanted, sorted(labels) or [name.label for name in names])
+    printer.show_past(wanted_of(lines.new()))
+    if wanted.follow:
+        printer.show(wanted_of(lines.coming()))
 
 
 class _Printer:
@@ -161,9 +190,12 @@ class _Printer:
 
     def show_coming(self, records: Iterable[LogRecord]) -> None:
         """Print what comes, but for what was shown before."""
+        self.show(record for record in records if record.time > self._last)
+
+    def show(self, records: Iterable[LogRecord]) -> None:
+        """Print records."""
         for record in records:
-            if record.time > self._last:
-                show(record, self._console, json=self._wanted.json)
+            show(record, self._console, json=self._wanted.json)
 
 
 def show(record: LogRecord, console: Console, *, json: bool) -> None:

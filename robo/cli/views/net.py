@@ -71,6 +71,11 @@ def _print(seen: NetworkView, reach: Reach) -> None:
             for node in found
         ]
         print_table([head, *rows])
+    refused = [(one.router, count) for one in seen.refused for count in one.counts]
+    if refused:
+        print_line("")
+        told = [(router, str(count.count), count.sentence) for router, count in refused]
+        print_table([("ROUTER", "REFUSED", "WHAT"), *told])
     for problem in seen.problems:
         print_line(f"{paint('!!', colours.RED)}  {problem}")
 

@@ -32,7 +32,7 @@ def print_nodes(reach: Reach, *, json: bool) -> None:
         NodeNotFound: the robot that is named has none.
     """
     with connect_to_robot(reach) as session:
-        found = nodes_of(session, reach)
+        found = nodes_of(session, reach, of_ros=True)
     if json:
         for token in found:
             print_json(
@@ -64,7 +64,8 @@ def print_info(name: str, reach: Reach, *, json: bool) -> int:
         NodeNotFound: there is no such node.
     """
     with connect_to_robot(reach) as session:
-        info = nodes.node_info(session, nodes.find_node(nodes_of(session, reach), name), max(reach.timeout, 1.0))
+        node = nodes.find_node(nodes_of(session, reach, of_ros=True), name)
+        info = nodes.node_info(session, node, max(reach.timeout, 1.0))
     if json:
         print_json(info)
     else:
@@ -77,8 +78,8 @@ def print_info(name: str, reach: Reach, *, json: bool) -> int:
 def _lines(info: NodeInfo) -> list[str]:
     stuck = info.running_for > nodes.LONG_CALLBACK
     facts = [
-        ("class", info.class_name),
-        ("process", f"{info.pid} on {info.host}"),
+        ("class", "a node of ROS 2, as a bridge shows it" if info.is_of_ros else info.class_name),
+        ("process", "" if info.is_of_ros else f"{info.pid} on {info.host}"),
         ("state", info.state or ""),
         ("restarts", "" if info.restarts is None else str(info.restarts)),
         ("uptime", "" if info.uptime is None else duration(info.uptime)),
@@ -99,8 +100,17 @@ def _lines(info: NodeInfo) -> list[str]:
     lines += _section(
         "checks", [(check_name(c), HEALTH_LEVELS[c.level].upper(), c.message, _figures(c)) for c in info.checks]
     )
-    rows = [(p.topic, p.type, str(p.qos), f"{p.rate:.1f} Hz", f"{p.published} published") for p in info.publishers]
-    lines += _section("publishers", rows)
+
+    def counted(*figures: str) -> tuple[str, ...]:
+        return () if info.is_of_ros else figures  # whoever shows it does not count for it
+
+    lines += _section(
+        "publishers",
+        [
+            (p.topic, p.type, str(p.qos), *counted(f"{p.rate:.1f} Hz", f"{p.published} published"))
+            for p in info.publishers
+        ],
+    )
     lines += _section(
         "subscriptions",
         [
@@ -108,13 +118,12 @@ def _lines(info: NodeInfo) -> list[str]:
                 s.topic,
                 s.type,
                 str(s.qos),
-                f"{s.rate:.1f} Hz",
-                f"{s.received} received, {s.dropped} dropped, {s.malformed} malformed",
+                *counted(f"{s.rate:.1f} Hz", f"{s.received} received, {s.dropped} dropped, {s.malformed} malformed"),
             )
             for s in info.subscriptions
         ],
     )
-    lines += _section("services", [(s.service, s.type, f"{s.served} calls") for s in info.services])
+    lines += _section("services", [(s.service, s.type, *counted(f"{s.served} calls")) for s in info.services])
     lines += _section(
         "turns of their own", [(t.turn, ", ".join(t.callbacks), f"{t.load:.1%} of the time") for t in info.turns]
     )

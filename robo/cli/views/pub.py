@@ -9,7 +9,7 @@ from typing import NamedTuple
 import zenoh
 
 import robo_messages
-from robo.cli.connection import connect_to_robot
+from robo.cli.connection import connect_to_robot, see_that_it_obeys
 from robo.cli.printing import amount, hint, note
 from robo.cli.reach import Reach
 from robo.errors import ContractError, MessageError, UsageError
@@ -125,6 +125,7 @@ def _publish_one(key: str, type_name: str, text: str, reach: Reach, options: Pub
     stamped = "now" in text or "auto" in text
     expression = reach.one_key(key, "publish on")
     with connect_to_robot(reach) as session:
+        see_that_it_obeys(session, reach, expression)
         sender = options.sender(session, expression, type_name, reach)
         count = _Count(f" on {expression}")
         due = time.monotonic()
@@ -148,6 +149,7 @@ def _publish_lines(key: str | None, type_name: str | None, reach: Reach, options
         _type(type_name)  # a mistake in it is told before anything is read
     target = reach.one_key(key, "publish on") if key is not None else None
     with connect_to_robot(reach) as session:
+        see_that_it_obeys(session, reach, target or "")
         lines = _Lines(session, reach, options)
         mistakes = 0
         try:

@@ -1,13 +1,12 @@
 """`robo ps`, `stop`, `start`, `restart`, `down`, `why` and `events`: printing what supervisors say."""
 
-import os
 import time
 from collections.abc import Iterator, Sequence
 
 import msgspec
 import zenoh
 
-from robo.cli.connection import connect_to_robot
+from robo.cli.connection import connect_to_robot, see_that_it_obeys
 from robo.cli.link import watched
 from robo.cli.printing import (
     clear_screen,
@@ -21,11 +20,11 @@ from robo.cli.printing import (
     print_table,
 )
 from robo.cli.reach import Reach
-from robo.environment import CONNECT_VARIABLE
 from robo.errors import NetworkError, RunError, UsageError
 from robo.text import colours
 from robo.text.durations import duration
-from robo.tools import nodes, runs, strangers
+from robo.tools import nodes, runs, strangers, unsupervised
+from robo.wire import whereabouts
 from robo.wire.explained import explained
 from robo.wire.keys import NodeToken, SupervisorToken
 from robo.wire.network import Network
@@ -49,9 +48,13 @@ def print_processes(reach: Reach, *, json: bool, watch: bool, interval: float) -
         RunError: no supervisor answers.
     """
     with connect_to_robot(reach) as session, watched(session, reach) as link:
+        alone = unsupervised.Processes(session)
         while True:
-            found = _watched(session, reach) if watch else _asked_once(session, reach)
-            found = _with_twins(found, nodes.list_nodes(session))
+            there = nodes.list_nodes(session)
+            found, problem = _supervised(session, reach)
+            found = _with_twins([*found, *alone.look(there, found, reach.robot or "")], there)
+            if problem is not None and not found and not watch:
+                raise problem
             if watch and not json:
                 clear_screen()
             if json:
@@ -67,16 +70,12 @@ def print_processes(reach: Reach, *, json: bool, watch: bool, interval: float) -
             time.sleep(interval)
 
 
-def _asked_once(session: zenoh.Session, reach: Reach) -> list[ProcessStatus]:
-    return runs.processes(session, reach.robot) if reach.robot is not None else runs.all_processes(session)
-
-
-def _watched(session: zenoh.Session, reach: Reach) -> list[ProcessStatus]:
-    """What runs just now: a robot that does not answer may come back."""
+def _supervised(session: zenoh.Session, reach: Reach) -> tuple[list[ProcessStatus], RunError | None]:
+    """What supervisors run just now, or why there is none: a robot that does not answer may come back."""
     try:
-        return runs.processes(session, reach.robot)
-    except RunError:
-        return []
+        return (runs.processes(session, reach.robot) if reach.robot is not None else runs.all_processes(session)), None
+    except RunError as error:
+        return [], error
 
 
 def _with_twins(found: Sequence[ProcessStatus], there: Sequence[NodeToken]) -> list[ProcessStatus]:
@@ -146,7 +145,7 @@ def _row(status: ProcessStatus) -> tuple[str, ...]:
         f"  {status.node}" if shares else status.node,
         _painted(status.state),
         "-" if status.pid is None else str(status.pid),
-        str(status.restarts),
+        str(status.restarts) if status.run else "-",
         "-" if status.uptime is None else duration(status.uptime),
         _percent(status.cpu),
         "-" if shares else _megabytes(status.memory),
@@ -181,7 +180,9 @@ def command(verb: str, names: Sequence[str], reach: Reach, *, json: bool) -> Non
         RoboError: there is no such robot or node, or it is not clear which robot is meant.
     """
     with connect_to_robot(reach) as session:
-        done = runs.command(session, runs.target_of(session, reach.robot, names), verb, names)
+        target = runs.target_of(session, reach.robot, names)
+        see_that_it_obeys(session, reach, robot=target.robot)
+        done = runs.command(session, target, verb, names)
     if json:
         print_json(done)
         return
@@ -205,8 +206,10 @@ def down(reach: Reach, *, every: bool, everyone: bool, timeout: float) -> None:
         RoboError: there is no such robot, it is not clear which is meant, or it does not end.
     """
     with connect_to_robot(reach) as session:
+        there = runs.supervisors(session) if reach.robot is None else []
+        see_that_it_obeys(session, reach, robot=there[0].robot if len(there) == 1 else "")
         if reach.robot is None:
-            robots = _robots_to_end(runs.supervisors(session), every=every or everyone, everyone=everyone)
+            robots = _robots_to_end(there, every=every or everyone, everyone=everyone)
         else:
             target = runs.target_of(session, reach.robot)
             if target.part and not all(s.name.is_within(target.part) for s in runs.processes(session, target.robot)):
@@ -257,8 +260,8 @@ def why(names: Sequence[str], reach: Reach, *, json: bool) -> None:
         from robo.cli.views.last_run import print_last_run  # which reads recordings
         from robo.tools.last_run import last_run
 
-        is_told_where = reach.connect or os.environ.get(CONNECT_VARIABLE)
-        places = Network.from_environment("client", reach.connect).connect if is_told_where else ()
+        told = whereabouts.is_told(reach.connect)
+        places = Network.from_environment("client", reach.connect).connect if told else ()
         last = last_run(reach.robot, places, names) if not json else None
         if last is None:
             raise

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import msgspec
 
 import robo_messages
-from robo.cli.connection import connect_to_robot
+from robo.cli.connection import connect_to_robot, see_that_it_obeys
 from robo.cli.printing import print_json, print_line
 from robo.cli.reach import Reach
 from robo.errors import UsageError
@@ -63,6 +63,7 @@ def call(name: str, words: Sequence[str], reach: Reach, *, timeout: float, json:
         found = offers.find_service(session, wanted, reach.timeout)
         if type_name not in (None, found.type):
             raise UsageError(f"{found.key} is a {found.type}, not a {type_name}; its type need not be said")
+        see_that_it_obeys(session, reach, found.key)
         asked, _ = robo_messages.halves_of(found.type)
         attachment = codec.pack_attachment(1, time.time_ns())
         payload = msgspec.msgpack.encode(data_of(asked, request, "a request"))

@@ -10,7 +10,6 @@ from typing import NamedTuple
 from robo import bag
 from robo.bag.forms.choice import form_of_input
 from robo.bag.of_robot import only_robot
-from robo.bag.patterns import chosen
 from robo.bridges.rerun.feed import Feed
 from robo.bridges.rerun.pace import Pace
 from robo.bridges.rerun.sink import Sink, import_rerun
@@ -22,6 +21,7 @@ from robo.cli.printing import amount, note, print_line
 from robo.cli.reach import Reach
 from robo.cli.views.bag_progress import progress
 from robo.errors import BagError, UsageError
+from robo.text.patterns import chosen
 from robo.text.terminal import visible
 from robo.wire import names
 

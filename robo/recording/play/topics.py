@@ -7,10 +7,10 @@ import msgspec
 import zenoh
 
 from robo.bag.of_robot import robots_among
-from robo.bag.patterns import chosen
 from robo.bag.read.topics import Topic
 from robo.errors import BagError, InvalidName, UsageError
 from robo.text.brief import brief
+from robo.text.patterns import chosen
 from robo.text.suggestions import suggest
 from robo.wire import codec, names
 from robo.wire.keys import SNAPSHOTS_TOPIC, SYSTEM_TOPICS

@@ -1,4 +1,4 @@
-"""Topics of recordings by patterns, as people write key expressions. Pure.
+"""Topics and nodes by patterns, as people write key expressions. Pure.
 
 `*` stands for one part of a name, `**` for any number of them, also none. Within a part `*`, which Zenoh writes `$*`,
 stands for any letters: `r1/camera_*`. Outer slashes do not count, but a pattern that begins with one means whole names.
@@ -51,29 +51,31 @@ def chosen(
     return found.__contains__
 
 
-def matcher(wanted: Sequence[str], excluded: Sequence[str] = (), robot: str = "") -> Callable[[str], bool]:
-    """Whether a topic is meant, where nobody knows yet which there are; as `chosen`.
+def matcher(
+    wanted: Sequence[str], excluded: Sequence[str] = (), robot: str = "", what: str = "topic"
+) -> Callable[[str], bool]:
+    """Whether a topic is meant, where nobody knows yet which there are; as `chosen`. `what` it is, for messages.
 
     Raises:
         UsageError: a pattern makes no sense.
     """
-    yes, no = ([_one(text, robot) for text in patterns] for patterns in (wanted, excluded))
+    yes, no = ([_one(text, robot, what) for text in patterns] for patterns in (wanted, excluded))
     return lambda name: (not yes or any(one(name) for one in yes)) and not any(one(name) for one in no)
 
 
-def _one(text: str, robot: str) -> Callable[[str], bool]:
-    pattern = _pattern(text)
+def _one(text: str, robot: str, what: str) -> Callable[[str], bool]:
+    pattern = _pattern(text, what)
     own = f"{robot}/" if robot and not text.startswith("/") else ""
     if not own:
         return lambda name: _matches(pattern, name)
     return lambda name: _matches(pattern, name) or (name.startswith(own) and _matches(pattern, name.removeprefix(own)))
 
 
-def _pattern(text: str) -> Pattern:
+def _pattern(text: str, what: str) -> Pattern:
     parts = text.replace("$*", "*").strip("/").split("/")
     if "" in parts or any("**" in part and part != "**" for part in parts):
         raise UsageError(
-            f"topic {text!r} makes no sense: letters, * or ** stand between slashes, as in r1/* or **/scan"
+            f"{what} {text!r} makes no sense: letters, * or ** stand between slashes, as in r1/* or **/scan"
         )
     return [None if part == "**" else re.compile(_letters(part), re.DOTALL) for part in parts]
 
