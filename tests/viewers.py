@@ -1,6 +1,7 @@
 """A viewer for tests: as much of one as the server of viewers knows of, over the library for sockets alone."""
 
 import asyncio
+import socket
 import struct
 import threading
 from collections.abc import Callable, Iterator
@@ -49,6 +50,15 @@ class Served:
         protocols = [subprotocol]
         with client.connect(address, open_timeout=PATIENCE, subprotocols=protocols, max_size=None, **how) as found:
             yield Viewer(found)
+
+    @contextmanager
+    def narrow_viewer(self) -> Iterator["Viewer"]:
+        """One whose end of the link holds as good as nothing, while a kernel may give a plain one 32 MB."""
+        with socket.socket() as link:
+            link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 65_536)
+            link.connect(("127.0.0.1", self.port))
+            with self.viewer(sock=link, max_queue=1) as found:
+                yield found
 
     def close(self) -> None:
         """Serve no more."""

@@ -467,7 +467,7 @@ def test_a_viewer_that_reads_nothing_holds_up_nobody_and_costs_bounded_memory(
 ) -> None:
     sender = Sender(other, "r1/image", "std/String", QoS.DEFAULT, "/r1/camera")
     picture = robo_messages.encode(String("x" * 1_000_000))
-    with served.viewer() as stalled, served.viewer() as viewer:
+    with served.narrow_viewer() as stalled, served.viewer() as viewer:
         stalled.subscribe("/r1/image")
         number = viewer.subscribe("/r1/image")
         assert sender.wait_for_subscriber(20)
