@@ -43,12 +43,16 @@ class RosNode:
         config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')
         config.insert_json5("scouting/multicast/enabled", "false")
         config.insert_json5("timestamping/enabled", "true")
+        dials = '{"peer": {"to_router": "always", "to_peer": "greater-zid"}}'
+        config.insert_json5("scouting/gossip/autoconnect_strategy", dials)
         self.session = zenoh.open(config)
         self.name, self.domain = name, domain
         self.namespace = namespace.strip("/").replace("/", "%")
         self._stack = ExitStack()
         self._numbers = iter(range(1, 1_000_000))
         self.gids: dict[str, bytes] = {}
+        self._clients: dict[tuple[str, float], Any] = {}
+        self._making = threading.Lock()
         zid = str(self.session.info.zid())
         self._whose = f"@ros2_lv/{domain}/{zid}/0"
         self._token(f"{self._whose}/0/NN/%/%{self.namespace}/{name}")
@@ -128,24 +132,29 @@ class RosNode:
         type_, hash_ = type_ or dds(full_name(service, "service")), hash_ or type_hash(service)
         gid = self.announce("SC", topic, type_, hash_)
         stamp = struct.pack("<qqB16s", 7, time.time_ns(), 16, gid)
-        querier = self.session.declare_querier(
-            self.key(topic, type_, hash_),
-            target=zenoh.QueryTarget.ALL_COMPLETE,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            timeout=timeout,
-        )
-        try:
-            for reply in querier.get(payload=cdr.encoder(type(request))(request), attachment=stamp):
-                if reply.ok is None:
-                    assert reply.err is not None
-                    return reply.err.payload.to_bytes().decode()
-                assert reply.ok.attachment is not None
-                number, _, _, whose = struct.unpack("<qqB16s", reply.ok.attachment.to_bytes())
-                assert (number, whose) == (7, gid)
-                return cdr.decoder(response)(reply.ok.payload.to_bytes())
-        finally:
-            querier.undeclare()
+        querier = self._client(self.key(topic, type_, hash_), timeout)
+        for reply in querier.get(payload=cdr.encoder(type(request))(request), attachment=stamp):
+            if reply.ok is None:
+                assert reply.err is not None
+                return reply.err.payload.to_bytes().decode()
+            assert reply.ok.attachment is not None
+            number, _, _, whose = struct.unpack("<qqB16s", reply.ok.attachment.to_bytes())
+            assert (number, whose) == (7, gid)
+            return cdr.decoder(response)(reply.ok.payload.to_bytes())
         return None
+
+    def _client(self, key: str, timeout: float) -> Any:
+        """What asks: one for all calls, as in ROS; Zenoh mixes up the key of several that come and go at once."""
+        with self._making:
+            if (key, timeout) not in self._clients:
+                made = self._clients[key, timeout] = self.session.declare_querier(
+                    key,
+                    target=zenoh.QueryTarget.ALL_COMPLETE,
+                    consolidation=zenoh.ConsolidationMode.NONE,
+                    timeout=timeout,
+                )
+                self._stack.callback(made.undeclare)
+            return self._clients[key, timeout]
 
     def tokens(self, pattern: str = "**") -> list[str]:
         """All tokens of the graph that this node sees."""

@@ -54,6 +54,7 @@ class ActionCaller(Generic[G, R, F]):
             clock: by which results are waited for.
         """
         self.key = token.topic
+        self.announced = token
         self._session = session
         self._types = types
         self._timeout = timeout

@@ -61,6 +61,7 @@ class ActionServer:
             on_error: is told what the handler raised; clients get it as well.
         """
         self.key = key = token.topic
+        self.announced = token
         self._types = types
         self._handling = handling
         self._turn = turn

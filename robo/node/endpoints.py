@@ -13,6 +13,7 @@ from robo.node.loops import TimerLoop
 from robo.node.services import ServiceClient, ServiceServer
 from robo.node.topics import TopicPublisher, TopicSubscription
 from robo.node.turn import Turn
+from robo.wire.keys import EndpointToken
 
 if TYPE_CHECKING:
     from robo.node.action_client import ActionCaller
@@ -43,6 +44,12 @@ class Startable(Stoppable, Protocol):
 
     def start(self) -> None:
         """Begin to call the callback."""
+
+
+class Announced(Protocol):
+    """What others see of an end."""
+
+    announced: EndpointToken
 
 
 class Caller(Protocol):
@@ -119,6 +126,14 @@ class Endpoints:
             for action in self.actions:
                 action.interrupt()
             self._coroutines.interrupt()
+
+    def announced(self) -> list[EndpointToken]:
+        """What is announced of all of them."""
+        with self._lock:
+            topics: list[Announced] = [*self.publishers, *self.subscriptions]
+            served: list[Announced] = [*self.services, *self.actions]
+            called: list[Announced] = [*self.clients, *self.action_clients]
+            return [one.announced for one in (*topics, *served, *called)]
 
     def begin(self) -> None:
         """Begin to run callbacks: the subscriptions' first, then the timers'."""

@@ -24,6 +24,7 @@ from robo.node.tuning import Tuning
 from robo.node.turns import Turns
 from robo.parameters.model import build
 from robo.wire import keys
+from robo.wire.keys import EndpointToken
 from robo.wire.qos import Quality
 from robo.wire.reports import NodeStatus, Setting
 from robo_messages import Time
@@ -221,6 +222,10 @@ class Node(Creating):
         """Call `beat` every `period` seconds in turn with the callbacks: for whoever looks after the node's process."""
         assert self._life is not None
         self._life.beat_every(period, beat)
+
+    def announced(self) -> list[EndpointToken]:
+        """What it has announced of its ends on topics, services and actions: for whoever shows it elsewhere."""
+        return self._ends.announced()
 
     @property
     def _ends(self) -> Endpoints:

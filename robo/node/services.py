@@ -59,6 +59,7 @@ class ServiceServer(Generic[Q, A]):
     ) -> None:
         """`on_error` is told what the handler raised; the caller gets it as well."""
         self.key = token.topic
+        self.announced = token
         self._decoder = Decoder(request)
         self._response = response
         self._encoding = codec.encoding_of(response)
@@ -173,6 +174,7 @@ class ServiceClient(Generic[Q, A]):
         priority: Priority = "data",
     ) -> None:
         self.key = key = token.topic
+        self.announced = token
         self._session = session
         self._encoding = codec.encoding_of(request)
         self._request = request

@@ -67,18 +67,18 @@ class Endpoint:
     """One end of a topic and the token that announces it."""
 
     def __init__(self, session: zenoh.Session, token: EndpointToken) -> None:
-        self._info = token
+        self.announced = token
         self._token = session.liveliness().declare_token(token.key())
 
     @property
     def topic(self) -> str:
         """The topic's key expression, after namespace and remapping."""
-        return self._info.topic
+        return self.announced.topic
 
     @property
     def qos(self) -> QoS:
         """What holds of it, what its launch says included."""
-        return self._info.qos
+        return self.announced.qos
 
     def undeclare(self) -> None:
         """Withdraw the announcement."""
@@ -123,7 +123,7 @@ class TopicPublisher(Endpoint, Generic[M]):
     @property
     def id(self) -> str:
         """Zenoh's id of it, which its messages carry: `MessageInfo.source_id` of those who receive them."""
-        return self._info.id
+        return self.announced.id
 
     @property
     def published(self) -> int:

@@ -154,11 +154,6 @@ def source_id(entity: zenoh.EntityGlobalId) -> str:
     return f"{entity.zid}:{entity.eid}"
 
 
-def tokens_of_node(namespace: str, node: str) -> str:
-    """The tokens of a node and of its ends: a key expression."""
-    return names.join(PREFIX, namespace, "*", node, "*/*/*")
-
-
 def tokens_of_publishers(topic: str) -> str:
     """The key expression of the tokens of all who publish on a topic."""
     return names.join(PREFIX, "**/pub/*/*/*", _mangle(topic))

@@ -81,6 +81,7 @@ def test_it_says_hears_serves_and_calls_in_ros_what_it_does_in_robo(both: Both, 
     eventually(lambda: node.maps == ["hall"], "it hears what was latched")
     node.kind.publish(String("mobile"))
     assert both.ros("late").hear(String, "/r1/kind", latched=1).wait() == [String("mobile")]
+    eventually(lambda: ends(ros, "SS", "base", "%r1%lights") == 1, "it serves")
     lit = ros.call("std/SetBool", "/r1/lights", SetBool.Request(True), SetBool.Response)
     assert lit == SetBool.Response(True, "bright")
     ros.serve("std/SetBool", "/r1/ask", SetBool.Request, lambda request: SetBool.Response(request.data, "from ROS"))

@@ -13,10 +13,10 @@ from robo.bridges.ros2.rules import crosses_by_name
 from robo.launch.plan import CrossingPlan, Direction, Ros2Plan
 from robo.node.clock import Clock
 from robo.node.node import Node
-from robo.wire.keys import EndpointToken, parse_token, tokens_of_node
+from robo.wire.keys import EndpointToken
 from robo.wire.session import close_session
 
-_ANSWERS_WITHIN = 1.0
+_STOPS_WITHIN = 1.0
 """s."""
 _PERIOD = 1.0
 """After how long it is looked whether ROS's network is there, s."""
@@ -37,18 +37,15 @@ def in_ros(node: Node, connect: str, domain: int) -> Iterator[None]:
     Raises:
         RunError: a library is missing.
     """
-    session = node.session
-    found = session.liveliness().get(tokens_of_node(node.namespace, node.name), timeout=_ANSWERS_WITHIN)
-    tokens = [parse_token(str(one.ok.key_expr)) for one in found if one.ok is not None]
-    plan = plan_of([one for one in tokens if isinstance(one, EndpointToken)], connect, domain)
+    plan = plan_of(node.announced(), connect, domain)
     ros = join_ros(connect, patient=True)
     try:
-        bridge = Bridge(session, ros, plan, node.namespace, node.logger.warning, node.full_name, alone=True)
+        bridge = Bridge(node.session, ros, plan, node.namespace, node.logger.warning, node.full_name, alone=True)
         timer = node.create_timer(_PERIOD, _Watch(node, bridge, plan).look, Clock(), turn="ros2")
         try:
             yield
         finally:
-            timer.stop(_ANSWERS_WITHIN)
+            timer.stop(_STOPS_WITHIN)
             bridge.close()
     finally:
         close_session(ros)

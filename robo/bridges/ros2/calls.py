@@ -46,6 +46,8 @@ class Workers:
     def __init__(self, failed: Callable[[BaseException], None]) -> None:
         """`failed` is told what a piece of work has raised."""
         self._failed = failed
+        self._lock = threading.Lock()
+        self._over = False
         self._work: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._threads = [
             threading.Thread(target=self._run, name="robo-ros2-answers", daemon=True) for _ in range(_WORKERS)
@@ -54,8 +56,10 @@ class Workers:
             thread.start()
 
     def do(self, work: Callable[[], None]) -> None:
-        """Have something done soon."""
-        self._work.put(work)
+        """Have something done soon; nothing once they are closed."""
+        with self._lock:  # what comes behind the last word would be kept for ever, and a call with it
+            if not self._over:
+                self._work.put(work)
 
     def take(self, query: zenoh.Query, work: Callable[[zenoh.Query], None]) -> None:
         """Have a call answered; of too many at once the last ones are refused. For Zenoh's own threads."""
@@ -63,12 +67,14 @@ class Workers:
             query.reply_err(b"too many calls at once")
             query.drop()
         else:
-            self._work.put(lambda: work(query))
+            self.do(lambda: work(query))
 
     def close(self) -> None:
-        """Do nothing more."""
-        for _ in self._threads:
-            self._work.put(None)
+        """Do what has come, and nothing more."""
+        with self._lock:
+            self._over = True
+            for _ in self._threads:
+                self._work.put(None)
 
     def _run(self) -> None:
         while (work := self._work.get()) is not None:
@@ -80,31 +86,49 @@ class Workers:
                 self._failed(error)
 
 
+class TooMany(Exception):
+    """A call that may not wait."""
+
+
+class Gone(Exception):
+    """A call of what is no more."""
+
+
 class Pending:
     """The calls of one service that wait."""
 
     def __init__(self, most: int = MOST_WAITING) -> None:
-        self._free = threading.Semaphore(most)
+        self._lock = threading.Lock()
         self._held: dict[int, zenoh.Query] = {}
-        self.most = most
+        self._most = most
+        self._over = False
 
-    def begin(self, query: zenoh.Query) -> bool:
-        """Whether one more may wait."""
-        if not self._free.acquire(blocking=False):
-            return False
-        self._held[id(query)] = query
-        return True
+    def begin(self, query: zenoh.Query) -> None:
+        """One more waits.
+
+        Raises:
+            Gone: it was given up.
+            TooMany: so many wait already.
+        """
+        with self._lock:
+            if self._over:
+                raise Gone(GONE)
+            if len(self._held) >= self._most:
+                raise TooMany(f"{self._most} calls of it wait already")
+            self._held[id(query)] = query
 
     def end(self, query: zenoh.Query) -> bool:
         """One has its answer. Returns whether it was still to be answered."""
-        if self._held.pop(id(query), None) is None:
-            return False
-        self._free.release()
-        return True
+        with self._lock:
+            return self._held.pop(id(query), None) is not None
 
     def give_up(self) -> list[zenoh.Query]:
-        """All that wait: nobody else answers them."""
-        return [query for query in list(self._held.values()) if self.end(query)]
+        """All that wait: nobody else answers them, and none waits from now on."""
+        with self._lock:
+            self._over = True
+            given_up = list(self._held.values())
+            self._held.clear()
+        return given_up
 
 
 class Asking:
@@ -174,22 +198,21 @@ class _Door(ABC):
         self._key, self._form, self._asked, self._count, self._pending = key, form, asked, count, pending
         # No thread for each service: Zenoh's own hands a call over.
         at_once: Any = zenoh.handlers.Callback(lambda query: workers.take(query, self._take), indirect=False)
-        self._queryable = session.declare_queryable(key, at_once, complete=True)
+        # The key is declared by itself, for as long as the session. One that goes with its queryable is unknown to a
+        # call that is just on its way: Zenoh 1.10 drops it without a word, and who has called waits for his time-out.
+        self._queryable = session.declare_queryable(session.declare_keyexpr(key), at_once, complete=True)
 
     def close(self) -> None:
         """Answer nothing more: Zenoh itself does not end a question whose server is killed.
 
-        Who waits is told before it has gone: of what is answered afterwards routers may know no more.
+        Who waits is told before it has gone: of what is answered afterwards routers may know no more. Who came
+        meanwhile, and is still in the workers' hands, is told by them.
         """
-        self._give_up()
-        self._queryable.undeclare()
-        self._give_up()  # who came meanwhile
-
-    def _give_up(self) -> None:
         for query in self._pending.give_up():
             with suppress(zenoh.ZError):  # whoever has asked may be gone
                 self._tell_gone(query)
             query.drop()
+        self._queryable.undeclare()
 
     @abstractmethod
     def _take(self, query: zenoh.Query) -> None:
@@ -221,8 +244,13 @@ class RosDoor(_Door):
                 _refuse(query, str(reason))
                 self._count.refused += 1
                 return
-            if not self._pending.begin(query):
-                _refuse(query, f"{self._pending.most} calls of it wait already")
+            try:
+                self._pending.begin(query)
+            except Gone:
+                self._tell_gone(query)
+                return
+            except TooMany as reason:
+                _refuse(query, str(reason))
                 self._count.dropped += 1
                 return
             found = stamp
@@ -276,8 +304,13 @@ class RoboDoor(_Door):
                 queries.reply_error(query, Fault.of(reason))
                 self._count.refused += 1
                 return
-            if not self._pending.begin(query):
-                queries.reply_error(query, Fault("ServiceError", f"{self._pending.most} calls of it wait already"))
+            try:
+                self._pending.begin(query)
+            except Gone:
+                self._tell_gone(query)
+                return
+            except TooMany as reason:
+                queries.reply_error(query, Fault("ServiceError", str(reason)))
                 self._count.dropped += 1
                 return
             try:

@@ -23,7 +23,11 @@ def network_of(endpoint: str, *, patient: bool = False, timeout: float = 5.0) ->
     """
     address = tcp.address_of(endpoint)
     is_local = address is not None and address[0].strip("[]") in _LOCAL
-    more: dict[str, object] = {"timestamping": {"enabled": True}}
+    more: dict[str, object] = {
+        "timestamping": {"enabled": True},
+        # As ROS's nodes do: of two that learn of each other one dials.
+        "scouting": {"gossip": {"autoconnect_strategy": {"peer": {"to_router": "always", "to_peer": "greater-zid"}}}},
+    }
     if patient:
         more["connect"] = {"exit_on_failure": False, "timeout_ms": -1 if is_local else 0}
     if not is_local:
