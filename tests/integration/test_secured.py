@@ -4,8 +4,6 @@ import json
 import os
 import socket
 import sys
-import threading
-import time
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +13,7 @@ import pytest
 import zenoh
 
 from robo.security.keystore import Keystore
+from robo.wire import codec
 from robo.wire.network import Network, zenoh_config
 from tests import plain
 from tests.conftest import free_port
@@ -26,8 +25,8 @@ pytestmark = [needs_cryptography, pytest.mark.timeout(240)]
 
 SECONDS = 1 / 86_400
 """Of days."""
-LONGEST_OUTAGE = 2.0
-"""s, on a machine that is busy; `python -m benchmarks.security` measures it, 0.5 s at most."""
+MOST_LOST = 250
+"""Messages of 50 a second, where the machine is busy; `python -m benchmarks.security` measures the outage: 0.5 s."""
 
 
 @pytest.fixture(scope="module")
@@ -39,27 +38,27 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         made.close()
 
 
-class Gaps:
-    """When messages come, and the longest time in which none did."""
+class Heard:
+    """Which messages of a topic have come: 50 a second are published, each with the next number."""
 
     def __init__(self, session: zenoh.Session, key: str) -> None:
-        self.times: list[float] = []
-        self._came = threading.Event()
+        self.numbers: list[int] = []
         self._subscriber = session.declare_subscriber(key, self._note)
 
-    def _note(self, _: zenoh.Sample) -> None:
-        self.times.append(time.monotonic())
-        self._came.set()
+    def _note(self, sample: zenoh.Sample) -> None:
+        stamp = codec.unpack_attachment(sample.attachment.to_bytes()) if sample.attachment is not None else None
+        assert stamp is not None
+        self.numbers.append(stamp.sequence_number)
 
     def wait(self, count: int) -> None:
         """Wait for so many more."""
-        end = len(self.times) + count
-        eventually(lambda: len(self.times) >= end, f"{count} more messages")
+        end = len(self.numbers) + count
+        eventually(lambda: len(self.numbers) >= end, f"{count} more messages")
 
-    def longest(self, since: float) -> float:
-        """The longest time without a message since a moment, s."""
-        times = [since, *(at for at in self.times if at >= since)]
-        return max(later - earlier for earlier, later in pairwise(times))
+    @property
+    def lost(self) -> int:
+        """How many have not come of those between the first one and the last one."""
+        return sum(later - earlier - 1 for earlier, later in pairwise(self.numbers))
 
 
 def openings(site: Site) -> int:
@@ -78,10 +77,9 @@ def inside(site: Site) -> zenoh.Session:
 
 
 def test_renewal_of_the_routers_while_the_robot_drives(site: Site) -> None:
-    owner, within = Gaps(site.session("ann"), "r1/odom"), Gaps(inside(site), "r1/odom")
+    owner, within = Heard(site.session("ann"), "r1/odom"), Heard(inside(site), "r1/odom")
     owner.wait(10)
     within.wait(10)
-    begin = time.monotonic()
     site.store.renew(["site"], 30)
     site.router.wait_for("its certificate changed: opened anew")
     owner.wait(20)
@@ -89,8 +87,8 @@ def test_renewal_of_the_routers_while_the_robot_drives(site: Site) -> None:
     site.robot.wait_for("its certificate changed: opened anew")
     owner.wait(20)
     within.wait(20)
-    assert within.longest(begin) < 0.2, "the inside of the robot is not touched"
-    assert owner.longest(begin) <= LONGEST_OUTAGE
+    assert within.lost == 0, "the inside of the robot is not touched"
+    assert owner.lost <= MOST_LOST
 
 
 def test_revocation_while_others_listen(site: Site) -> None:
@@ -99,18 +97,18 @@ def test_revocation_while_others_listen(site: Site) -> None:
     eventually(lambda: openings(site) > before, "the rules with her name")
     site.keep("mia")  # what is revoked is deleted where it was made
     kept = site.session(site.kept("mia"))
-    others = Gaps(site.session("ann"), "r1/odom")
-    hers = Gaps(kept, "r1/odom")
+    others = Heard(site.session("ann"), "r1/odom")
+    hers = Heard(kept, "r1/odom")
     hers.wait(10)
     others.wait(10)
-    before, begin = openings(site), time.monotonic()
+    before = openings(site)
     site.store.revoke("mia")
     eventually(lambda: openings(site) > before, "new rules")
     others.wait(50)
-    assert others.longest(begin) <= LONGEST_OUTAGE
-    last = hers.times[-1]
+    assert others.lost <= MOST_LOST
+    last = hers.numbers[-1]
     others.wait(50)
-    assert hers.times[-1] == last, "nothing comes to who was revoked"
+    assert hers.numbers[-1] == last, "nothing comes to who was revoked"
     site.router.wait_for("mia, who is not in the policy, is linked and may do nothing")
 
 
@@ -118,16 +116,15 @@ def test_expiry_while_others_listen(site: Site) -> None:
     before = openings(site)
     site.store.add("ina", "viewer", (), 10 * SECONDS)
     eventually(lambda: openings(site) > before, "the rules with her name")
-    others = Gaps(site.session("ann"), "r1/odom")
-    hers = Gaps(site.session("ina"), "r1/odom")
+    others = Heard(site.session("ann"), "r1/odom")
+    hers = Heard(site.session("ina"), "r1/odom")
     hers.wait(5)
-    begin = time.monotonic()
     site.router.wait_for("somebody who was linked until his certificate expired")
     others.wait(50)
-    last = hers.times[-1]
+    last = hers.numbers[-1]
     others.wait(50)
-    assert others.longest(begin) <= LONGEST_OUTAGE
-    assert hers.times[-1] == last
+    assert others.lost <= MOST_LOST
+    assert hers.numbers[-1] == last
 
 
 def test_a_tool_is_told_why_it_is_not_let_in(site: Site) -> None:
