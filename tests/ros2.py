@@ -53,8 +53,8 @@ class RosNode:
         self.gids: dict[str, bytes] = {}
         self._clients: dict[tuple[str, float], Any] = {}
         self._making = threading.Lock()
-        zid = str(self.session.info.zid())
-        self._whose = f"@ros2_lv/{domain}/{zid}/0"
+        self.zid = str(self.session.info.zid())
+        self._whose = f"@ros2_lv/{domain}/{self.zid}/0"
         self._token(f"{self._whose}/0/NN/%/%{self.namespace}/{name}")
 
     def _token(self, key: str) -> None:
@@ -228,6 +228,7 @@ class Both:
         self.robo = self.open(self.peer())
         self.told: list[str] = []
         self._bridges = 0
+        self._nodes: list[RosNode] = []
 
     def _route(self, where: str) -> zenoh.Session:
         return self.open(Network(mode="router", listen=(where,)))
@@ -255,11 +256,20 @@ class Both:
         made = Bridge(robo, ros, Ros2Plan(**plan), namespace, self.told.append, node)
         self._stack.callback(made.close)
         self._bridges += 1
+        eventually(lambda: self._sees_all(ros), "it sees the nodes of ROS's")
         return made
+
+    def _sees_all(self, ros: zenoh.Session) -> bool:
+        """Whether a session sees all nodes of ROS's, which link a moment after it has begun."""
+        found = ros.liveliness().get("@ros2_lv/**", timeout=5.0)
+        tokens = [str(one.ok.key_expr) for one in found if one.ok is not None]
+        here = (node for node in self._nodes if not node.session.is_closed())
+        return all(any(node.zid in token for token in tokens) for node in here)
 
     def ros(self, name: str = "talker", namespace: str = "") -> RosNode:
         made = RosNode(self.ros_at, name, namespace)
         self._stack.callback(made.close)
+        self._nodes.append(made)
         # Nodes of ROS's, too, link a moment after they have begun.
         eventually(
             lambda: not self._bridges or any("ros2_bridge" in one for one in made.tokens()), "it sees the bridge"
