@@ -27,6 +27,8 @@ MOST_WAITING = 256
 """Calls of one service that may wait for their answers."""
 MOST_AT_ONCE = 2_000
 """Calls and answers of which nobody has done anything yet."""
+MOST_KEYS = 20_000
+"""Of services that have been there."""
 ANSWER_WITHIN = 60.0
 """How long an answer may take, s: ROS's clients know no limit of their own."""
 GONE = "its server has gone"
@@ -48,12 +50,27 @@ class Workers:
         self._failed = failed
         self._lock = threading.Lock()
         self._over = False
+        self._keys: dict[tuple[str, str], zenoh.KeyExpr] = {}
         self._work: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._threads = [
             threading.Thread(target=self._run, name="robo-ros2-answers", daemon=True) for _ in range(_WORKERS)
         ]
         for thread in self._threads:
             thread.start()
+
+    def key(self, session: zenoh.Session, key: str) -> zenoh.KeyExpr:
+        """A key, declared by itself and for as long as these are there.
+
+        One that goes with its queryable is unknown to a call that is just on its way to it: Zenoh 1.10 drops that
+        without a word, and who has called waits for his own time-out.
+        """
+        whose = str(session.info.zid()), key
+        declared = self._keys.get(whose)
+        if declared is None:
+            declared = session.declare_keyexpr(key)
+            if len(self._keys) < MOST_KEYS:
+                self._keys[whose] = declared  # Zenoh counts who holds it
+        return declared
 
     def do(self, work: Callable[[], None]) -> None:
         """Have something done soon; nothing once they are closed."""
@@ -198,9 +215,7 @@ class _Door(ABC):
         self._key, self._form, self._asked, self._count, self._pending = key, form, asked, count, pending
         # No thread for each service: Zenoh's own hands a call over.
         at_once: Any = zenoh.handlers.Callback(lambda query: workers.take(query, self._take), indirect=False)
-        # The key is declared by itself, for as long as the session. One that goes with its queryable is unknown to a
-        # call that is just on its way: Zenoh 1.10 drops it without a word, and who has called waits for his time-out.
-        self._queryable = session.declare_queryable(session.declare_keyexpr(key), at_once, complete=True)
+        self._queryable = session.declare_queryable(workers.key(session, key), at_once, complete=True)
 
     def close(self) -> None:
         """Answer nothing more: Zenoh itself does not end a question whose server is killed.
