@@ -55,6 +55,10 @@ class RosNode:
         self._making = threading.Lock()
         self.zid = str(self.session.info.zid())
         self._whose = f"@ros2_lv/{domain}/{self.zid}/0"
+        # As ROS's nodes do. What is asked for once, Zenoh may tell nothing of under load.
+        self._seen: dict[str, None] = {}
+        graph = self.session.liveliness().declare_subscriber("@ros2_lv/**", self._see, history=True)
+        self._stack.callback(graph.undeclare)
         self._token(f"{self._whose}/0/NN/%/%{self.namespace}/{name}")
 
     def _token(self, key: str) -> None:
@@ -158,8 +162,14 @@ class RosNode:
 
     def tokens(self, pattern: str = "**") -> list[str]:
         """All tokens of the graph that this node sees."""
-        key = f"@ros2_lv/{self.domain}/{pattern}"
-        return [str(one.ok.key_expr) for one in self.session.liveliness().get(key, timeout=5.0) if one.ok is not None]
+        asked = zenoh.KeyExpr(f"@ros2_lv/{self.domain}/{pattern}")
+        return [one for one in list(self._seen) if asked.intersects(zenoh.KeyExpr(one))]
+
+    def _see(self, sample: zenoh.Sample) -> None:
+        if sample.kind == zenoh.SampleKind.PUT:
+            self._seen[str(sample.key_expr)] = None
+        else:
+            self._seen.pop(str(sample.key_expr), None)
 
     def close(self) -> None:
         self._stack.close()

@@ -62,9 +62,9 @@ class Base(Node):
 def test_what_robo_publishes_is_heard_in_ros_from_its_own_node(both: Both) -> None:
     ros = both.ros("listener")
     heard = ros.hear(Odometry, "/odom")
-    bridge = both.bridge(topics={"odom": CrossingPlan(ros="/odom")})
+    both.bridge(topics={"odom": CrossingPlan(ros="/odom")})
     with Base(namespace="r1", session=both.robo) as base:
-        eventually(lambda: bridge.status().ros_ends > 0, "the publisher is announced")
+        eventually(lambda: has_end(ros, "/MP/", "%odom"), "the publisher is announced")
         base.odom.publish(Odometry(child_frame_id="base"))
         assert heard.wait()[0].child_frame_id == "base"
         number, said, _, gid = heard.stamps[0]

@@ -108,10 +108,11 @@ class TopicsFromRos:
         """Receive and publish no more."""
         self._intake.close()
         with self._lock:
-            for route in self._routes.values():
-                if route is not None:
-                    route.outlet.close()
+            routes = [route for route in self._routes.values() if route is not None]
             self._routes.clear()
+        for route in routes:
+            with route.lock:  # what came last may still be on its way out
+                route.outlet.close()
 
     # -- messages ------------------------------------------------------------------------------------------------------
 

@@ -94,10 +94,12 @@ class TopicsToRos:
         """Receive and publish no more."""
         self._intake.close()
         with self._lock:
-            for route in self._routes.values():
-                for outlet in route.outlets.values() if route is not None else ():
-                    outlet.close()
+            routes = [route for route in self._routes.values() if route is not None]
             self._routes.clear()
+        for route in routes:
+            with route.lock:  # what came last may still be on its way out
+                for outlet in route.outlets.values():
+                    outlet.close()
 
     # -- messages ------------------------------------------------------------------------------------------------------
 
