@@ -1,7 +1,8 @@
 """Who publishes without having said so: by what nodes leave out, and by counts that do not add up."""
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 
 import msgspec
 import zenoh
@@ -13,6 +14,10 @@ from robo.wire.reports import NodeStatus
 
 WINDOW = 0.5
 """Over which messages are counted, s."""
+
+WINDOWS = 2
+"""In how many of them, one after the other, counts must not add up: a node that was held up takes in at once what has
+waited for it, and has more in that one alone."""
 
 LATELY = 60.0
 """Whose messages were left out longer ago than this is no longer told of, s."""
@@ -31,15 +36,22 @@ class Stranger(msgspec.Struct, frozen=True):
 
 
 def find(session: zenoh.Session, timeout: float = 1.0, topic: str | None = None) -> list[Stranger]:
-    """All who can be noticed, on one topic or on all. It takes WINDOW."""
-    before = all_status(session, timeout)
-    ends = [token for token in tokens(session, timeout) if isinstance(token, EndpointToken) and token.kind == "pub"]
-    time.sleep(WINDOW)
-    after = all_status(session, timeout)
-    found = refused(after)
+    """All who can be noticed, on one topic or on all. It takes WINDOW, and WINDOWS times as long where there is one."""
+    looks, ends = [all_status(session, timeout)], _publishers(session, timeout)
+    unannounced: list[Stranger] = []
+    while len(looks) == 1 or (unannounced and len(looks) <= WINDOWS):
+        time.sleep(WINDOW)
+        looks.append(all_status(session, timeout))
+        ends |= _publishers(session, timeout)  # who has begun meanwhile is announced by now
+        unannounced = lasting_surplus(looks, ends)
+    found = refused(looks[-1])
     known = {one.topic for one in found}
-    found += [one for one in surplus(before, after, ends) if one.topic not in known]
+    found += [one for one in unannounced if one.topic not in known]
     return [one for one in found if topic in (None, one.topic)]
+
+
+def _publishers(session: zenoh.Session, timeout: float) -> set[EndpointToken]:
+    return {token for token in tokens(session, timeout) if isinstance(token, EndpointToken) and token.kind == "pub"}
 
 
 def refused(statuses: Mapping[str, NodeStatus]) -> list[Stranger]:
@@ -55,6 +67,14 @@ def refused(statuses: Mapping[str, NodeStatus]) -> list[Stranger]:
         for one in senders
         if one.age < LATELY
     ]
+
+
+def lasting_surplus(looks: Sequence[Mapping[str, NodeStatus]], publishers: Iterable[EndpointToken]) -> list[Stranger]:
+    """What `surplus` finds between all looks, in the words of the last one."""
+    ends = list(publishers)
+    *earlier, last = [surplus(before, after, ends) for before, after in pairwise(looks)]
+    lasting = [{(one.topic, one.receiver) for one in found} for found in earlier]
+    return [one for one in last if all((one.topic, one.receiver) in found for found in lasting)]
 
 
 def surplus(

@@ -1,4 +1,4 @@
-from robo.tools.strangers import refused, surplus
+from robo.tools.strangers import lasting_surplus, refused, surplus
 from robo.wire.keys import EndpointToken
 from robo.wire.qos import QoS
 from robo.wire.reports import NodeStatus, Refused
@@ -35,6 +35,22 @@ def test_who_has_not_said_that_he_publishes_shows_in_the_counts() -> None:
         in found(26, 50, [PUBLISHER])[0]
     )
     assert len(found(0, 25, [])) == 1
+
+
+def test_what_had_waited_for_a_node_that_was_held_up_is_of_no_stranger() -> None:
+    def look(number: int, received: int) -> dict[str, NodeStatus]:
+        """After so many windows, in each of which 25 are published."""
+        uptime = 5.0 + number / 2
+        return {
+            "/r1/monitor": status("/r1/monitor", uptime, published=25 * number),
+            "/r1/base": status("/r1/base", uptime, received=received),
+        }
+
+    held_up = [look(0, 0), look(1, 35)]
+    assert len(lasting_surplus(held_up, [PUBLISHER])) == 1
+    assert lasting_surplus([*held_up, look(2, 60)], [PUBLISHER]) == []
+    assert len(lasting_surplus([*held_up, look(2, 90)], [PUBLISHER])) == 1
+    assert lasting_surplus([look(0, 0), look(1, 25), look(2, 60)], [PUBLISHER]) == [], "in the last one alone"
 
 
 def test_a_publisher_that_tells_no_counters_is_left_out() -> None:
