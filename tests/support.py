@@ -15,9 +15,11 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
+import zenoh
 
 PATIENCE = 40.0
 """How long an event may take on a machine that is busy with other things, s. Only what fails waits that long."""
@@ -34,6 +36,12 @@ def eventually(condition: Callable[[], bool], what: str, timeout: float = PATIEN
     while not condition():
         assert time.monotonic() < end, f"not within {timeout} s: {what}"
         time.sleep(0.005)
+
+
+def is_heard(publisher: zenoh.Publisher) -> bool:
+    """Whether somebody listens. What Zenoh's stub calls a bool is an object, and true whatever it says."""
+    status: Any = publisher.matching_status
+    return bool(status.matching)
 
 
 def plain_environment() -> dict[str, str]:

@@ -41,7 +41,7 @@ from robo_messages import (
     Vector3,
 )
 from tests import bags
-from tests.support import eventually
+from tests.support import eventually, is_heard
 
 viewers = pytest.importorskip("tests.viewers", reason="the extra foxglove is not installed")
 exceptions = pytest.importorskip("websockets.exceptions")
@@ -102,8 +102,7 @@ def subscribers(session: zenoh.Session, key: str) -> bool:
     """Whether somebody receives a topic."""
     asking = session.declare_publisher(key)
     try:
-        status: Any = asking.matching_status  # zenoh's stub says bool, it is an object
-        return bool(status.matching)
+        return is_heard(asking)
     finally:
         asking.undeclare()
 

@@ -13,7 +13,7 @@ from robo_messages import Clock, String, Time, Twist, Vector3
 from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.safety_monitor import SafetyMonitor
 from robo_services.velocity_controller import VelocityController
-from tests.support import PATIENCE, eventually
+from tests.support import PATIENCE, eventually, is_heard
 
 
 class Ticker(Node):
@@ -31,7 +31,7 @@ def test_a_node_follows_the_clock_topic(session: zenoh.Session, other: zenoh.Ses
     with Ticker(namespace="r1", parameters={"use_sim_time": True}, session=session):
         heard = Heard(other, "r1/*")
         clock = other.declare_publisher("clock")
-        eventually(lambda: bool(clock.matching_status.matching), "it listens to /clock")  # type: ignore[attr-defined]
+        eventually(lambda: is_heard(clock), "it listens to /clock")
         for i in range(1, 31):
             clock.put(msgspec.msgpack.encode(Clock(Time.from_seconds(100 + i / 10))))
             heard.wait_for_count("r1/ticks", i, PATIENCE)
@@ -89,7 +89,7 @@ def test_a_command_from_before_the_time_stepped_back_moves_nothing(
     with SafetyMonitor(namespace="r1", parameters=parameters, session=session):
         heard = Heard(other, "r1/*")
         clock = other.declare_publisher("clock")
-        eventually(lambda: bool(clock.matching_status.matching), "it listens to /clock")  # type: ignore[attr-defined]
+        eventually(lambda: is_heard(clock), "it listens to /clock")
         time = 100.0
 
         def reaches(wanted: float, *, commanded: bool) -> None:

@@ -17,7 +17,7 @@ from robo_services.diff_drive_sim import DiffDriveSim
 from robo_services.safety_monitor import SafetyMonitor
 from robo_services.smoothing import Limits, Motion, twist_of
 from robo_services.velocity_smoother import VelocitySmoother
-from tests.support import eventually
+from tests.support import eventually, is_heard
 
 PERIOD = 0.05
 
@@ -273,7 +273,7 @@ def test_it_goes_by_simulated_time(session: zenoh.Session, other: zenoh.Session)
     with VelocitySmoother(parameters={"use_sim_time": True, "linear.max_acceleration": 1.0}, session=session):
         heard = Heard(other, "cmd_vel_smoothed")
         clock = other.declare_publisher("clock")
-        eventually(lambda: bool(clock.matching_status.matching), "it listens to /clock")  # type: ignore[attr-defined]
+        eventually(lambda: is_heard(clock), "it listens to /clock")
         time = 100.0
 
         def reaches(wanted: float, *, commanded: bool) -> list[float]:
