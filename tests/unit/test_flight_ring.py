@@ -254,9 +254,14 @@ def test_what_cannot_be_read_of_a_dead_ring_goes(tmp_path: Path) -> None:
 def test_a_recorder_that_was_killed_before_its_first_message_is_in_nobodys_way(tmp_path: Path) -> None:
     (tmp_path / "ring" / "1").mkdir(parents=True)
     (tmp_path / "ring" / "1" / "1_0.mcap").write_bytes(b"\x89MCAP0\r\n")
-    ring = Ring(tmp_path / "ring", Limits(duration=1.0, size=1000), START, free=room)
+    limits = Limits(duration=1.0, size=1000)
+    ring = Ring(tmp_path / "ring", limits, START, free=room)
     assert not ring.taken
+    assert ring.follows, "what happened to the robot meanwhile is in no file yet"
     ring.close()
+    first = Ring(tmp_path / "ring", limits, START, free=room)
+    assert not first.follows, "one that was stopped has left nothing to do"
+    first.close()
 
 
 def test_a_ring_goes_on_after_a_failure_with_what_it_had(tmp_path: Path) -> None:

@@ -206,7 +206,7 @@ class Flight:
     def _look_back(self) -> None:
         """See what happened before this recorder was there: to itself, or to those of runs that are over."""
         self._try(lambda: self._witnesses.find_run(_PATIENCE), keeps=False)
-        if self.keeping.taken and self._recorder.launched:
+        if self.keeping.follows and self._recorder.launched:
             self._try(self._recall, keeps=False)
         self._left_behind.write()
 
@@ -216,7 +216,12 @@ class Flight:
         """The recorder before this one may have been killed before it had written its file."""
         now = time.time_ns()
         known = self.files.reasons(now - round(self._settings.again * 1e9) - CLOCKS_AGREE)
-        for event in self._witnesses.events(_PATIENCE):
+        until = time.monotonic() + self._settings.before
+        events = self._witnesses.events(_PATIENCE)
+        # That a recorder died is one of them: where there is none, nobody has answered yet.
+        while not events and time.monotonic() < until and not self._stop.wait(LOOK):
+            events = self._witnesses.events(_PATIENCE)
+        for event in events:
             is_known = any(abs(at - event.time) < _SAME for at in known)
             if is_known or (now - event.time) * 1e-9 < self._settings.before:
                 self._missed.append((event, is_known))

@@ -61,9 +61,9 @@ class Keeping:
             self._ring = self._new_ring(place.folders, now)
         except BagError as error:
             self.lose(error)
-        self.taken = self._ring is not None and self._ring.taken > 0
-        """Whether it goes on with what another recorder of the run has left."""
-        if self.taken:
+        self.follows = self._ring is not None and self._ring.follows
+        """Whether another recorder of the run has died, whatever it had kept by then."""
+        if self._ring is not None and self._ring.taken:
             log.info("took over the last seconds that another recorder had kept before it died")
 
     def keep(self, messages: Iterable[Converted]) -> None:

@@ -83,6 +83,8 @@ class Ring:
             BagError: nothing can be written there.
         """
         self.folder = folder
+        self.follows = folder.is_dir()
+        """Whether another recorder of the run was there, and has died: one that is stopped leaves nothing."""
         self._limits = limits
         self._free = free
         self._lock = _locked(folder)
