@@ -70,6 +70,10 @@ class Diagnostics:
         self._loops: list[TimerLoop] = []
         self._checks: list[tuple[str, Callable[[], Health]]] = []
         self._answers: dict[str, _Answer] = {}
+        self._asked = False
+        """Whether all checks have been asked since it began."""
+        self._begun = 0.0
+        """When it began, by the wall's monotonic clock, s."""
         self._diagnosis: Diagnosis | None = None
         self._wall = node.clock.wall
         self.publish: Callable[[DiagnosticArray], None] = lambda _: None
@@ -80,10 +84,11 @@ class Diagnostics:
         """The last report; empty before the first."""
 
     def begin(self) -> None:
-        """Report from now on; the first report comes after a period."""
+        """Report from now on; the first report comes after a period, and not before what checks say is known."""
         node = self._node
         self._wall = wall = node.clock.wall
         self._checks = [(one.name, found_in(node, one.method)) for one in node.contract.checks]
+        self._asked, self._begun = not self._checks, wall.monotonic()
         self._diagnosis = Diagnosis(self._look())
         if self._checks:  # before the report, which of two that are due at once is to tell what they say
             self._loop(_ASKING, self._turns.own, self._ask, wall)
@@ -108,6 +113,7 @@ class Diagnostics:
         node, turn = self._node, self._turns.own
         if node.contract.managed and node.status.lifecycle != "active":
             self._answers = {}
+            self._asked = True
             return
         for name, check in self._checks:
             turn.running = name
@@ -120,11 +126,14 @@ class Diagnostics:
                 self._troubles.handler(check)(error)
                 status = DiagnosticStatus(ERROR, message=f"raised {type(error).__name__}{_words_of(error)}")
             self._answers[name] = _Answer(named(node.full_name, name, status), self._wall.monotonic())
+        self._asked = True
 
     def _report(self) -> None:
         assert self._diagnosis is not None
-        own = self._diagnosis.of(self._look(), self._promises())
         now = self._wall.monotonic()
+        if not self._asked and now - self._begun < OVERDUE:
+            return  # without them a report would say that all is well
+        own = self._diagnosis.of(self._look(), self._promises())
         full_name = self._node.full_name
         found = [named(full_name, one.name, one) for one in own]
         found += [_aged(answer, now) for answer in list(self._answers.values())]

@@ -9,6 +9,7 @@ import pytest
 import zenoh
 
 from robo import Health, LifecycleNode, Node, Part, Publisher, check, service, subscribe, timer
+from robo.node.diagnostics import Diagnostics
 from robo.testing import Clock, NodeUnderTest, RunNode
 from robo.testing.heard import Heard
 from robo_messages import Clock as SaidClock
@@ -149,6 +150,31 @@ def test_a_check_that_raises_fails_a_test(run_node: RunNode, clock: Clock) -> No
     run_node(Broken)
     with pytest.raises(OSError, match="no such device"):
         clock.advance(1.0)
+
+
+def test_no_report_says_that_all_is_well_before_the_checks_were_asked(
+    session: zenoh.Session, other: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on a busy machine, on which what asks may come to its turn after what reports."""
+    reports_due: list[bool] = []
+    asks, reports = Diagnostics._ask, Diagnostics._report
+
+    def ask(self: Diagnostics) -> None:
+        eventually(lambda: bool(reports_due), "a report is due")
+        asks(self)
+
+    def report(self: Diagnostics) -> None:
+        reports(self)
+        reports_due.append(True)
+
+    monkeypatch.setattr(Diagnostics, "_ask", ask)
+    monkeypatch.setattr(Diagnostics, "_report", report)
+    monkeypatch.setattr("robo.node.diagnostics.PERIOD", 0.1)
+    heard = Heard(other, "r1/diagnostics")
+    with Torch(namespace="r1", session=session):
+        report_heard = heard.wait_for("r1/diagnostics", lambda _: True, PATIENCE)
+    assert [one.name for one in report_heard.status[2:]] == ["/r1/torch: lamp", "/r1/torch: battery"]
+    heard.close()
 
 
 def test_a_callback_that_does_not_return_is_named_and_checks_become_stale(
