@@ -34,13 +34,15 @@ pytest.importorskip("websockets", reason="the extra dashboard is not installed")
 CHROMIUM = shutil.which("chromium")
 pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed"),
-    pytest.mark.timeout(180),
+    pytest.mark.timeout(300),
 ]
 
 COMMAND_TIMEOUT = 0.5
 """Of the reference base, s: so long after the last command it stands."""
 SLACK = 0.3
 """Braking, and what a busy machine takes for a look at the clock, s."""
+SOON = 5.0
+"""For how long a grip is given to show what it does, before it begins anew, s."""
 LISTEN = ("--listen", "127.0.0.1:0", "--json")
 PANELS = ["Map", "Drive", "Nodes", "Log", "Plots", "Parameters", "Topics", "Camera", "Graph", "Events"]
 
@@ -161,12 +163,13 @@ def opened(chromium: Any, address: str) -> Iterator[Any]:
             context.close()
 
 
-def grip(page: Any) -> None:
-    """Hold the joystick, pushed forwards."""
+def grip(page: Any, forwards: int = 1) -> None:
+    """Hold the joystick, pushed forwards; with -1 pulled backwards."""
     box = page.locator("#pad").bounding_box()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(*middle)
     page.mouse.down()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 10)
+    page.mouse.move(middle[0], middle[1] - forwards * (box["height"] / 2 - 10))
 
 
 def hold_keys(page: Any) -> None:
@@ -186,21 +189,27 @@ def let_go(page: Any) -> None:
     page.keyboard.up("w")
 
 
-def drive_off(page: Any, driven: Driven, begin: Callable[[Any], None] = grip) -> None:
-    """Begin until the robot drives: where the page is held up, as on a busy machine, a grip ends at once."""
+def says(page: Any, selector: str, words: str, within: float = PATIENCE) -> None:
+    page.locator(selector, has_text=words).first.wait_for(timeout=within * 1000)
+
+
+def drive_off(
+    page: Any, driven: Driven, begin: Callable[[Any], None] = grip, seen: Callable[[], None] = lambda: None
+) -> None:
+    """Begin until the robot drives, and something else is seen meanwhile.
+
+    Where the page is held up, as on a busy machine, a grip ends at once.
+    """
     end = time.monotonic() + PATIENCE
     while True:
         begin(page)
         try:
-            return driven.has_driven(5.0)
-        except AssertionError:
+            driven.has_driven(SOON)
+            return seen()
+        except (AssertionError, sync_api.TimeoutError):
             if time.monotonic() > end:
                 raise
             let_go(page)
-
-
-def says(page: Any, selector: str, words: str) -> None:
-    page.locator(selector, has_text=words).first.wait_for()
 
 
 def test_the_page_is_complete_and_asks_no_other_host(chromium: Any, served: Served) -> None:
@@ -265,8 +274,7 @@ def test_joystick_and_keys_drive_until_they_are_let_go(chromium: Any, served: Se
             (grip, lambda: page.evaluate("document.getElementById('pad').releasePointerCapture(1)")),
         ]
         for begin, end in endings:
-            drive_off(page, driven, begin)
-            says(page, "#drive .told", "m/s")
+            drive_off(page, driven, begin, lambda: says(page, "#drive .told", "m/s", SOON))
             end()
             driven.has_stood()
             assert driven.zeros() >= 3
@@ -281,15 +289,20 @@ def test_joystick_and_keys_drive_until_they_are_let_go(chromium: Any, served: Se
 
 def test_one_drives_and_no_other_one_takes_over(chromium: Any, served: Served, driven: Driven) -> None:
     with opened(chromium, served.address) as page, opened(chromium, served.address) as second:
-        drive_off(page, driven)
-        says(second, "#drive .told", "browser 1 drives")
-        box = second.locator("#pad").bounding_box()
-        second.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-        second.mouse.down()
-        second.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] - 10)  # backwards
-        says(second, "#drive .told", "refused: browser 1 drives r1")
-        assert all(linear >= 0.0 for _, linear, _ in driven.commands)
-        second.mouse.up()
+        pulled = 0
+
+        def is_refused() -> None:
+            nonlocal pulled
+            says(second, "#drive .told", "browser 1 drives", SOON)
+            pulled = len(driven.commands)
+            grip(second, -1)
+            try:
+                says(second, "#drive .told", "refused: browser 1 drives r1", SOON)
+            finally:
+                let_go(second)
+
+        drive_off(page, driven, grip, is_refused)
+        assert all(linear >= 0.0 for _, linear, _ in driven.commands[pulled:])
         page.mouse.up()
         driven.has_stood()
         drive_off(second, driven, hold_keys)
