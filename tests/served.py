@@ -4,7 +4,7 @@ import asyncio
 import http.client
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from typing import Any
 
 import msgspec
@@ -62,11 +62,9 @@ class Served:
         connection.close()
         return answer
 
-    @contextmanager
-    def page(self, host: str = "127.0.0.1", **settings: Any) -> Iterator["Browser"]:
+    def page(self, host: str = "127.0.0.1", **settings: Any) -> AbstractContextManager["Browser"]:
         """A page that is open."""
-        with client.connect(f"ws://{host}:{self.port}/socket", open_timeout=20, **settings) as socket:
-            yield Browser(socket)
+        return browsing(f"{host}:{self.port}", **settings)
 
     def close(self) -> None:
         """Serve no more."""
@@ -133,6 +131,37 @@ class Browser:
             said = self.take()
             if isinstance(said, tuple) and said[0] == key:
                 return said[1]
+
+
+@contextmanager
+def browsing(place: str, **settings: Any) -> Iterator[Browser]:
+    """A page of the server at HOST:PORT that is open."""
+    with client.connect(f"ws://{place}/socket", open_timeout=20, **settings) as socket:
+        yield Browser(socket)
+
+
+class Held:
+    """A page that goes on commanding, as a hand does that never lets go; it never grips anew."""
+
+    def __init__(self, page: Browser, linear: float, robot: str = "r1") -> None:
+        while (said := page.take()) and not (isinstance(said, dict) and said["kind"] == "beat"):
+            pass
+        self._over = threading.Event()
+        self.refusals: list[str] = []
+        self._thread = threading.Thread(target=self._run, args=(page, linear, robot, page.grip))
+        self._thread.start()
+
+    def _run(self, page: Browser, linear: float, robot: str, grip: int) -> None:
+        while not self._over.is_set():
+            said = page.take()
+            if isinstance(said, dict) and said["kind"] == "refused":
+                self.refusals.append(said["reason"])
+            if isinstance(said, dict) and said["kind"] == "beat":
+                page.drive(linear, robot=robot, grip=grip)
+
+    def close(self) -> None:
+        self._over.set()
+        self._thread.join(20)
 
 
 def twists(stream: Stream, count: int) -> list[float]:

@@ -70,10 +70,8 @@ class Diagnostics:
         self._loops: list[TimerLoop] = []
         self._checks: list[tuple[str, Callable[[], Health]]] = []
         self._answers: dict[str, _Answer] = {}
-        self._asked = False
-        """Whether all checks have been asked since it began."""
-        self._begun = 0.0
-        """When it began, by the wall's monotonic clock, s."""
+        self._held_until = 0.0
+        """When reports come although the checks have not been asked yet, by the wall's monotonic clock, s."""
         self._diagnosis: Diagnosis | None = None
         self._wall = node.clock.wall
         self.publish: Callable[[DiagnosticArray], None] = lambda _: None
@@ -88,7 +86,7 @@ class Diagnostics:
         node = self._node
         self._wall = wall = node.clock.wall
         self._checks = [(one.name, found_in(node, one.method)) for one in node.contract.checks]
-        self._asked, self._begun = not self._checks, wall.monotonic()
+        self._held_until = wall.monotonic() + OVERDUE if self._checks else 0.0
         self._diagnosis = Diagnosis(self._look())
         if self._checks:  # before the report, which of two that are due at once is to tell what they say
             self._loop(_ASKING, self._turns.own, self._ask, wall)
@@ -107,32 +105,35 @@ class Diagnostics:
         loop.start()
 
     def _ask(self) -> None:
-        """Ask each check; one that raises is an error of its own, and hides no other."""
-        from robo.node.health import Health  # which nodes without checks do without
-
-        node, turn = self._node, self._turns.own
+        """Ask each check."""
+        node = self._node
         if node.contract.managed and node.status.lifecycle != "active":
             self._answers = {}
-            self._asked = True
-            return
-        for name, check in self._checks:
-            turn.running = name
-            try:
-                health = check()
-                if not isinstance(health, Health):
-                    raise TypeError(f"the check {name!r} returned {type(health).__name__}, not a robo.Health")
-                status = health.status()
-            except BaseException as error:
-                self._troubles.handler(check)(error)
-                status = DiagnosticStatus(ERROR, message=f"raised {type(error).__name__}{_words_of(error)}")
-            self._answers[name] = _Answer(named(node.full_name, name, status), self._wall.monotonic())
-        self._asked = True
+        else:
+            for name, check in self._checks:
+                self._turns.own.running = name
+                status = named(node.full_name, name, self._said_by(name, check))
+                self._answers[name] = _Answer(status, self._wall.monotonic())
+        self._held_until = 0.0
+
+    def _said_by(self, name: str, check: Callable[[], Health]) -> DiagnosticStatus:
+        """What a check says; one that raises is an error of its own, and hides no other."""
+        from robo.node.health import Health  # which nodes without checks do without
+
+        try:
+            health = check()
+            if not isinstance(health, Health):
+                raise TypeError(f"the check {name!r} returned {type(health).__name__}, not a robo.Health")
+            return health.status()
+        except BaseException as error:
+            self._troubles.handler(check)(error)
+            return DiagnosticStatus(ERROR, message=f"raised {type(error).__name__}{_words_of(error)}")
 
     def _report(self) -> None:
         assert self._diagnosis is not None
         now = self._wall.monotonic()
-        if not self._asked and now - self._begun < OVERDUE:
-            return  # without them a report would say that all is well
+        if now < self._held_until:
+            return  # without what the checks say it would tell that all is well
         own = self._diagnosis.of(self._look(), self._promises())
         full_name = self._node.full_name
         found = [named(full_name, one.name, one) for one in own]

@@ -3,7 +3,6 @@
 import shutil
 import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
@@ -27,6 +26,7 @@ from robo.wire.session import close_session, open_session
 from robo_messages import Image, Odometry, Twist
 from tests.npm import file_of
 from tests.proxy import Proxy
+from tests.served import Held, browsing
 from tests.support import PATIENCE, Running, eventually, plain_environment
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -34,7 +34,7 @@ pytest.importorskip("websockets", reason="the extra dashboard is not installed")
 CHROMIUM = shutil.which("chromium")
 pytestmark = [
     pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed"),
-    pytest.mark.timeout(300),
+    pytest.mark.timeout(180),
 ]
 
 COMMAND_TIMEOUT = 0.5
@@ -70,7 +70,6 @@ class Driven:
 
     def __init__(self, robot: Robot) -> None:
         self._session = open_session(Network(mode="client", connect=(robot.endpoint,)))
-        self._lock = threading.Lock()
         self.commands: list[tuple[float, float, float]] = []
         self.speeds: list[tuple[float, float]] = []
         self._ends = [
@@ -172,14 +171,9 @@ def grip(page: Any, forwards: int = 1) -> None:
     page.mouse.move(middle[0], middle[1] - forwards * (box["height"] / 2 - 10))
 
 
-def hold_keys(page: Any) -> None:
+def hold_keys(page: Any, key: str = "ArrowUp") -> None:
     page.focus("#pad")
-    page.keyboard.down("ArrowUp")
-
-
-def hold_w(page: Any) -> None:
-    page.focus("#pad")
-    page.keyboard.down("w")
+    page.keyboard.down(key)
 
 
 def let_go(page: Any) -> None:
@@ -193,23 +187,33 @@ def says(page: Any, selector: str, words: str, within: float = PATIENCE) -> None
     page.locator(selector, has_text=words).first.wait_for(timeout=within * 1000)
 
 
+def begin_until(page: Any, begin: Callable[[Any], None], seen: Callable[[], None], what: str) -> None:
+    """Hold the joystick or a key until something is seen that this shows; `seen` raises where it is not.
+
+    Where the page is held up, as on a busy machine, a grip ends at once, or is none: then it begins anew.
+    """
+
+    def is_seen() -> bool:
+        begin(page)
+        with suppress(AssertionError, sync_api.TimeoutError):
+            seen()
+            return True
+        let_go(page)
+        return False
+
+    eventually(is_seen, what)
+
+
 def drive_off(
     page: Any, driven: Driven, begin: Callable[[Any], None] = grip, seen: Callable[[], None] = lambda: None
 ) -> None:
-    """Begin until the robot drives, and something else is seen meanwhile.
+    """Begin until the robot drives, and something else is seen meanwhile."""
 
-    Where the page is held up, as on a busy machine, a grip ends at once.
-    """
-    end = time.monotonic() + PATIENCE
-    while True:
-        begin(page)
-        try:
-            driven.has_driven(SOON)
-            return seen()
-        except (AssertionError, sync_api.TimeoutError):
-            if time.monotonic() > end:
-                raise
-            let_go(page)
+    def drives() -> None:
+        driven.has_driven(SOON)
+        seen()
+
+    begin_until(page, begin, drives, "the robot drives, and what is looked for meanwhile is seen")
 
 
 def test_the_page_is_complete_and_asks_no_other_host(chromium: Any, served: Served) -> None:
@@ -288,25 +292,20 @@ def test_joystick_and_keys_drive_until_they_are_let_go(chromium: Any, served: Se
 
 
 def test_one_drives_and_no_other_one_takes_over(chromium: Any, served: Served, driven: Driven) -> None:
-    with opened(chromium, served.address) as page, opened(chromium, served.address) as second:
-        pulled = 0
+    with opened(chromium, served.address) as page, browsing(urlsplit(served.address).netloc) as other:
+        with closing(Held(other, 0.3)):
+            driven.has_driven(PATIENCE)
+            says(page, "#drive .told", f"{other.name} drives")
 
-        def is_refused() -> None:
-            nonlocal pulled
-            says(second, "#drive .told", "browser 1 drives", SOON)
-            pulled = len(driven.commands)
-            grip(second, -1)
-            try:
-                says(second, "#drive .told", "refused: browser 1 drives r1", SOON)
-            finally:
-                let_go(second)
+            def is_refused() -> None:
+                says(page, "#drive .told", f"refused: {other.name} drives r1", SOON)
 
-        drive_off(page, driven, grip, is_refused)
-        assert all(linear >= 0.0 for _, linear, _ in driven.commands[pulled:])
-        page.mouse.up()
+            begin_until(page, lambda page: grip(page, -1), is_refused, "a grip is refused")
+            assert all(linear >= 0.0 for _, linear, _ in driven.commands)
+            let_go(page)
         driven.has_stood()
-        drive_off(second, driven, hold_keys)
-        second.keyboard.up("ArrowUp")
+        drive_off(page, driven, hold_keys)
+        page.keyboard.up("ArrowUp")
         driven.has_stood()
 
 
@@ -340,7 +339,7 @@ def test_a_key_that_is_let_go_while_another_one_hides_it_drives_no_more(
     chromium: Any, served: Served, driven: Driven
 ) -> None:
     with opened(chromium, served.address) as page:
-        drive_off(page, driven, hold_w)
+        drive_off(page, driven, lambda page: hold_keys(page, "w"))
         page.keyboard.down("Meta")
         driven.has_stood()
         page.keyboard.up("Meta")

@@ -17,7 +17,7 @@ from robo.samples.stream import Stream
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from robo_messages import Bool, String, Twist
-from tests.served import TOKENS, Browser, Served, twists
+from tests.served import TOKENS, Held, Served, twists
 from tests.support import eventually
 
 exceptions = pytest.importorskip("websockets.exceptions", reason="the extra dashboard is not installed")
@@ -28,30 +28,6 @@ pytestmark = pytest.mark.timeout(60)
 def served(session: zenoh.Session) -> Iterator[Served]:
     with closing(Served(session, Settings(port=0))) as found:
         yield found
-
-
-class Held:
-    """A page that goes on commanding, as a hand does that never lets go; it never grips anew."""
-
-    def __init__(self, page: Browser, linear: float, robot: str = "r1") -> None:
-        while (said := page.take()) and not (isinstance(said, dict) and said["kind"] == "beat"):
-            pass
-        self._over = threading.Event()
-        self.refusals: list[str] = []
-        self._thread = threading.Thread(target=self._run, args=(page, linear, robot, page.grip))
-        self._thread.start()
-
-    def _run(self, page: Browser, linear: float, robot: str, grip: int) -> None:
-        while not self._over.is_set():
-            said = page.take()
-            if isinstance(said, dict) and said["kind"] == "refused":
-                self.refusals.append(said["reason"])
-            if isinstance(said, dict) and said["kind"] == "beat":
-                page.drive(linear, robot=robot, grip=grip)
-
-    def close(self) -> None:
-        self._over.set()
-        self._thread.join(20)
 
 
 class Motions:

@@ -156,24 +156,24 @@ def test_no_report_says_that_all_is_well_before_the_checks_were_asked(
     session: zenoh.Session, other: zenoh.Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As on a busy machine, on which what asks may come to its turn after what reports."""
-    reports_due: list[bool] = []
+    report_was_due = threading.Event()
     asks, reports = Diagnostics._ask, Diagnostics._report
 
     def ask(self: Diagnostics) -> None:
-        eventually(lambda: bool(reports_due), "a report is due")
+        report_was_due.wait(PATIENCE)
         asks(self)
 
     def report(self: Diagnostics) -> None:
         reports(self)
-        reports_due.append(True)
+        report_was_due.set()
 
     monkeypatch.setattr(Diagnostics, "_ask", ask)
     monkeypatch.setattr(Diagnostics, "_report", report)
     monkeypatch.setattr("robo.node.diagnostics.PERIOD", 0.1)
     heard = Heard(other, "r1/diagnostics")
     with Torch(namespace="r1", session=session):
-        report_heard = heard.wait_for("r1/diagnostics", lambda _: True, PATIENCE)
-    assert [one.name for one in report_heard.status[2:]] == ["/r1/torch: lamp", "/r1/torch: battery"]
+        first = heard.wait_for("r1/diagnostics", lambda _: True, PATIENCE)
+    assert [one.name for one in first.status[2:]] == ["/r1/torch: lamp", "/r1/torch: battery"]
     heard.close()
 
 
