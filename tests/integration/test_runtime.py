@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,6 +25,7 @@ from robo.wire.keys import ALL_TOKENS, EndpointToken, NodeToken, Token, parse_to
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from robo_messages import Image, String, Trigger, Twist, Vector3
+from tests.conftest import free_port
 from tests.plain import hear, samples, so_far
 from tests.support import PATIENCE, eventually
 
@@ -520,26 +522,38 @@ def test_nobody_there_is_a_clear_error(endpoint: str) -> None:
         open_session(Network(mode="client", connect=("nonsense",), timeout=0.2))
 
 
-def test_routers_hand_the_meeting_point_over(endpoint: str) -> None:
+def test_routers_hand_the_meeting_point_over() -> None:
+    """Who has subscribed hears on once the router at the meeting point has left, and another one is there."""
+    # Where the next one is there within some milliseconds, before the others dial the place for the first time, Zenoh
+    # 1.10.2 may take it for the one before (`robo.wire.network`): with ends as young as these, once in five times.
+    assert any(is_handed_over(f"tcp/127.0.0.1:{free_port()}") for _ in range(5))
+
+
+def is_handed_over(endpoint: str) -> bool:
+    """Whether two routers and a client hear one another as before once the router at the meeting point has left."""
     network = Network(mode="router", listen=(endpoint,), connect=(endpoint,))
     first, second, third = (open_session(network) for _ in range(3))
-    client = open_session(Network(mode="client", connect=(endpoint,)))
+    ends = {"second": second, "third": third, "client": open_session(Network(mode="client", connect=(endpoint,)))}
+    heard = {name: hear(end, f"*/{name}") for name, end in ends.items()}
+    ways = {"second/third", "third/second", "second/client", "third/client"}
+    passed: set[str] = set()
 
-    def reaches(heard: Any) -> bool:
-        third.put("x", msgpack.packb({}))
-        return bool(so_far(heard))
+    def all_pass() -> bool:
+        for way in ways:
+            ends[way.partition("/")[0]].put(way, b"")
+        passed.update(str(sample.key_expr) for one in heard.values() for sample in so_far(one))
+        return passed == ways
 
-    before = hear(client, "x")
-    eventually(lambda: reaches(before), "the third reaches the client through the first")
+    eventually(all_pass, "all hear one another through the first")
     first.close()
-    eventually(lambda: len(second.info.routers_zid()) == 1, "the other two have found each other again")
     holders = {str(session.info.zid()) for session in (second, third)}
-    eventually(lambda: {str(zid) for zid in client.info.routers_zid()} < holders, "the client has the new holder")
-    # What it subscribes from now on comes. What it had subscribed before stays silent in 2 of 100 runs on a busy
-    # machine: Zenoh 1.10.2 does not tell a router that is just linking of a subscription that is just renewed.
-    before.undeclare()
-    after = hear(client, "x")
-    eventually(lambda: reaches(after), "the third reaches the client through the second")
-    after.undeclare()
-    for session in (client, second, third):
-        close_session(session)
+    eventually(lambda: len(second.info.routers_zid()) == 1, "the other two have found each other again")
+    eventually(lambda: {str(zid) for zid in ends["client"].info.routers_zid()} < holders, "the client has a new router")
+    for one in heard.values():
+        so_far(one)
+    passed.clear()
+    with suppress(AssertionError):
+        eventually(all_pass, "all hear one another as before", 5.0)
+    for end in ends.values():
+        close_session(end)
+    return passed == ways
