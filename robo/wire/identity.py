@@ -213,11 +213,12 @@ def settings(identity: Identity, *, router: bool) -> dict[str, object]:
             "close_link_on_expiration": router,
         },
     }
-    # A router is gone for some hundredths of a second when its certificate or its rules change.
-    found["connect/retry"] = {"period_init_ms": 20, "period_max_ms": 500, "period_increase_factor": 1.3}
     if router:
         # What a router tells of its nodes, others would dial past it.
         found |= {"scouting/gossip/enabled": False, "access_control": _rules(identity.folder / RULES)}
+    else:
+        # A router is gone for some hundredths of a second when its certificate or its rules change.
+        found["connect/retry"] = {"period_init_ms": 20, "period_max_ms": 500, "period_increase_factor": 1.3}
     return found
 
 
