@@ -31,9 +31,10 @@ _SOURCE = re.compile(r" at \S+\.rs:\d+\.?")
 _RETRY = {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5}
 
 _RETRY_OF_A_ROUTER = {**_RETRY, "period_init_ms": 300}
-"""A router that has lost another one links to none at once. Zenoh 1.10.2 looks every 100 ms at who has gone and who has
-come, and takes who came for who went where it sees both at a time, since it knows them by numbers that it gives anew:
-then it does not tell the new one what is subscribed and served here, for as long as the link lasts."""
+"""Of a router that has lost another one: after its first try, which is at once and mostly in vain, it links to none for
+a while. Zenoh 1.10.2 looks every 100 ms at who has gone and who has come, and takes who came for who went where it sees
+both at a time, since it knows them by numbers that it gives anew: then it does not tell the new one what is subscribed
+and served here, for as long as the link lasts."""
 
 
 class Network(msgspec.Struct, frozen=True, kw_only=True):
@@ -238,7 +239,7 @@ def _own_settings(network: Network) -> dict[str, object]:
         "scouting/delay": 0,
         "listen/endpoints": network.listen,
         "connect/endpoints": network.connect,
-        "connect/retry": _RETRY,
+        "connect/retry": _RETRY_OF_A_ROUTER if router else _RETRY,
         "connect/timeout_ms": -1 if router else round(network.timeout * 1000),
         "connect/exit_on_failure": not router,
         # A process that hangs or whose cable is cut is given up after this long.
@@ -251,7 +252,6 @@ def _own_settings(network: Network) -> dict[str, object]:
         # there is not enough it fills up what there is, or ends its threads.
         settings["transport/shared_memory/transport_optimization/enabled"] = False
     if router:
-        settings["connect/retry"] = _RETRY_OF_A_ROUTER
         settings |= {"listen/retry": _RETRY, "listen/timeout_ms": -1, "listen/exit_on_failure": False}
         # Tools ask routers who is connected, and what is declared by those that are no nodes of robo's.
         metadata: dict[str, object] = {"name": network.name}

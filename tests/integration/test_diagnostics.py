@@ -160,7 +160,7 @@ def test_no_report_says_that_all_is_well_before_the_checks_were_asked(
     asks, reports = Diagnostics._ask, Diagnostics._report
 
     def ask(self: Diagnostics) -> None:
-        report_was_due.wait(PATIENCE)
+        assert report_was_due.wait(PATIENCE), "a report is due"
         asks(self)
 
     def report(self: Diagnostics) -> None:
