@@ -90,6 +90,7 @@ class LongQuery:
         self._answer: zenoh.Sample | Fault | None = None
         self._lost_since: float | None = None
         self._again_at = 0.0
+        self._losses = 0
         self._try = self._ask()
 
     def look(self) -> zenoh.Sample | Fault | None:
@@ -110,14 +111,19 @@ class LongQuery:
             raise Gone
         if now >= self._again_at:
             self._again_at = now + PERIOD
+            losses = self._losses
             self._try = self._ask()
+            if self._losses != losses:
+                self._try.end()
         return None
 
     def lose(self) -> None:
         """Whoever was asked is not there just now: no answer to that time of asking will come.
 
-        Zenoh does not end a question whose server is killed while it holds it.
+        Zenoh ends what a server holds that is killed, and then hands it for a moment what is asked again: that it
+        does not end. So it counts for who is just asking, too.
         """
+        self._losses += 1
         self._try.end()
 
     @property

@@ -1,5 +1,6 @@
 """A question whose answer takes long, and links that are lost meanwhile; network and time are played."""
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,10 +16,13 @@ class Network:
         self.asked = self.woken = 0
         self.handlers: list[Any] = []
         self.now = 0.0
+        self.meanwhile: Callable[[], None] = lambda: None
+        """What happens on another thread while somebody asks."""
 
     def get(self, _key: str, handler: object, **_options: object) -> None:
         self.asked += 1
         self.handlers.append(handler)
+        self.meanwhile()
 
     def wake(self) -> None:
         self.woken += 1
@@ -47,6 +51,18 @@ def test_where_nobody_answers_for_a_while_whoever_was_asked_is_gone() -> None:
         assert query.look() is None
         network.now += PERIOD / 2
     query.lose()
+    with pytest.raises(Gone):
+        query.look()
+
+
+def test_the_news_that_a_server_has_left_counts_for_who_is_just_asking() -> None:
+    network = Network()
+    query = network.query()
+    network.handlers[0].drop()  # Zenoh ends what the server held, and says only then that it has left
+    network.meanwhile = query.lose
+    for network.now in (0.0, GRACE / 2, GRACE):
+        assert query.look() is None
+        assert query.look_again_at == network.now + PERIOD
     with pytest.raises(Gone):
         query.look()
 
