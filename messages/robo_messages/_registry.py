@@ -119,7 +119,7 @@ def type_names() -> list[str]:
 _encoder = msgspec.msgpack.Encoder()
 _json_encoder = msgspec.json.Encoder()
 _decoders: dict[type[Message], msgspec.msgpack.Decoder[Any]] = {}
-_making = threading.Lock()
+_making = threading.RLock()  # a collection in the midst of it may run anything
 
 
 def encode(msg: Message) -> bytes:
@@ -134,11 +134,16 @@ def decode(payload: bytes | bytearray | memoryview, type_: type[M]) -> M:
         msgspec.DecodeError: the payload is cut short or no MessagePack.
         msgspec.ValidationError: it has another shape; says which field and what it should be.
     """
+    result: M = _decoder(type_).decode(payload)
+    return result
+
+
+def _decoder(type_: type[M]) -> msgspec.msgpack.Decoder[M]:
+    """That of a type, made when it is first needed; from then on msgspec knows the type."""
     decoder = _decoders.get(type_)
     if decoder is None:
         decoder = _decoders[type_] = decoder_of(type_)
-    result: M = decoder.decode(payload)
-    return result
+    return decoder
 
 
 def decoder_of(type_: type[M]) -> msgspec.msgpack.Decoder[M]:
@@ -173,6 +178,7 @@ def decode_json(payload: bytes | str, type_: type[M]) -> M:
     Raises:
         msgspec.DecodeError, msgspec.ValidationError: as `decode`.
     """
+    _decoder(type_)  # msgspec knows the type from now on, whichever form it reads
     return msgspec.json.decode(payload, type=type_, strict=False)
 
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import msgspec
 
 from robo.errors import BagError
+from robo.text.readable import readable
 
 if TYPE_CHECKING:
     from robo.bag.read.reader import Bag
@@ -33,7 +34,7 @@ def publishers_of(recording: "Bag") -> Publishers:
         if not file.data:
             continue  # nobody was there to be seen
         try:
-            graph = msgspec.json.decode(file.data, type=_Graph)
+            graph = msgspec.json.decode(file.data, type=readable(_Graph))
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             raise BagError(f"its attachment {GRAPH} cannot be read: {error}", recording.path) from None
         found.nodes.update(node.name for node in graph.nodes)

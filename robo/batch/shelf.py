@@ -11,6 +11,7 @@ import msgspec
 from robo.batch import table
 from robo.batch.plan import Job, Outcome, Result
 from robo.errors import UsageError
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 
 RESULTS, LOGS, RECORDINGS = "results", "logs", "recordings"
@@ -50,7 +51,7 @@ class Shelf:
         found: dict[str, Result] = {}
         for job in jobs:
             with suppress(OSError, *UNREADABLE):
-                result = msgspec.json.decode(self._file(job.key).read_bytes(), type=Result)
+                result = msgspec.json.decode(self._file(job.key).read_bytes(), type=readable(Result))
                 if result.key == job.key and not (job.output and result.passed and not Path(job.output).exists()):
                     found[job.key] = result
         return found

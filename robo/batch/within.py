@@ -11,6 +11,7 @@ import msgspec
 
 from robo.batch.attempt import ENDED, JOB, OUTCOME
 from robo.batch.plan import Job, Outcome
+from robo.text.readable import readable
 
 
 def answer(work: Callable[[Job, Path], Outcome]) -> None:
@@ -22,7 +23,7 @@ def answer(work: Callable[[Job, Path], Outcome]) -> None:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     folder = Path(sys.argv[1])
     try:
-        job = msgspec.msgpack.decode((folder / JOB).read_bytes(), type=Job)
+        job = msgspec.msgpack.decode((folder / JOB).read_bytes(), type=readable(Job))
         outcome = work(job, folder)
     except SystemExit:
         if not (folder / ENDED).exists():

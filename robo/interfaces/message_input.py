@@ -14,6 +14,7 @@ from msgspec import inspect
 import robo_messages
 from robo.errors import MessageError
 from robo.text.brief import shown
+from robo.text.readable import readable
 from robo.text.suggestions import suggest
 from robo_messages import Header, Message, Time
 
@@ -34,7 +35,7 @@ def message_of(type_: type[Message], data: object) -> Message:
     """
     plain = restored(type_, data)
     try:
-        return msgspec.convert(plain, type_)
+        return msgspec.convert(plain, readable(type_))
     except (msgspec.ValidationError, ValueError, TypeError, OverflowError) as error:
         raise MessageError(_from_msgspec(robo_messages.type_name(type_), str(error))) from None
 

@@ -28,6 +28,7 @@ from robo.launch.manifest import (
 )
 from robo.launch.plan import NEEDS, TopicPlan, Until
 from robo.text.brief import shown
+from robo.text.readable import readable
 from robo.text.suggestions import closest
 from robo.text.tree import Entry, Items, Map, Position, Problem, Scalar, Tree, kind
 from robo.text.yaml_tree import parse
@@ -200,7 +201,7 @@ class _Reader:
             until: Until = "ready"
             scalar = single(entry.value, f"needs {entry.key}", self.complain)
             if scalar is not None and is_one_of(scalar, f"needs {entry.key}", NEEDS, self.complain):
-                until = msgspec.convert(scalar.value, Until) if scalar.value in NEEDS else until
+                until = msgspec.convert(scalar.value, readable(Until)) if scalar.value in NEEDS else until
             found.append(Need(Scalar(entry.key, entry.position), until))
         return tuple(found)
 

@@ -15,6 +15,7 @@ from robo.environment import LOG_LIMIT_VARIABLE, LOG_RUN_LIMIT_VARIABLE
 from robo.errors import UsageError
 from robo.machine.log_files import KEPT_FILES, LARGEST, LEAST, RunInfo
 from robo.text.files import size_of
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 from robo.wire.run_id import supervisor_lives
 
@@ -124,7 +125,7 @@ def kept_runs(base: Path, now: Callable[[], float] = time.time) -> list[KeptRun]
     found = []
     for file in base.glob("*/*/run.json"):
         try:
-            info = msgspec.json.decode(file.read_bytes(), type=RunInfo)
+            info = msgspec.json.decode(file.read_bytes(), type=readable(RunInfo))
             files = list(file.parent.iterdir())
         except (OSError, *UNREADABLE):
             continue  # cut short, or being removed

@@ -7,6 +7,7 @@ import msgspec
 
 from robo.machine.log_files import RunInfo
 from robo.text.folders import log_base
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 
 _MOST = 1_000_000
@@ -24,7 +25,7 @@ def manifests_of(runs: Iterable[str], base: Path | None = None) -> dict[str, byt
     found: dict[str, bytes] = {}
     for file in sorted((base or log_base()).glob("*/*/run.json")) if wanted else ():
         try:
-            info = msgspec.json.decode(file.read_bytes(), type=RunInfo)
+            info = msgspec.json.decode(file.read_bytes(), type=readable(RunInfo))
             manifest = Path(info.manifest)
             if info.run in wanted and manifest.is_file() and manifest.stat().st_size <= _MOST:
                 found[f"{info.robot}/{manifest.name}"] = manifest.read_bytes()

@@ -11,6 +11,7 @@ import msgspec
 
 from robo.errors import UnreadableFile
 from robo.text.files import read_text
+from robo.text.readable import readable
 
 if TYPE_CHECKING:
     from importlib.metadata import Distribution
@@ -116,7 +117,7 @@ def _about(distribution: "Distribution") -> dict[str, Any]:
         "home": Path(str(distribution.locate_file(""))),
     }
     with contextlib.suppress(msgspec.DecodeError, ValueError):
-        origin = msgspec.json.decode(_read(distribution, "direct_url.json") or "{}", type=_Origin)
+        origin = msgspec.json.decode(_read(distribution, "direct_url.json") or "{}", type=readable(_Origin))
         if origin.dir_info.editable:
             about |= {"editable": True, "home": Path(unquote(urlsplit(origin.url).path))}
     return about

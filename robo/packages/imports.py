@@ -18,6 +18,7 @@ from typing import Generic, TypeVar
 
 import msgspec
 
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 
 T = TypeVar("T")
@@ -61,7 +62,7 @@ def import_apart(
         with _process([*program, *left]) as process:
             try:
                 for line in _lines(process, len(left), patience):
-                    found = None if line.error else msgspec.msgpack.decode(line.found, type=kind)
+                    found = None if line.error else msgspec.msgpack.decode(line.found, type=readable(kind))
                     yield Imported(left.pop(0), found, line.error)
                 if left:
                     why = f"it ends the process with {_ended(process.wait(patience))}"
@@ -110,7 +111,7 @@ def _lines(process: "subprocess.Popen[bytes]", most: int, patience: float) -> It
                 return
             rest += data
         line, _, rest = rest.partition(b"\n")
-        yield msgspec.json.decode(line, type=_Line)
+        yield msgspec.json.decode(line, type=readable(_Line))
 
 
 def _ended(code: int) -> str:

@@ -33,6 +33,7 @@ from robo.parameters.hints import (
 from robo.parameters.shape import Contradiction, Leaf, declared_as
 from robo.text.brief import brief, shown
 from robo.text.paths import unnested
+from robo.text.readable import readable
 from robo.text.suggestions import suggest
 from robo.wire import names
 
@@ -182,7 +183,7 @@ def _taken(value: object, hint: Any) -> tuple[object, str]:
     if NON_FINITE in extras_of(hint):
         value = _from_json(value)
     try:
-        new: object = msgspec.convert(value, hint)
+        new: object = msgspec.convert(value, readable(hint))
     except (msgspec.ValidationError, OverflowError, RecursionError, TypeError, ValueError) as error:
         choice = f"; use {type_name(hint)}" if choices_of(hint) else ""
         return None, f"{brief(_readable(str(error)), 200)}{choice}"

@@ -9,8 +9,9 @@ import msgspec
 import zenoh
 
 from robo.errors import RoboError
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
-from robo.wire import names, whereabouts
+from robo.wire import liveliness, names, whereabouts
 from robo.wire.keys import PREFIX, control_key, status_key
 from robo.wire.reports import ProcessStatus, Request
 from robo.wire.session import close_session, open_session
@@ -76,7 +77,7 @@ def check(nodes: Sequence[str], robot: str | None, connect: Sequence[str], timeo
 def _of_node(session: zenoh.Session, node: str, timeout: float) -> Iterator[str]:
     namespace, _, name = node.strip("/").rpartition("/")
     token = names.join(PREFIX, namespace, "node", name, "*", "*", "*")
-    if not any(reply.ok is not None for reply in session.liveliness().get(token, timeout=timeout)):
+    if next(liveliness.ask(session, token, timeout), None) is None:
         yield f"{node} is not ready"
         return
     answers = session.get(status_key(namespace, name), timeout=timeout)
@@ -107,5 +108,5 @@ def _told(session: zenoh.Session, robot: str, timeout: float) -> list[ProcessSta
     ):
         if reply.ok is not None:
             with suppress(*UNREADABLE):
-                found += msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=list[ProcessStatus])
+                found += msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=readable(list[ProcessStatus]))
     return found

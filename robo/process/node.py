@@ -10,6 +10,7 @@ import signal
 import sys
 
 from robo.process import lean
+from robo.text.readable import readable
 
 
 def main() -> None:
@@ -29,7 +30,7 @@ def main() -> None:
     given = os.environ.get(SPEC_VARIABLE)
     try:
         node_class = load_node_class(service)
-        spec = msgspec.json.decode(given, type=NodeSpec) if given else NodeSpec()
+        spec = msgspec.json.decode(given, type=readable(NodeSpec)) if given else NodeSpec()
         if spec.service != service:  # run by hand, or by a command of a launch
             run(node_class, arguments)
         del os.environ[SPEC_VARIABLE]  # not for what the node starts

@@ -16,6 +16,7 @@ from robo.parameters import files as parameter_files
 from robo.parameters.words import parse_assignment, sides_of
 from robo.process.spec import InRos, NodeSpec
 from robo.text.choices import choice_of
+from robo.text.readable import readable
 from robo.text.terminal import lenient
 from robo.wire.keys import parse_number
 from robo.wire.network import MODES, Mode
@@ -68,7 +69,7 @@ def parse(node_class: type[Node], arguments: Sequence[str]) -> NodeSpec:
 def _launched() -> NodeSpec:
     """What a launch has said of the command that runs this node; options stand above it."""
     given = os.environ.pop(SPEC_VARIABLE, None)
-    return msgspec.json.decode(given, type=NodeSpec) if given else NodeSpec()
+    return msgspec.json.decode(given, type=readable(NodeSpec)) if given else NodeSpec()
 
 
 def _mode() -> Mode:

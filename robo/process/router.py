@@ -15,6 +15,7 @@ import msgspec
 from robo.environment import NETWORK_VARIABLE
 from robo.errors import RoboError
 from robo.process import signals
+from robo.text.readable import readable
 from robo.wire import tcp
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
@@ -44,7 +45,7 @@ def main() -> None:
     """Route for a supervisor, until SIGINT or SIGTERM, or until it is gone."""
     # Its supervisor's watchdog ends it where the supervisor cannot; where both are gone it ends itself.
     parent = os.getppid()
-    network = msgspec.json.decode(os.environ.pop(NETWORK_VARIABLE), type=Network)
+    network = msgspec.json.decode(os.environ.pop(NETWORK_VARIABLE), type=readable(Network))
     try:
         route(network, lambda: os.getppid() != parent)
     except RoboError as error:

@@ -17,6 +17,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from robo.process import lean
+from robo.text.readable import readable
 
 if TYPE_CHECKING:
     from robo.process.lodging import Lodgings
@@ -98,14 +99,14 @@ def _obey(control: socket.socket, lodgings: "Lodgings", *, watched: bool) -> Non
     from robo.process.spec import NodeSpec, Order
 
     data, descriptors, _, _ = socket.recv_fds(control, LARGEST, 2)
-    order = msgspec.msgpack.decode(data, type=Order)
+    order = msgspec.msgpack.decode(data, type=readable(Order))
     if not order.spec:
         (lodgings.tell_where if order.where else lodgings.end)(order.number)
         return
     for descriptor in descriptors:
         os.set_inheritable(descriptor, False)  # not for what nodes start
     output, heart = descriptors
-    spec = msgspec.json.decode(order.spec, type=NodeSpec)
+    spec = msgspec.json.decode(order.spec, type=readable(NodeSpec))
     lodgings.begin(order.number, spec, Channels(output, heart, order.level, order.period, watched))
 
 

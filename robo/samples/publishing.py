@@ -13,6 +13,7 @@ import zenoh
 
 from robo.errors import InvalidName, MessageError
 from robo.samples.records import Record, payload_of, sample_of
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 from robo.wire import codec, sources
 from robo.wire.keys import EndpointToken, source_id
@@ -192,7 +193,7 @@ def _is_key(text: str) -> bool:
 
 def _line_of_record(data: dict[str, object], key: str | None, type_name: str | None) -> Line:
     try:
-        record = msgspec.convert(data, Record)
+        record = msgspec.convert(data, readable(Record))
     except msgspec.ValidationError as error:
         raise MessageError(f"no record of `robo topic echo --json`: {error}") from None
     if type_name is not None and record.type not in ("", type_name):

@@ -23,6 +23,7 @@ from robo.security.certificates import Pair
 from robo.security.policy import Entry, Policy, Rights
 from robo.security.rights import Right, Role
 from robo.text.files import read_bytes, read_text
+from robo.text.readable import readable
 from robo.wire import identity
 from robo.wire.identity import ABOUT, CA, CERTIFICATE, KEY, NAMES, RULES, About
 
@@ -285,7 +286,7 @@ class Keystore:
         found = []
         for line in lines:
             with suppress(msgspec.MsgspecError):
-                found.append(msgspec.json.decode(line, type=Issued))
+                found.append(msgspec.json.decode(line, type=readable(Issued)))
         return found
 
     # -- its files ---------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ import zenoh
 from robo.errors import RoboError, RunError, UsageError
 from robo.supervisor.commands import Verb
 from robo.text.levels import level_of
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 from robo.wire import codec
 from robo.wire.keys import control_key, event_key, log_key
@@ -110,7 +111,7 @@ def read_request(payload: bytes) -> LogsRequest:
     if len(payload) > _LARGEST:
         raise UsageError(f"the request has {len(payload):,} bytes; it may have {_LARGEST:,}")
     try:
-        asked = msgspec.msgpack.decode(payload, type=LogsRequest) if payload else LogsRequest()
+        asked = msgspec.msgpack.decode(payload, type=readable(LogsRequest)) if payload else LogsRequest()
     except UNREADABLE as error:
         what, _, field = str(error).partition(" - at `$.")
         where = f"{field.rstrip('`')}: " if field else ""

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 import msgspec
 
 from robo.supervisor.topic_watch import Flow
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 from robo.wire.reports import EVERY_NODES, Beat, HealthLevel, Input, NodeStatus, check_name, health_of
 from robo_messages import DiagnosticStatus
@@ -74,7 +75,7 @@ class Pulse:
     def hear(self, data: bytes, now: float) -> Beat | None:
         """A beat has come; None where it means nothing: a command may write something else there."""
         try:
-            beat = msgspec.msgpack.decode(data, type=Beat)
+            beat = msgspec.msgpack.decode(data, type=readable(Beat))
         except UNREADABLE:
             return None
         self._late = beat if beat.late else None

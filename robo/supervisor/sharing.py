@@ -22,6 +22,7 @@ from robo.machine.hearing import Hearing
 from robo.machine.orphans import Left
 from robo.process.spec import Ended, Order
 from robo.supervisor import instance
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 
 _INSIST = 1.0
@@ -124,7 +125,7 @@ class House:
 
     def _hear(self, data: bytes) -> None:
         try:
-            ended = msgspec.msgpack.decode(data, type=Ended)
+            ended = msgspec.msgpack.decode(data, type=readable(Ended))
         except UNREADABLE:  # what runs there may write what it likes
             return
         self.open &= not ended.closing

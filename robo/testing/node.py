@@ -20,6 +20,7 @@ from robo.testing.bench import CLOSE_TIMEOUT, Bench, NodeEnded, Seat
 from robo.testing.call import Call
 from robo.testing.goal import Goal
 from robo.testing.session import NodeSession
+from robo.text.readable import readable
 from robo.text.suggestions import suggest
 from robo.wire import codec, keys, names
 from robo.wire.qos import QoS
@@ -208,7 +209,7 @@ class NodeUnderTest(Generic[N]):
         if not call.done() or call._answer is None or call._answer.ok is None:
             call.result()  # which says why not
         else:
-            result = msgspec.msgpack.decode(call._answer.ok.payload.to_bytes(), type=Result)
+            result = msgspec.msgpack.decode(call._answer.ok.payload.to_bytes(), type=readable(Result))
             if not result.successful:
                 self._seat.errors.clear()
                 raise ParameterError(result.reason)

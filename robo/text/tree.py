@@ -7,6 +7,7 @@ from typing import NamedTuple, TypeVar
 import msgspec
 
 from robo.text.brief import brief, shown
+from robo.text.readable import readable
 
 T = TypeVar("T")
 
@@ -101,7 +102,7 @@ def convert(tree: Tree, type_: type[T], problems: list[Problem]) -> T | None:
         The value; None, with the first mistake added to `problems`, where it does not fit.
     """
     try:
-        return msgspec.convert(plain(tree), type_)
+        return msgspec.convert(plain(tree), readable(type_))
     except msgspec.ValidationError as error:
         text, _, path = str(error).partition(" - at `$")
         where = locate(tree, path.rstrip("`"))

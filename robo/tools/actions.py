@@ -11,6 +11,7 @@ import msgspec
 import zenoh
 
 from robo.errors import ActionError, ActionTimeout
+from robo.text.readable import readable
 from robo.tools import replies
 from robo.tools.offers import Offer, list_actions
 from robo.wire import codec, doors, queries
@@ -97,7 +98,7 @@ def _read(sample: zenoh.Sample, kind: type[T], action: str) -> T:
         ActionError: it is no such answer.
     """
     try:
-        return msgspec.convert(codec.decode_any(sample.payload.to_bytes()), kind)
+        return msgspec.convert(codec.decode_any(sample.payload.to_bytes()), readable(kind))
     except (codec.Malformed, msgspec.ValidationError) as error:
         raise ActionError(f"action {action}: its server answers what cannot be read: {error}") from None
 

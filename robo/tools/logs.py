@@ -15,6 +15,7 @@ import msgspec
 from robo.errors import NodeNotFound, RunError, UsageError
 from robo.machine.log_files import SUPERVISOR, RunInfo
 from robo.text.folders import log_base
+from robo.text.readable import readable
 from robo.text.suggestions import suggest
 from robo.text.unreadable import UNREADABLE
 from robo.wire import names
@@ -50,7 +51,7 @@ def list_runs(robot: str | None = None, base: Path | None = None) -> list[Logged
     found = []
     for file in (base or log_base()).glob("*/*/run.json"):
         try:
-            info = msgspec.json.decode(file.read_bytes(), type=RunInfo)
+            info = msgspec.json.decode(file.read_bytes(), type=readable(RunInfo))
         except (OSError, *UNREADABLE):
             continue  # cut short, or being removed
         run = LoggedRun(file.parent, info)
@@ -207,6 +208,6 @@ def _whole_lines(file: BinaryIO, place: int) -> tuple[list[LogRecord], int]:
 
 def _parsed(line: bytes) -> LogRecord | None:
     try:
-        return msgspec.json.decode(line, type=LogRecord)
+        return msgspec.json.decode(line, type=readable(LogRecord))
     except UNREADABLE:
         return None  # cut short when its writer was killed

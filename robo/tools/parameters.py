@@ -9,6 +9,7 @@ import zenoh
 from robo.errors import NodeUnreachable, ParameterError
 from robo.parameters import files as parameter_files
 from robo.text.paths import nested
+from robo.text.readable import readable
 from robo.text.tree import Problem
 from robo.text.unreadable import UNREADABLE
 from robo.wire import doors
@@ -128,7 +129,7 @@ def _ask(
         raise ParameterError(answer.message)
     if answer is not None:
         try:
-            return msgspec.msgpack.decode(answer.payload.to_bytes(), type=kind)
+            return msgspec.msgpack.decode(answer.payload.to_bytes(), type=readable(kind))
         except UNREADABLE as error:
             raise ParameterError(f"the answer of {node.full_name} cannot be read: {error}") from None
     doors.check(session, node.namespace, TIMEOUT)

@@ -6,6 +6,7 @@ import msgspec
 import zenoh
 
 from robo.security.refusals import Count
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 from robo.wire import names
 from robo.wire.keys import refusals_key
@@ -31,7 +32,7 @@ def told(session: zenoh.Session, timeout: float) -> Iterator[Told]:
             continue
         name = str(reply.ok.key_expr).split("/")[1]
         try:
-            counts = msgspec.json.decode(reply.ok.payload.to_bytes(), type=list[Count])
+            counts = msgspec.json.decode(reply.ok.payload.to_bytes(), type=readable(list[Count]))
         except UNREADABLE:
             continue
         if names.is_word(name):

@@ -8,6 +8,7 @@ import msgspec
 import zenoh
 
 from robo.text.brief import brief, shown
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 
 T = TypeVar("T")
@@ -23,7 +24,7 @@ def samples(replies: Iterable[zenoh.Reply]) -> Iterator[zenoh.Sample]:
 def read(sample: zenoh.Sample, kind: type[T]) -> T | None:
     """The MessagePack of an answer or a message; None for one that is of no use, which is told once."""
     try:
-        return msgspec.msgpack.decode(sample.payload.to_bytes(), type=kind)
+        return msgspec.msgpack.decode(sample.payload.to_bytes(), type=readable(kind))
     except UNREADABLE as error:
         _tell_once(kind, str(sample.key_expr), str(error))
         return None

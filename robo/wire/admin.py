@@ -12,6 +12,7 @@ from typing import TypeVar
 import msgspec
 import zenoh
 
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 from robo.wire import access
 from robo.wire.ids import is_robos
@@ -144,7 +145,7 @@ def door_of(session: zenoh.Session, zid: str, timeout: float) -> Door | None:
         if told is None or not isinstance(told.metadata, dict) or told.metadata.get("others") != access.LOOKS:
             continue
         with suppress(msgspec.ValidationError):
-            return msgspec.convert(told.metadata, Door)
+            return msgspec.convert(told.metadata, readable(Door))
     return None
 
 
@@ -176,7 +177,7 @@ def _read(sample: zenoh.Sample, kind: type[T]) -> T:
 
 def _decoded(sample: zenoh.Sample, kind: type[T]) -> T | None:
     try:
-        return msgspec.json.decode(sample.payload.to_bytes(), type=kind)
+        return msgspec.json.decode(sample.payload.to_bytes(), type=readable(kind))
     except UNREADABLE:
         return None
 

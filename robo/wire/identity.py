@@ -14,6 +14,7 @@ import msgspec
 
 from robo.errors import SecurityError, UnreadableFile
 from robo.text.files import read_bytes
+from robo.text.readable import readable
 
 NAMES = "names"
 """The folder of a keystore in which each name has its own."""
@@ -173,7 +174,7 @@ def about_of(folder: Path) -> About:
 
 def _about(file: Path) -> About:
     try:
-        return msgspec.json.decode(read_bytes(file), type=About)
+        return msgspec.json.decode(read_bytes(file), type=readable(About))
     except (UnreadableFile, msgspec.MsgspecError) as error:
         raise SecurityError(f"it cannot be read ({error}); `robo security renew` writes it") from None
 
@@ -228,7 +229,7 @@ def named(identity: Identity) -> frozenset[str]:
     Raises:
         SecurityError: they are missing or cannot be read.
     """
-    subjects = msgspec.convert(_rules(identity.folder / RULES), _Named, strict=False).subjects
+    subjects = msgspec.convert(_rules(identity.folder / RULES), readable(_Named), strict=False).subjects
     return frozenset(name for subject in subjects for name in subject.cert_common_names)
 
 

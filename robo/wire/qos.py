@@ -11,6 +11,7 @@ import msgspec
 from msgspec import Meta
 
 from robo.errors import ContractError
+from robo.text.readable import readable
 
 if TYPE_CHECKING:
     import zenoh
@@ -235,7 +236,7 @@ def from_word(word: str) -> QoS | None:
         else:
             found["priority"] = fact
     try:
-        qos = msgspec.convert(found, QoS, strict=False)
+        qos = msgspec.convert(found, readable(QoS), strict=False)
     except (ContractError, msgspec.ValidationError):
         return None
     return qos if qos.word == word else None

@@ -16,6 +16,7 @@ import zenoh
 from robo import errors
 from robo.errors import RoboError, RunError
 from robo.text.brief import brief_lines
+from robo.text.readable import readable
 from robo.text.suggestions import suggest
 from robo.text.unreadable import UNREADABLE
 from robo.wire import codec
@@ -186,7 +187,7 @@ def read_fault(reply: zenoh.Reply) -> Fault | None:
     if reply.err is None:
         return None
     try:
-        return msgspec.msgpack.decode(reply.err.payload.to_bytes(), type=Fault)
+        return msgspec.msgpack.decode(reply.err.payload.to_bytes(), type=readable(Fault))
     except UNREADABLE:
         return None
 

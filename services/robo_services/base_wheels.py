@@ -6,6 +6,7 @@ import msgspec
 import zenoh
 from msgspec import Meta
 
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 from robo.wire.keys import parameters_key
 from robo.wire.queries import Fault, first_answer
@@ -52,7 +53,7 @@ def ask_wheels(session: zenoh.Session, node: str) -> Wheels | None:
     if answer is None or isinstance(answer, Fault):
         return None
     try:
-        said = msgspec.msgpack.decode(answer.payload.to_bytes(), type=_Said)
+        said = msgspec.msgpack.decode(answer.payload.to_bytes(), type=readable(_Said))
     except UNREADABLE:
         return None
     if said.wheel_separation is None:

@@ -20,6 +20,7 @@ from robo import RoboError
 from robo.errors import UnreadableFile
 from robo.process import lean
 from robo.text.files import read_text
+from robo.text.readable import readable
 from robo_messages import PoseStamped, Quaternion
 from robo_services.planar import yaw_from_quaternion
 
@@ -98,7 +99,7 @@ def waypoint_of_numbers(numbers: object) -> Waypoint:
     if not isinstance(numbers, (list, tuple)) or len(numbers) not in (2, 3):
         raise ValueError("expected [x, y] or [x, y, yaw]")
     try:
-        return msgspec.convert(dict(zip(("x", "y", "yaw"), map(_finite, numbers), strict=False)), Waypoint)
+        return msgspec.convert(dict(zip(("x", "y", "yaw"), map(_finite, numbers), strict=False)), readable(Waypoint))
     except msgspec.ValidationError as error:
         raise ValueError(_plain(error)) from None
 
@@ -244,7 +245,7 @@ def _waypoints_of_tree(tree: "Tree", problems: "list[Problem]") -> tuple[Waypoin
                 problems.append(Problem(entry.value.position, f"{name}.{entry.key}: expected a finite number"))
                 return None
         try:
-            return msgspec.convert(plain(item), Waypoint)
+            return msgspec.convert(plain(item), readable(Waypoint))
         except msgspec.ValidationError as error:
             path = str(error).partition(" - at `$")[2].rstrip("`")
             problems.append(Problem(locate(item, path), f"{name}: {_plain(error)}"))

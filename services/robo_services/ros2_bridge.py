@@ -8,6 +8,7 @@ from msgspec import Meta
 import robo
 from robo import READ_ONLY, Health, Node, Publisher, check, timer
 from robo.errors import ParameterError
+from robo.text.readable import readable
 from robo_messages import DiagnosticStatus, KeyValue
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ class Ros2Bridge(Node):
         from robo.wire.session import close_session
 
         try:
-            plan = msgspec.json.decode(self.parameters.settings, type=Ros2Plan)
+            plan = msgspec.json.decode(self.parameters.settings, type=readable(Ros2Plan))
         except msgspec.DecodeError as error:
             raise ParameterError(f"settings: {error}") from None
         give_way(self.session, self.full_name)

@@ -1,5 +1,6 @@
 """The floors of the house, and what each process may carry."""
 
+import ast
 import subprocess
 import sys
 from pathlib import Path
@@ -95,6 +96,11 @@ def test_a_node_imports_nothing_of_what_other_systems_read() -> None:
     assert "robo_messages.system_more" not in loaded
 
 
+def test_a_plain_node_does_without_paths_and_versions() -> None:
+    loaded = modules_after("import robo_services.velocity_controller, robo.process.node, robo.process.runner")
+    assert not loaded & {"pathlib", "urllib", "ipaddress", "email"}, "0.7 MB"
+
+
 def test_transforms_need_neither_network_nor_node() -> None:
     script = "import sys; from robo.tf import Buffer, Transform3, transform_point, scan_points; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
@@ -144,3 +150,43 @@ def test_a_verb_imports_what_it_needs_and_no_more(view: str) -> None:
     loaded = modules_after(f"import robo.cli.views.{view}")
     assert loaded & (HEAVY | ALWAYS_HEAVY) - {"typer", "click"} <= MAY_LOAD.get(view, set())
     assert "typer" not in loaded, "what a verb does is apart from how it is called"
+
+
+MAY_FIND_OUT = {
+    "robo/text/readable.py": "it takes the lock",
+    "messages/robo_messages/_registry.py": "it takes the lock",
+    "robo/interfaces/ros_values.py": "of fields of messages, which have been found out with the message",
+}
+PLAIN = {"str", "int", "float", "bool", "bytes", "object", "Any", "None", "list", "dict", "tuple"}
+
+
+def test_msgspec_finds_out_no_type_in_two_threads_at_a_time() -> None:
+    found = []
+    for file in [*ROOT.glob("robo/**/*.py"), *ROOT.glob("services/**/*.py"), *ROOT.glob("messages/**/*.py")]:
+        name = file.relative_to(ROOT).as_posix()
+        if name in MAY_FIND_OUT or "/_sample/" in name:
+            continue
+        functions = (part for part in ast.walk(ast.parse(file.read_text())) if isinstance(part, FUNCTIONS))
+        for call in (part for function in functions for part in ast.walk(function) if isinstance(part, ast.Call)):
+            if (type_ := _type_that_is_read(call)) is not None and not _is_found_out(type_):
+                found.append(f"{name}:{call.lineno}: {ast.unparse(type_)}")
+    assert found == [], "write readable(…) around it"
+
+
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
+
+
+def _type_that_is_read(call: ast.Call) -> ast.expr | None:
+    """The type that a call has msgspec read, None where it names none."""
+    module, _, function = ast.unparse(call.func).rpartition(".")
+    if module.partition(".")[0] != "msgspec" or function not in ("convert", "decode", "Decoder"):
+        return None
+    named = [keyword.value for keyword in call.keywords if keyword.arg == "type"]
+    place = {"convert": 1, "Decoder": 0}.get(function, len(call.args))
+    return next(iter([*named, *call.args[place : place + 1]]), None)
+
+
+def _is_found_out(type_: ast.expr) -> bool:
+    if isinstance(type_, ast.Call):
+        return ast.unparse(type_.func) == "readable"
+    return {name.id for name in ast.walk(type_) if isinstance(name, ast.Name)} <= PLAIN

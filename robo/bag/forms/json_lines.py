@@ -25,6 +25,7 @@ from robo.interfaces import catalogue, cdr
 from robo.interfaces.message_input import message_of
 from robo.samples.records import Record, sample_of
 from robo.text.brief import brief, shown
+from robo.text.readable import readable
 from robo.text.terminal import escaped_json
 from robo.text.unreadable import UNREADABLE
 from robo.wire.codec import Decoder, Malformed, jsonable
@@ -195,7 +196,7 @@ def _records(path: str | Path, tell: Tell) -> Iterator[tuple[int, Line]]:
         if text.isspace():
             continue
         try:
-            yield number, msgspec.json.decode(text, type=Line)
+            yield number, msgspec.json.decode(text, type=readable(Line))
         except UNREADABLE as error:
             reason = brief(str(error), 300)
             raise BagError(

@@ -5,6 +5,7 @@ from collections.abc import Hashable
 import msgspec
 
 from robo.samples.meters import Sequences
+from robo.text.readable import readable
 
 _MOST_PUBLISHERS = 10_000
 """That are remembered: they come and go."""
@@ -109,7 +110,7 @@ def counts_of(words: dict[str, str]) -> dict[str, Counts]:
     found = {}
     for topic, text in words.items():
         try:
-            found[topic] = msgspec.json.decode(text, type=Counts)
+            found[topic] = msgspec.json.decode(text, type=readable(Counts))
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             continue
     return found

@@ -16,6 +16,7 @@ from robo.interfaces import catalogue, cdr
 from robo.interfaces.message_input import message_of
 from robo.node import services
 from robo.text.brief import shown
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 from robo.tools import parameters
 from robo.tools.parameters import Described
@@ -132,7 +133,7 @@ def all_parameters(
         if not covers(node.strip("/")):
             continue
         try:
-            said = msgspec.msgpack.decode(sample.payload.to_bytes(), type=dict[str, Described])
+            said = msgspec.msgpack.decode(sample.payload.to_bytes(), type=readable(dict[str, Described]))
         except UNREADABLE:
             continue  # a stranger's
         found += _shown(node, said.values())

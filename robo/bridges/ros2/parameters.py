@@ -24,6 +24,7 @@ from robo.bridges.ros2.parameter_types import (
 from robo.bridges.ros2.services import QUALITY
 from robo.bridges.ros2.tally import Count
 from robo.interfaces.ros_values import ANY
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 from robo.tools.parameters import Described
 from robo.wire import names
@@ -192,7 +193,7 @@ class Node:
                 tell(answer)
                 return
             try:
-                found = msgspec.msgpack.decode(answer, type=kind)
+                found = msgspec.msgpack.decode(answer, type=readable(kind))
             except UNREADABLE as error:
                 tell(Fault("Malformed", f"the answer of {self._token.full_name} cannot be read: {error}"))
                 return

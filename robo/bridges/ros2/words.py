@@ -7,6 +7,7 @@ import msgspec
 
 from robo.errors import UsageError
 from robo.launch.plan import CrossingPlan
+from robo.text.readable import readable
 from robo.text.suggestions import suggest
 
 
@@ -56,6 +57,6 @@ def _crossing(word: str) -> tuple[str, CrossingPlan]:
     if unknown:
         raise ValueError(f"{unknown[0]} is not known; {suggest(unknown[0], CrossingPlan.__struct_fields__)}")
     try:
-        return name, msgspec.convert(values, CrossingPlan)
+        return name, msgspec.convert(values, readable(CrossingPlan))
     except msgspec.ValidationError as error:
         raise ValueError(str(error)) from None

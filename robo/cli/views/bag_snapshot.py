@@ -9,6 +9,7 @@ from robo.cli.printing import data_size, hint, print_json, print_line
 from robo.cli.reach import Reach
 from robo.errors import FlightRecorderError, UsageError
 from robo.node import services
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 from robo.tools import offers
 from robo.tools.offers import Offer
@@ -39,7 +40,7 @@ def take_snapshot(reach: Reach, reason: str, *, json: bool) -> None:
         encoding = f"{codec.MSGPACK};{type_name(TakeSnapshot.Request)}"
         sample = services.ask(session, service.key, (request, attachment), encoding, _LONGEST, _LONGEST)
     try:
-        answer = msgspec.msgpack.decode(sample.payload.to_bytes(), type=TakeSnapshot.Response)
+        answer = msgspec.msgpack.decode(sample.payload.to_bytes(), type=readable(TakeSnapshot.Response))
     except UNREADABLE as error:
         raise FlightRecorderError(f"the answer of {service.servers[0]} cannot be read: {error}") from None
     if not answer.success:

@@ -21,6 +21,7 @@ from robo.cli.reach import Reach
 from robo.errors import UsageError
 from robo.launch.plan import Ros2Plan
 from robo.process import signals
+from robo.text.readable import readable
 from robo.text.terminal import visible
 from robo.wire import names
 from robo.wire.discovery import hostname
@@ -59,7 +60,7 @@ class Wanted(NamedTuple):
         }
         check_endpoints([self.connect])
         try:
-            return msgspec.convert(said, Ros2Plan)
+            return msgspec.convert(said, readable(Ros2Plan))
         except msgspec.ValidationError as error:
             raise UsageError(f"--parameters {self.parameters}: use none, read or write ({error})") from None
 

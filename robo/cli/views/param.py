@@ -26,6 +26,7 @@ from robo.parameters.hints import range_text
 from robo.parameters.words import sorted_out
 from robo.samples.stream import Stream
 from robo.text import colours
+from robo.text.readable import readable
 from robo.text.terminal import visible
 from robo.text.unreadable import UNREADABLE
 from robo.tools import nodes, parameters, parameters_of_many
@@ -240,7 +241,7 @@ def watch(node: str | None, reach: Reach, *, json: bool) -> None:
         hint("waiting for changes …")
         for arrival in stream.until(None):
             try:
-                event = msgspec.msgpack.decode(arrival.sample.payload.to_bytes(), type=ParameterEvent)
+                event = msgspec.msgpack.decode(arrival.sample.payload.to_bytes(), type=readable(ParameterEvent))
             except UNREADABLE:
                 continue  # somebody else's topic
             if wanted is not None and event.node not in wanted:

@@ -17,6 +17,7 @@ from robo.cli.printing import paint, print_json, print_line
 from robo.errors import RunError, UsageError
 from robo.parameters.words import sorted_out
 from robo.text import colours
+from robo.text.readable import readable
 from robo.text.terminal import own
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ def run_replay_test(request: ReplayWords) -> int:
             "patience": request.patience,
         }
     )
-    report = msgspec.json.decode(told, type=ReplayReport)
+    report = msgspec.json.decode(told, type=readable(ReplayReport))
     if request.json:
         print_json(msgspec.json.decode(told))
     else:
@@ -93,7 +94,7 @@ def _replay(request: dict[str, Any]) -> bytes:
         process.stdin.write(msgspec.msgpack.encode(request))
         process.stdin.close()
         for text in process.stdout:
-            line = msgspec.json.decode(text, type=_Line)
+            line = msgspec.json.decode(text, type=readable(_Line))
             if line.mistake is not None:
                 process.wait()
                 raise UsageError(line.mistake)

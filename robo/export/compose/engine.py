@@ -16,6 +16,7 @@ from urllib.parse import quote
 import msgspec
 
 from robo.errors import EngineError
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 
 SOCKET = Path("/var/run/docker.sock")
@@ -67,7 +68,7 @@ class Engine:
         with self._asked("GET", f"/events?filters={quote(json.dumps(filters))}", timeout=None) as answer:
             yield None
             for line in answer:
-                told = msgspec.json.decode(line, type=_Told)
+                told = msgspec.json.decode(line, type=readable(_Told))
                 about = told.actor.attributes
                 yield ContainerEvent(told.actor.id, about.get(SERVICE, ""), told.action, about.get("signal"))
         raise EngineError(f"the engine at {self._path} has ended")
@@ -77,7 +78,7 @@ class Engine:
         with self._asked("GET", f"/containers/{container}/json", allowed=(404,)) as answer:
             if answer.status == 404:
                 return None
-            found = msgspec.json.decode(answer.read(), type=_Inspected)
+            found = msgspec.json.decode(answer.read(), type=readable(_Inspected))
         return Container(found.state.running or found.state.restarting, found.host_config.restart_policy.name or "no")
 
     def start(self, container: str) -> bool:

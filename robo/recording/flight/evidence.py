@@ -16,7 +16,9 @@ from robo.bag.of_robot import ABOUT, PARAMETERS
 from robo.bag.publishers import GRAPH
 from robo.recording.about import Attachment, graph_of, parameters_yaml, words
 from robo.recording.flight.shelf import WORDS
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
+from robo.wire import liveliness
 from robo.wire.explained import explained
 from robo.wire.keys import ALL_TOKENS, EndpointToken, NodeToken, control_key, parameters_key, parse_token
 from robo.wire.reports import MOST_LINES, Event, Explanation, LogRecord, LogsRequest, ProcessStatus, Request
@@ -169,13 +171,13 @@ class Witnesses:
             ZError: the network is being closed.
         """
         answered = self.ask_parameters()
-        there = self._session.liveliness().get(ALL_TOKENS, timeout=timeout)
+        there = liveliness.ask(self._session, ALL_TOKENS, timeout)
         robot = self.find_run(timeout)
         why = self._ask(robot, "why", Request(), timeout)
         events = self._ask(robot, "events", Request(), timeout)
         logs = self._ask(robot, "logs", LogsRequest(since=since), timeout)
         lines = list(_answers(logs, list[LogRecord]))
-        found = [parse_token(str(reply.ok.key_expr)) for reply in there if reply.ok is not None]
+        found = [*map(parse_token, there)]
         answered.wait(timeout)
         return Evidence(
             explanations=[one for told in _answers(why, list[Explanation]) for one in told],
@@ -241,7 +243,7 @@ def _answers(replies: Iterable[zenoh.Reply], kind: type[list[T]]) -> Iterator[li
     for reply in replies:
         if reply.ok is not None:
             try:
-                yield msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=kind)
+                yield msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=readable(kind))
             except UNREADABLE:
                 continue  # anybody may answer
 

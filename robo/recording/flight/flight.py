@@ -24,6 +24,7 @@ from robo.recording.flight.ring import Limits
 from robo.recording.flight.windows import CLOCKS_AGREE, Kind, Reason, Windows
 from robo.recording.selection import Selection
 from robo.text.once import Once
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 from robo.wire.keys import event_key
 from robo.wire.reports import Event
@@ -238,7 +239,7 @@ class Flight:
             self._take_event(event, longest=round(self._settings.before * 1e9), is_known=is_known)
         while (sample := self._events.handler.try_recv()) is not None:
             with suppress(*UNREADABLE):
-                self._take_event(msgspec.msgpack.decode(sample.payload.to_bytes(), type=Event))
+                self._take_event(msgspec.msgpack.decode(sample.payload.to_bytes(), type=readable(Event)))
 
     def _take_event(self, event: Event, *, longest: int = CLOCKS_AGREE, is_known: bool = False) -> None:
         """Something has happened in a run, at most `longest` ns ago; where it `is_known`, there is a file of it."""

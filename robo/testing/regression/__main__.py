@@ -15,6 +15,7 @@ from robo.bag.regression.report import ReplayReport
 from robo.errors import RoboError
 from robo.launch.faults import ManifestFaults, as_text
 from robo.testing.regression.judge import Request, judge
+from robo.text.readable import readable
 
 
 def main() -> None:
@@ -27,7 +28,7 @@ def main() -> None:
     def tell(line: dict[str, Any]) -> None:
         lines.write(msgspec.json.encode(line) + b"\n")
 
-    request = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=Request)
+    request = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=readable(Request))
     try:
         report: ReplayReport = judge(request, lambda done, stage: tell({"done": done, "stage": stage}))
         tell({"report": report})

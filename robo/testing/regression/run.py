@@ -38,6 +38,7 @@ from robo.testing.regression.wiring import (
     tell_what_is_not_replayed,
 )
 from robo.testing.stepper import Hung
+from robo.text.readable import readable
 from robo.wire import names
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
@@ -56,7 +57,7 @@ def main() -> None:
     """Read the order, run it, tell the result."""
     lines = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)
-    order = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=RunOrder)
+    order = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=readable(RunOrder))
 
     def tell(line: Line) -> None:
         lines.write(msgspec.json.encode(line) + b"\n")

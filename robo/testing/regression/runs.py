@@ -19,6 +19,7 @@ from robo.bag.regression.report import Trouble
 from robo.errors import UsageError
 from robo.testing.regression.order import Line, RunOrder, RunResult
 from robo.testing.run import clean_environment
+from robo.text.readable import readable
 
 SILENCE = 120.0
 """How long a run may say nothing beyond its patience, s: a node may take a while for its start, on a machine that has
@@ -103,7 +104,7 @@ def _follow(lines: _Lines, progress: Callable[[float], None], silence: float) ->
             return None
         if text is None:
             return None
-        line = msgspec.json.decode(text, type=Line)
+        line = msgspec.json.decode(text, type=readable(Line))
         if line.mistake is not None:
             raise UsageError(line.mistake)
         if line.done is not None:
