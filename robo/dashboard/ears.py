@@ -4,7 +4,7 @@ from typing import Any
 
 import zenoh
 
-from robo.wire import keys
+from robo.wire import keys, liveliness
 from robo.wire.keys import EndpointToken
 
 _MOST_NAMES = 200
@@ -27,7 +27,7 @@ class Ears:
         self._asking = session.declare_publisher(key, allowed_destination=zenoh.Locality.REMOTE)
         meet = zenoh.handlers.Callback(self._meet, indirect=False)
         self._ends: list[Any] = [
-            session.liveliness().declare_subscriber(pattern(key), meet, history=True)
+            liveliness.hear(session, pattern(key), meet)
             for pattern in (keys.tokens_of_publishers, keys.tokens_of_subscribers)
         ]
 

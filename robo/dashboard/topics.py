@@ -16,7 +16,7 @@ import zenoh
 
 from robo.dashboard import clock
 from robo.dashboard.frames import Frame, read
-from robo.wire import codec, keys
+from robo.wire import codec, keys, liveliness
 from robo.wire.latched import ASK_AGAIN, kept
 
 PERIOD = 0.05
@@ -82,7 +82,7 @@ class _Watched:
         tokens = keys.tokens_of_latched(key)
         channel: Any = zenoh.handlers.RingChannel(_SLOTS)
         try:
-            self._tokens: Any = session.liveliness().declare_subscriber(tokens, channel, history=True)
+            self._tokens: Any = liveliness.hear(session, tokens, channel)
         except zenoh.ZError:
             self.messages.undeclare()
             raise

@@ -20,7 +20,7 @@ from robo.recording.conversion import Came
 from robo.recording.latched import LatchedFirst
 from robo.recording.offers import Offers
 from robo.recording.selection import Selection
-from robo.wire import keys
+from robo.wire import keys, liveliness
 from robo.wire.keys import EndpointToken
 from robo.wire.latched import ASK_TIMEOUT, kept
 from robo.wire.qos import KEEP_ALL
@@ -120,18 +120,18 @@ class Intake:
 
     def _begin(self) -> None:
         """Listen; tokens first, so that publishers are known before they speak."""
-        listen = self._session.liveliness().declare_subscriber
+        listen = partial(liveliness.hear, self._session)
         expressions = self._selection.keys
         begin = time.time_ns()
         tokens = keys.tokens_of_publishers("*")
-        self._ends: list[Any] = [listen(tokens, _at_once(partial(self._post, _PUBLISHER)), history=True)]
+        self._ends: list[Any] = [listen(tokens, _at_once(partial(self._post, _PUBLISHER)))]
         self._ends += [self._subscribe(number, key) for number, key in enumerate(expressions)]
         # What was said before has come, as a recording has it, before all that is said from now on.
         self._first = [
             (begin, sample) for key in expressions for sample in kept(self._session, key, KEEP_ALL, LONGEST_LOOK)
         ]
         keepers = partial(self._post, _KEEPER)
-        self._ends += [listen(keys.tokens_of_latched(key), _at_once(keepers), history=True) for key in expressions]
+        self._ends += [listen(keys.tokens_of_latched(key), _at_once(keepers)) for key in expressions]
 
     def _take_first(self) -> list[Came]:
         first, self._first = self._first, []

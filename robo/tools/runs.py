@@ -10,7 +10,7 @@ import zenoh
 from robo.errors import NodeNotFound, RunError, UsageError
 from robo.text.suggestions import suggest
 from robo.tools.replies import read, samples
-from robo.wire import doors, names
+from robo.wire import doors, liveliness, names
 from robo.wire.discovery import hostname, user
 from robo.wire.keys import SupervisorToken, control_key, event_key, log_key, parse_supervisor_token, supervisors_key
 from robo.wire.queries import Fault, read_fault
@@ -216,8 +216,7 @@ def supervisors_of(session: zenoh.Session, robot: str) -> list[SupervisorToken]:
 
 def supervisors(session: zenoh.Session, robot: str = "**", timeout: float = TIMEOUT) -> list[SupervisorToken]:
     """The supervisors of one robot, or of all."""
-    replies = session.liveliness().get(supervisors_key(robot), timeout=timeout)
-    found = [parse_supervisor_token(str(sample.key_expr)) for sample in samples(replies)]
+    found = map(parse_supervisor_token, liveliness.ask(session, supervisors_key(robot), timeout))
     return [token for token in found if token is not None]
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import zenoh
 
 from robo.wire.keys import ALL_TOKENS, EndpointToken, NodeToken, parse_token, tokens_of_publishers
+from robo.wire.liveliness import ask, hear
 
 
 def tokens(session: zenoh.Session, timeout: float, keys: str = ALL_TOKENS) -> list[NodeToken | EndpointToken]:
@@ -18,8 +19,7 @@ def tokens(session: zenoh.Session, timeout: float, keys: str = ALL_TOKENS) -> li
         timeout: how long to wait for routers that do not answer, s.
         keys: which of them; a router's time for an answer grows with the square of its tokens.
     """
-    replies = session.liveliness().get(keys, timeout=timeout)
-    found = [parse_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]
+    found = map(parse_token, ask(session, keys, timeout))
     return [token for token in found if isinstance(token, NodeToken | EndpointToken)]
 
 
@@ -31,8 +31,7 @@ def publishers_of(session: zenoh.Session, topic: str, timeout: float) -> list[En
         topic: the key expression.
         timeout: how long to wait for routers that do not answer, s.
     """
-    replies = session.liveliness().get(tokens_of_publishers(topic), timeout=timeout)
-    found = [parse_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]
+    found = map(parse_token, ask(session, tokens_of_publishers(topic), timeout))
     return [token for token in found if isinstance(token, EndpointToken)]
 
 
@@ -73,7 +72,7 @@ def wait_for_nodes(session: zenoh.Session, full_names: Iterable[str], timeout: f
                 seen.add(token.full_name)
                 changed.notify()
 
-    subscriber = session.liveliness().declare_subscriber(ALL_TOKENS, notice, history=True)
+    subscriber = hear(session, ALL_TOKENS, notice)
     with changed:
         changed.wait_for(lambda: seen == wanted, timeout)
         missing = wanted - seen

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 import zenoh
 
-from robo.wire import codec, keys
+from robo.wire import codec, keys, liveliness
 from robo.wire.keys import EndpointToken
 from robo.wire.qos import KEEP_ALL
 from robo.wire.targets import OF_ALL
@@ -115,11 +115,11 @@ class LatchedSubscriber:
         self.key_expr = topic
         self.handler = channel = Inflow(partial(self._ask, session, depth), topic, slots, waits=depth == KEEP_ALL)
         # On Zenoh's own threads, as all of it is quick; tokens first, so that publishers are known before they speak.
-        listen, at_once = session.liveliness().declare_subscriber, partial(zenoh.handlers.Callback, indirect=False)
+        listen, at_once = partial(liveliness.hear, session), partial(zenoh.handlers.Callback, indirect=False)
         nodes, keeping = keys.tokens_of_publishers(topic), keys.tokens_of_latched(topic)
         self._ends: list[Any] = [
-            listen(nodes, at_once(partial(channel.post, "node")), history=True),
-            listen(keeping, at_once(partial(channel.post, "keeper")), history=True),
+            listen(nodes, at_once(partial(channel.post, "node"))),
+            listen(keeping, at_once(partial(channel.post, "keeper"))),
             session.declare_subscriber(topic, at_once(channel.take)),
         ]
 

@@ -10,6 +10,7 @@ import logging
 import os
 import re
 import threading
+from contextlib import suppress
 
 import zenoh
 
@@ -51,6 +52,7 @@ def open_session(network: Network, *, plain: bool = False) -> zenoh.Session:
             "  Is a robot running there? `robo up` starts one; --connect names another place."
         ) from None
     _open.append(session)
+    _networks[str(session.zid())] = network
     shared_memory.use(session, directly=network.mode != "client" and network.shared_memory)
     if not on_this_machine(network):
         import robo.wire.tcp  # noqa: F401 - for _on_link; a node that is linked to its robot alone needs no sockets
@@ -72,6 +74,34 @@ _OVER_TCP = ("tcp/", "tls/", "ws/")
 
 
 _open: list[zenoh.Session] = []
+_networks: dict[str, Network] = {}
+"""By the ids of these sessions, how each has joined."""
+_beside: dict[str, zenoh.Session] = {}
+"""By the id of a session, a second one of its own."""
+_beside_lock = threading.Lock()
+
+
+def beside(session: zenoh.Session, timeout: float) -> zenoh.Session | None:
+    """A second session, of a client, where a session of a client or a peer has joined; it is closed with that one.
+
+    Args:
+        session: one that was opened here.
+        timeout: how long to wait for the router, s.
+
+    Returns:
+        None for one that is a router itself, or that was not opened here, and where nobody answers.
+    """
+    zid = str(session.zid())
+    network = _networks.get(zid)
+    if network is None or network.mode == "router":
+        return None
+    with _beside_lock:
+        if zid not in _beside:
+            with suppress(NetworkError):
+                _beside[zid] = open_session(
+                    Network(mode="client", connect=network.connect, timeout=timeout, security=network.security)
+                )
+        return _beside.get(zid)
 
 
 def opened() -> list[zenoh.Session]:
@@ -97,6 +127,10 @@ def close_session(session: zenoh.Session) -> bool:
     if session not in _open:
         return True
     _open.remove(session)
+    zid = str(session.zid())
+    _networks.pop(zid, None)
+    if (second := _beside.pop(zid, None)) is not None:
+        close_session(second)
     closing = threading.Thread(target=_close, args=(session,), name="robo-close", daemon=True)
     try:
         closing.start()

@@ -19,7 +19,7 @@ from robo.recording.flight.flight import Flight
 from robo.recording.flight.ring import default_bases
 from robo.recording.selection import Selection
 from robo.text.folders import log_base
-from robo.wire import names
+from robo.wire import liveliness, names
 from robo.wire.discovery import publishers_of
 from robo.wire.keys import SNAPSHOTS_TOPIC, NodeToken, parse_token
 from robo.wire.run_id import new_run_id
@@ -183,8 +183,7 @@ class FlightRecorder(Node):
         telling.discard(self.full_name)
         if not telling:
             return
-        replies = self.session.liveliness().get(NodeToken.ALL, timeout=_LOOK_TIMEOUT)
-        found = [parse_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]
+        found = map(parse_token, liveliness.ask(self.session, NodeToken.ALL, _LOOK_TIMEOUT))
         # One that is only starting, too, has no such token: the lock of the ring decides between the two.
         running = [one.full_name for one in found if isinstance(one, NodeToken) and one.full_name in telling]
         if running:

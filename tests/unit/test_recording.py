@@ -17,7 +17,7 @@ import robo_messages
 from robo.bag.types import topic_of
 from robo.cli.reach import Reach
 from robo.cli.record_words import RecordWords
-from robo.cli.views.bag_record import _options, _Signals, keys_of, path_of, size_of
+from robo.cli.views.bag_record import _options, _Signals, keys_of, missing_so_far, path_of, size_of
 from robo.errors import BagError, UsageError
 from robo.interfaces import cdr
 from robo.machine.log_files import RunInfo
@@ -461,3 +461,12 @@ def test_the_manifests_of_runs_are_found_by_their_logs(tmp_path: Path) -> None:
     (tmp_path / "log" / "r1" / "3" / "run.json").write_text("{")
     assert manifests_of(["run0", "run1"], tmp_path / "log") == {"r1/robot.yaml": b"nodes: []\n"}
     assert manifests_of([], tmp_path / "log") == {}
+
+
+def test_of_what_has_not_come_it_is_said_who_would_publish_it_or_what_may_have_been_meant() -> None:
+    said = missing_so_far(["r1/odum", "r1/cmd", "r2/**"], {"r1/cmd": ["/r1/mux", "/r1/joy"]}, ["r1/odom"])
+    assert said == [
+        "nothing has come on r1/odum yet: nobody publishes it so far; did you mean r1/odom?",
+        "nothing has come on r1/cmd yet: /r1/mux, /r1/joy would publish it",
+        "nothing has come on r2/** yet",
+    ]

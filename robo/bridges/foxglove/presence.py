@@ -6,6 +6,7 @@ from collections.abc import Callable
 import zenoh
 
 from robo.bridges.foxglove.offered import MOST_TOKENS
+from robo.wire import liveliness
 from robo.wire.keys import ALL_TOKENS, EndpointToken, NodeToken, parse_token
 
 
@@ -20,7 +21,7 @@ class Presence:
         self._nodes: set[str] = set()
         self._published: dict[str, int] = {}
         at_once = zenoh.handlers.Callback(self._notice, indirect=False)
-        self._subscriber = session.liveliness().declare_subscriber(ALL_TOKENS, at_once, history=True)
+        self._subscriber = liveliness.hear(session, ALL_TOKENS, at_once)
 
     def ends(self) -> list[EndpointToken]:
         """All publishers, subscriptions, services and so on."""

@@ -11,7 +11,7 @@ import zenoh
 
 from robo.bridges.ros2.scope import NODE
 from robo.errors import RunError
-from robo.wire import claims, names
+from robo.wire import claims, liveliness, names
 from robo.wire.claims import Name, names_in_use, told
 from robo.wire.discovery import hostname
 from robo.wire.keys import ClaimToken, NodeToken, parse_token
@@ -62,7 +62,7 @@ def give_way(session: zenoh.Session, full_name: str) -> None:
     with ExitStack() as watching:
         for key in (ClaimToken.ALL, NodeToken.ALL):
             handler = at_once(hear, indirect=False)
-            watching.callback(session.liveliness().declare_subscriber(key, handler, history=True).undeclare)
+            watching.callback(liveliness.hear(session, key, handler).undeclare)
         end = time.monotonic() + _LINKED_WITHIN
         with suppress(Empty):
             while True:

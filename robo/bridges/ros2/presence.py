@@ -13,7 +13,7 @@ import zenoh
 from robo.bridges.ros2 import tokens
 from robo.bridges.ros2.gids import gid_of
 from robo.bridges.ros2.scope import BRIDGES, NODE, who_of
-from robo.wire import keys
+from robo.wire import keys, liveliness
 from robo.wire.keys import ALL_TOKENS, EndpointToken
 
 MOST_TOKENS = 20_000
@@ -62,10 +62,7 @@ class Presence:
             (ros, f"{tokens.PREFIX}/{domain}/**", self._meet_ros),
             (robo, ALL_TOKENS, self._meet_robo),
         ]
-        self._watching = [
-            session.liveliness().declare_subscriber(key, at_once(meet, indirect=False), history=True)
-            for session, key, meet in watch
-        ]
+        self._watching = [liveliness.hear(session, key, at_once(meet, indirect=False)) for session, key, meet in watch]
 
     def publisher(self, source: str) -> EndpointToken | None:
         """The token of a publisher of robo's, by its id."""

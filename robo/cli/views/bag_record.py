@@ -5,7 +5,7 @@ import signal
 import sys
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
@@ -247,8 +247,7 @@ class _View:
             self.tell()
             if not asked and now - begin >= _PATIENCE:
                 asked = True
-                for text in missing_so_far(session, reach, self._recorder.status().missing):
-                    self._note(text)
+                self._tell_what_is_missing(session, reach)
             if self._display is not None and self._console is not None and now - drawn >= _PERIOD:
                 drawn = now
                 picture = render(self._recorder.status(), self._path, self._console.width, self._console.height)
@@ -257,6 +256,15 @@ class _View:
                 drawn = now
                 self._note(f"so far {_sum(self._recorder.status(), self._path)}")
 
+    def _tell_what_is_missing(self, session: zenoh.Session, reach: Reach) -> None:
+        status = self._recorder.status()
+        if status.missing:
+            asked = [key for key in status.missing if "*" not in key]
+            found = topics.list_topics(session, reach.timeout, asked)
+            publishers = {topic.key: topic.publishers for topic in found if topic.publishers}
+            for text in missing_so_far(status.missing, publishers, [one.topic for one in status.topics]):
+                self._note(text)
+
     def _note(self, text: str) -> None:
         if self._display is not None:
             self._display.console.print(Text(text))
@@ -264,19 +272,23 @@ class _View:
             note(text)
 
 
-def missing_so_far(session: zenoh.Session, reach: Reach, missing: Sequence[str]) -> list[str]:
-    """What to say of topics that were named, and of which nothing has come so far."""
-    if not missing:
-        return []
-    found = topics.list_topics(session, reach.timeout, [key for key in missing if "*" not in key])
-    publishers = {topic.key: topic.publishers for topic in found if topic.publishers}
+def missing_so_far(
+    missing: Sequence[str], publishers: Mapping[str, Sequence[str]], recorded: Sequence[str]
+) -> list[str]:
+    """What to say of topics that were named, and of which nothing has come so far.
+
+    Args:
+        missing: those topics.
+        publishers: of each topic that has some, their names; none where a busy router has not answered in time.
+        recorded: the topics of which something has come.
+    """
     told = []
     for key in missing:
         text = f"nothing has come on {shown_key(key)} yet"
         if key in publishers:
             text += f": {', '.join(publishers[key])} would publish it"
         elif "*" not in key:
-            text += f": nobody publishes it so far; {suggest(key, publishers)}"
+            text += f": nobody publishes it so far; {suggest(key, [*publishers, *recorded])}"
         told.append(visible(text))
     return told
 
