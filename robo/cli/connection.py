@@ -13,8 +13,8 @@ from robo.cli.reach import Reach
 from robo.cli.secured import name_in_force
 from robo.errors import NetworkError, NodeNotFound, NotLetIn, ReadOnly, RoboError, SecurityError, UsageError
 from robo.text.suggestions import suggest
-from robo.tools import nodes
-from robo.wire import doors, knocking, tcp, whereabouts
+from robo.tools import gathering, nodes
+from robo.wire import doors, knocking, meeting, tcp, whereabouts
 from robo.wire.keys import NodeToken
 from robo.wire.network import Network, zenoh_config
 from robo.wire.session import open_session
@@ -117,9 +117,13 @@ def join_robot(reach: Reach) -> zenoh.Session:
     wrong = unreached(network.connect, reach)
     if wrong is None:
         try:
-            return _open(network, reach.open_timeout)
+            session = _open(network, reach.open_timeout)
         except NetworkError:
             wrong = dict(knocking.tried(network.connect, 0.1))
+        else:
+            if network.connect == (meeting.endpoint(),):
+                gathering.wait_for_others(session, reach.timeout)
+            return session
     raise NetworkError(_nothing_there(network.connect, wrong, reach, time.monotonic() - begin))
 
 

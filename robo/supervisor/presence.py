@@ -2,8 +2,10 @@
 
 import asyncio
 import os
+import time
 from collections.abc import Callable, Mapping
 from functools import partial
+from itertools import chain
 from typing import Protocol
 
 import zenoh
@@ -12,7 +14,7 @@ from robo.errors import NetworkError
 from robo.launch.plan import ProcessPlan
 from robo.supervisor.changes import Changes
 from robo.text.brief import shown
-from robo.wire import claims, discovery, keys
+from robo.wire import claims, discovery, keys, liveliness
 from robo.wire.keys import ClaimToken, NodeToken, SupervisorToken, parse_supervisor_token
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
@@ -93,6 +95,9 @@ class Presence:
         """By full name, what keeps others from running a node of that name."""
         self._settled = False
         """Whether others see these."""
+        self._gathers_until = 0.0
+        """When robots that were linking anew as this run began have been seen, by the monotonic clock, s."""
+        self._given_way = False
         self._unreadable = 0
         """Tokens that spell nothing."""
         self._token = ""
@@ -119,13 +124,11 @@ class Presence:
             taken = self._claim.take()
         except NetworkError as error:
             return str(error)
-        replies = (
-            reply
-            for session in self._claim.sessions
-            for reply in session.liveliness().get(keys.supervisors_key(self._robot), timeout=claims.ANSWERS_WITHIN)
+        key = keys.supervisors_key(self._robot)
+        found = chain.from_iterable(
+            liveliness.ask(session, key, claims.ANSWERS_WITHIN) for session in self._claim.sessions
         )
-        tokens = (parse_supervisor_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None)
-        same = [token for token in tokens if token is not None and self._is_same(token)]
+        same = [token for token in map(parse_supervisor_token, found) if token is not None and self._is_same(token)]
         if same:
             runs = f"{self._robot} runs already (process {same[0].pid} on {same[0].machine})"
         elif taken:
@@ -159,7 +162,7 @@ class Presence:
                 loop.call_soon_threadsafe(work)
 
         self._claimed = dict(zip(self._processes, claims.declare(session, self._claim.tokens), strict=True))
-        session.liveliness().declare_subscriber(keys.ALL_TOKENS, notice, history=True)
+        liveliness.hear(session, keys.ALL_TOKENS, notice)
         return session
 
     def show(self) -> None:
@@ -173,11 +176,11 @@ class Presence:
     async def settle(self) -> None:
         """Hold the names until others see the tokens of this run's own session."""
         await asyncio.to_thread(self._claim.settle, self._is_seen)
+        self._gathers_until = time.monotonic() + self._claim.gathers_for()
         self._settled = True
 
     def _is_seen(self, session: zenoh.Session) -> bool:
-        replies = session.liveliness().get(self._token, timeout=claims.ANSWERS_WITHIN)
-        return any(reply.ok is not None for reply in replies)
+        return next(liveliness.ask(session, self._token, claims.ANSWERS_WITHIN), None) is not None
 
     async def leave(self) -> None:
         """Leave the network."""
@@ -243,14 +246,18 @@ class Presence:
             self._yields(token)
 
     def _yields(self, token: NodeToken | ClaimToken) -> bool:
-        """Give way to another that has a node's name, where both have begun at once and it did so earlier.
+        """Give way to another that has a node's name and began earlier, where this run could not see it at its start.
 
-        One that began later has seen the claims of this run, and gives way itself.
+        That is while both begin at once, and while robots link anew. One that began later has seen the claims of this
+        run, and gives way itself.
         """
-        if self._settled or token.run > self._claim.run:
+        is_late = self._settled and not (token.run and time.monotonic() < self._gathers_until)
+        if is_late or token.run > self._claim.run:
             return False
-        self._journal.warn(_advised(claims.told([token])))
-        self._stopping.finish(1)
+        if not self._given_way:
+            self._given_way = True
+            self._journal.warn(_advised(claims.told([token])))
+            self._stopping.finish(1)
         return True
 
     def _is_of(self, process: Process, token: NodeToken) -> bool:

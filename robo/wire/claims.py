@@ -19,7 +19,7 @@ from typing import Protocol
 import zenoh
 
 from robo.errors import NetworkError, ReadOnly
-from robo.wire import doors, knocking, meeting, names, tcp
+from robo.wire import doors, knocking, liveliness, meeting, names, tcp
 from robo.wire.discovery import hostname
 from robo.wire.keys import ClaimToken, NodeToken, parse_token
 from robo.wire.network import Network
@@ -160,6 +160,10 @@ class Claim:
             raise
         return session
 
+    def gathers_for(self) -> float:
+        """How much longer it may take until all that meet where this run does are seen, s: they may be linking anew."""
+        return meeting.gathers_for() if meeting.endpoint() in self._own else 0.0
+
     def others_with(self, session: zenoh.Session, full_name: str) -> list[Name]:
         """Who else has a name, or claims it, as far as a session sees."""
         found = dict.fromkeys(names_in_use(session, ANSWERS_WITHIN))
@@ -282,8 +286,7 @@ def declare(session: zenoh.Session, tokens: Sequence[ClaimToken]) -> list[zenoh.
 def names_in_use(session: zenoh.Session, timeout: float) -> Iterator[Name]:
     """The nodes that run, and those that somebody is going to run, as far as a session sees."""
     for key in (ClaimToken.ALL, NodeToken.ALL):
-        for reply in session.liveliness().get(key, timeout=timeout):
-            token = parse_token(str(reply.ok.key_expr)) if reply.ok is not None else None
+        for token in map(parse_token, liveliness.ask(session, key, timeout)):
             if isinstance(token, ClaimToken | NodeToken):
                 yield token
 

@@ -5,10 +5,11 @@ The folder is at the same place for whoever has the same user id: a login, a ser
 that XDG_RUNTIME_DIR names is not set for all of these, and goes with the last login while robots run on.
 """
 
+import math
 import os
 import pwd
 import stat
-from pathlib import Path
+import time
 
 from robo.environment import MEETING_VARIABLE
 from robo.errors import NetworkError
@@ -20,15 +21,27 @@ _NAME = "router.sock"
 _LONGEST = 100
 """Of a socket's path, bytes: the system takes 107, and Zenoh puts a lock beside it."""
 
+LINKED_WITHIN = 2.0
+"""How long robots may take to link to the router that has taken the place over, s.
 
-def folder() -> Path:
+They dial it 0.3 s after they have lost the one before, and where it was not there yet half a second later; a machine
+may be busy.
+"""
+
+
+def folder() -> str:
     """The folder of this process's user: what ROBO_MEETING says, else `/tmp/robo-UID`."""
-    return Path(os.environ.get(MEETING_VARIABLE) or f"/tmp/robo-{os.geteuid()}")
+    # As text: every node comes here, and `pathlib` with what it brings along would cost each of them 0.7 MB.
+    return os.path.normpath(os.environ.get(MEETING_VARIABLE) or f"/tmp/robo-{os.geteuid()}")
 
 
 def endpoint() -> str:
     """Where robots of this user listen, and their tools dial."""
-    return f"{UNIX}{folder()}/{_NAME}"
+    return f"{UNIX}{_socket()}"
+
+
+def _socket() -> str:
+    return os.path.join(folder(), _NAME)
 
 
 def prepare() -> None:
@@ -38,12 +51,14 @@ def prepare() -> None:
         NetworkError: it cannot be made, or is not to be trusted.
     """
     place = folder()
-    if len(os.fsencode(place / _NAME)) > _LONGEST or not place.is_absolute():
+    if len(os.fsencode(_socket())) > _LONGEST or not os.path.isabs(place):
         raise NetworkError(
             f"{MEETING_VARIABLE}={place}: say the whole path of a folder, of {_LONGEST - len(_NAME) - 1} bytes at most"
         )
     try:
-        place.mkdir(mode=0o700, exist_ok=True)
+        os.mkdir(place, mode=0o700)
+    except FileExistsError:
+        pass  # whatever it is, that is looked at next
     except OSError as error:
         raise NetworkError(
             f"the folder {place}, where robots of this user meet, cannot be made: {error.strerror}\n"
@@ -60,7 +75,7 @@ def check() -> None:
     """
     place = folder()
     try:
-        found = place.lstat()
+        found = os.lstat(place)
     except OSError:
         return  # nothing to be trusted
     wrong = distrust(found, os.geteuid())
@@ -127,4 +142,17 @@ def is_met() -> bool:
         NetworkError: the folder is not to be trusted.
     """
     check()
-    return (folder() / _NAME).exists()
+    return os.path.exists(_socket())
+
+
+def held_for() -> float:
+    """How long whoever listens there has done so, s; infinite where nobody does."""
+    try:
+        return time.time() - os.stat(_socket()).st_mtime
+    except FileNotFoundError:
+        return math.inf
+
+
+def gathers_for() -> float:
+    """How much longer those who meet there may take until all have linked, s; 0 where they have met for long."""
+    return max(0.0, LINKED_WITHIN - abs(held_for()))  # below 0 where the clock was put back since

@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -12,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import eventually
+from tests.support import eventually, plain_environment
 
 pytestmark = pytest.mark.timeout(180)
 
@@ -28,10 +29,19 @@ class Host:
 
     def __init__(self, name: str, logs: Path) -> None:
         self.name = f"{PREFIX}{name}"
-        self._environment = {k: v for k, v in os.environ.items() if not k.startswith("ROBO_")}
-        self._environment["XDG_STATE_HOME"] = str(logs / name)  # each host has files of its own
+        # Each host has files of its own, and so a place of its own where robots meet; a socket's path has to be short.
+        self._meeting = tempfile.TemporaryDirectory(prefix=f"{self.name}-")
+        self._environment = plain_environment() | {
+            "XDG_STATE_HOME": str(logs / name),
+            "ROBO_MEETING": self._meeting.name,
+        }
         ip("netns", "add", self.name)
         ip("netns", "exec", self.name, "ip", "link", "set", "lo", "up")
+
+    def close(self) -> None:
+        """Take it away."""
+        subprocess.run(["ip", "netns", "delete", self.name], capture_output=True, timeout=40, check=False)
+        self._meeting.cleanup()
 
     def robo(self, *words: str, timeout: float = 60.0) -> "subprocess.CompletedProcess[str]":
         """Run a command to its end."""
@@ -95,7 +105,7 @@ def hosts(tmp_path: Path, *names: str) -> Iterator[list[Host]]:
         yield made
     finally:
         for host in made:
-            subprocess.run(["ip", "netns", "delete", host.name], capture_output=True, timeout=40, check=False)
+            host.close()
 
 
 def nodes_seen(host: Host, where: str) -> set[str]:
@@ -199,7 +209,7 @@ groups:
         assert "no node or group for_tracker; did you mean /r1/far_tracker?" in unknown.stderr
         logs = base.robo("logs", "far_tracker", "--json", "--connect", here).stdout
         assert {json.loads(line)["node"] for line in logs.splitlines()} == {"far_tracker"}
-        again = base.robo(*words, "--host", "arm")
+        again = base.robo(*words, "--host", "arm", "--connect", here)
         assert again.returncode == 1
         assert "r1 runs already" in again.stdout + again.stderr
         down = base.robo("down")

@@ -62,10 +62,9 @@ def test_a_link_and_a_file_are_not_entered(folder: Path, tmp_path: Path) -> None
         meeting.prepare()
     folder.unlink()
     folder.write_text("")
-    with pytest.raises(NetworkError, match="cannot be made: File exists"):
-        meeting.prepare()
-    with pytest.raises(NetworkError, match="is no folder, made by user "):
-        meeting.check()
+    for enter in (meeting.prepare, meeting.check):
+        with pytest.raises(NetworkError, match="is no folder, made by user "):
+            enter()
 
 
 def test_somebody_elses_folder_is_not_entered(folder: Path) -> None:
@@ -100,7 +99,7 @@ def test_a_tool_waits_for_the_place_to_be_handed_over(robot: socket.socket) -> N
     assert whereabouts.is_own_there(0.0)
     robot.close()
     assert not whereabouts.is_own_there(0.05), "the socket is there, and nobody listens"
-    assert meeting.knock(str(meeting.folder() / "router.sock"), 0.5) is not None
+    assert meeting.knock(f"{meeting.folder()}/router.sock", 0.5) is not None
 
 
 def test_where_nobody_is_a_tool_looks_nowhere_else(monkeypatch: pytest.MonkeyPatch) -> None:

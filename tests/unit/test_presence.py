@@ -24,11 +24,15 @@ class Taken(Claim):
     """A claim that finds what it is told to find."""
 
     found: list[Name] | NetworkError
+    gathering = 0.0
 
     def take(self) -> list[Name]:
         if isinstance(self.found, NetworkError):
             raise self.found
         return self.found
+
+    def gathers_for(self) -> float:
+        return self.gathering
 
 
 class Desk:
@@ -154,6 +158,30 @@ def test_a_run_whose_names_others_see_gives_way_to_nobody() -> None:
     desk.hear(node("/r1/base", EARLIER, host="pi"))
     assert desk.stopping.codes == []
     assert desk.journal.warned == ["another /r1/base has come up (process 100 on pi)"]
+
+
+def test_a_run_that_began_while_robots_linked_anew_gives_way_to_who_was_there_before() -> None:
+    desk = Desk()
+    desk.claim.gathering = 60.0
+    desk.settle()
+    desk.hear(claimed("lidar", LATER))
+    desk.hear(node("/r1/lidar", run="", host="pi"))
+    assert desk.stopping.codes == [], "who began later gives way, and what is of no run began nobody knows when"
+    for key in (claimed("base", EARLIER), claimed("lidar", EARLIER), node("/r1/base", EARLIER, host="pi")):
+        desk.hear(key)
+    assert desk.stopping.codes == [1]
+    assert desk.journal.warned == [
+        "another /r1/lidar has come up (process 100 on pi)",
+        f"/r1/base runs already (process 200 on pi, robot other){ADVICE}",
+    ]
+
+
+def test_a_run_that_is_there_for_long_gives_way_to_nobody_while_robots_link_anew() -> None:
+    desk = Desk()
+    desk.settle()
+    desk.claim.gathering = 60.0
+    desk.hear(claimed("base", EARLIER))
+    assert desk.stopping.codes == [], "a clock may have been put back"
 
 
 def test_claims_of_its_own_and_of_other_names_concern_nobody() -> None:
