@@ -8,7 +8,7 @@ import zenoh
 
 from robo.node.clock import Clock
 from robo.node.message_info import Clocks, MessageInfo, SoleSource
-from robo.wire import codec, keys
+from robo.wire import codec, keys, liveliness
 from robo.wire.keys import EndpointToken
 from robo.wire.reports import Refused
 
@@ -56,8 +56,8 @@ class Intake:
         self._strangers: dict[str, int] = {}
         """Since when messages come of ids that nobody has announced."""
         # On Zenoh's own thread: it only writes into a dict, and a thread of its own would cost each subscription more.
-        self._announcements = session.liveliness().declare_subscriber(
-            keys.tokens_of_publishers(topic), zenoh.handlers.Callback(self._meet, indirect=False), history=True
+        self._announcements = liveliness.hear(
+            session, keys.tokens_of_publishers(topic), zenoh.handlers.Callback(self._meet, indirect=False)
         )
 
     @property
@@ -69,7 +69,7 @@ class Intake:
         """What is known of a sample; None where its sender's messages do not count."""
         arrival = self._clock.arrival_ns()
         info = self._info(sample, arrival)
-        if self._lifespan < info.age < math.inf:
+        if self._lifespan < info.age_at_arrival < math.inf:
             self.expired += 1
             return None
         if self._wanted is None:
@@ -93,7 +93,8 @@ class Intake:
         said = _said_at(sample.timestamp, source_id)
         if said is not None:
             age += max(0.0, (stamp.source_time - said) * 1e-9)
-        return MessageInfo(age, name, source_id, stamp.sequence_number, stamp.source_time)
+        number, sent = stamp
+        return MessageInfo(age, name, source_id, number, sent, arrival, self._clock.arrival_ns)
 
     def _has_had_time(self, source_id: str, arrival: int) -> bool:
         if len(self._strangers) >= _MOST_NAMES:

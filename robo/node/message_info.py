@@ -44,9 +44,8 @@ _MOST_SOURCES = 256
 class MessageInfo(msgspec.Struct, frozen=True):
     """What is known of a message; a callback with a second parameter gets it."""
 
-    age: float
-    """How long ago its content was said, s; infinite where that cannot be known: no stamp, or one of a
-    clock that nobody knows yet. Whoever passes on what others have said hands its age on."""
+    age_at_arrival: float
+    """How old it was when it came, s; infinite where that cannot be known."""
     source: str = ""
     """The full name of the node that published it, "" for a plain Zenoh client."""
     source_id: str = ""
@@ -55,6 +54,22 @@ class MessageInfo(msgspec.Struct, frozen=True):
     """Counts the publisher's messages, from 1."""
     source_time: int | None = None
     """When it was published, by the publisher's clock, ns since the Unix epoch."""
+    arrival: int = 0
+    """When it came, by `clock`, ns."""
+    clock: Callable[[], int] | None = None
+    """The receiver's, that goes on while a callback waits; None where the message gets no older."""
+
+    @property
+    def age(self) -> float:
+        """How long ago its content was said, s; infinite where that cannot be known: no stamp, or one of a
+        clock that nobody knows yet. Whoever passes on what others have said hands its age on.
+
+        It counts to the moment when it is asked for: a process that is stopped between the arrival of a
+        message and its callback finds it old.
+        """
+        if self.clock is None:
+            return self.age_at_arrival
+        return self.age_at_arrival + (self.clock() - self.arrival) * 1e-9
 
     @property
     def sender(self) -> str:

@@ -52,8 +52,9 @@ class Arrivals:
             now: the node's clock, which may be simulated.
             monotonic: the wall's monotonic clock.
         """
-        if info.age < math.inf:
-            return now - info.age
+        age = info.age  # after `now` was read: whatever comes between the two makes it older, never younger
+        if age < math.inf:
+            return now - age
         if info.source_time is not None or not self._unstamped:
             return -math.inf
         if self._ticked is not None and self._was_held_up(monotonic, self._period):

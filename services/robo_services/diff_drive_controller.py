@@ -144,7 +144,7 @@ class DiffDriveController(Node):
         wanted = STANDING if hindrance or command is None else Twist2(command.linear.x, command.angular.z)
         # Whoever receives it counts its age from when it was commanded: timeouts of a chain do not add up.
         left, right, _ = self._drive.wheels(wanted)
-        self._send(left, right, 0.0 if hindrance else age)
+        self._send(left, right, 0.0 if hindrance else self._command.age(self.clock.monotonic()))
         self._say(hindrance)
         if p.open_loop:
             self._measured = self.now()

@@ -207,7 +207,8 @@ class SafetyMonitor(Node):
             else:
                 passed = decision.twist
                 # Whoever receives it counts its age from when it was commanded: timeouts of a chain do not add up.
-                self.command.publish(passed, self._command.age(now))
+                # By the time of now: a process that was stopped since it decided passes nothing old on as new.
+                self.command.publish(passed, self._command.age(self.clock.monotonic()))
         self._motion.commanded(passed, now)
         self._report(decision, rival, now)
 

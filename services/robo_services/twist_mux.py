@@ -109,7 +109,7 @@ class TwistMux(Node):
         self._decide(now)
         if newest.message is twist and self._choice is not None and self._choice.driver == name:
             self._is_driving = True
-            self.command.publish(twist, newest.age(now))
+            self.command.publish(twist, newest.age(self.clock.monotonic()))
 
     def on_lock(self, name: str, closed: Bool, info: MessageInfo) -> None:
         """Take note of a lock, and act on it at once."""

@@ -157,7 +157,7 @@ class VelocitySmoother(Node):
         if self._silent:
             self._motion = STANDING
         # A command that is passed on stays as old as it is: timeouts of a chain do not add up. To slow down is its own.
-        self.smoothed.publish(twist, 0.0 if command is None else age)
+        self.smoothed.publish(twist, 0.0 if command is None else self._command.age(self.clock.monotonic()))
 
     def _begun(self, wanted: Twist, limits: Limits, now: float) -> Motion:
         """The motion from which the next step begins."""

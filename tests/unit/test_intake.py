@@ -13,6 +13,7 @@ from robo.node.intake import Intake
 from robo.node.message_info import LEASE, PLAIN, MessageInfo
 from robo.wire.keys import EndpointToken
 from robo.wire.qos import QoS
+from robo_services.arrivals import Arrivals
 
 S = 1_000_000_000
 WALL = 1_700_000_000 * S
@@ -56,6 +57,9 @@ class Session:
     def __init__(self) -> None:
         self.listened: list[str] = []
         self.hear: Callable[[News], None] = lambda _: None
+
+    def zid(self) -> str:
+        return "5e55"
 
     def liveliness(self) -> "Session":
         return self
@@ -118,6 +122,15 @@ def test_a_message_is_of_the_node_that_announced_its_publisher(clocks: Clocks) -
     assert (info.source, info.source_id, info.sequence_number) == ("/r1/monitor", "abc:1", 7)
     assert info.source_time == WALL + 1_750_000_000
     assert math.isclose(info.age, 0.25, abs_tol=1e-6)
+
+
+def test_a_message_gets_older_while_its_callback_waits(clocks: Clocks) -> None:
+    receiver = Receiver(clocks)
+    info = receiver.take("abc", at=2.0, sent=1.75)
+    assert info is not None
+    clocks.time = 4.0  # this process was stopped between the arrival and the callback
+    assert math.isclose(info.age, 2.25, abs_tol=1e-6)
+    assert math.isclose(Arrivals(unstamped=True).sent(info, 4.0, 4.0), 1.75, abs_tol=1e-6)
 
 
 def test_a_node_that_has_left_is_still_known_by_what_comes_late(clocks: Clocks) -> None:
