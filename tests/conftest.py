@@ -1,7 +1,6 @@
 """Everything that tests send stays on free ports of loopback."""
 
 import signal
-import socket
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -13,6 +12,7 @@ import zenoh
 from robo.wire import zenoh_threads
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
+from robo.wire.tcp import HeldPort
 from tests.support import Desk
 
 # A program that a script has started in the background ignores SIGINT, and so would all that tests start.
@@ -90,9 +90,18 @@ def other(session: zenoh.Session, endpoint: str) -> Iterator[zenoh.Session]:
     close_session(opened)
 
 
+_held: list[HeldPort] = []
+
+
+@pytest.fixture(autouse=True)
+def _ports_of_a_test() -> Iterator[None]:
+    """A test's ports are its own until all is over that it has started."""
+    yield
+    while _held:
+        _held.pop().close()
+
+
 def free_port() -> int:
-    """A TCP port on loopback that was free a moment ago."""
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        port: int = s.getsockname()[1]
-        return port
+    """A TCP port on loopback that nobody gets unasked while the test goes on."""
+    _held.append(HeldPort())
+    return _held[-1].number

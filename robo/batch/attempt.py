@@ -3,12 +3,11 @@
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import threading
 import time
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import msgspec
@@ -16,7 +15,9 @@ import msgspec
 from robo.batch import folders
 from robo.batch.plan import Job, Outcome
 from robo.environment import CONNECT_VARIABLE, LISTEN_VARIABLE, LOG_FOLDER_VARIABLE
+from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
+from robo.wire.tcp import HeldPort
 
 _PROGRAMS = {
     "replay": "robo.testing.regression.job",  # by name: tests stand above
@@ -52,7 +53,8 @@ class Attempt:
         except OSError as error:
             return Outcome(passed=False, reason=f"it has no folder to run in: {error.strerror}")
         try:
-            outcome = self._run_in(folder)
+            with closing(HeldPort()) as port:
+                outcome = self._run_in(folder, port.number)
         except OSError as error:
             outcome = Outcome(passed=False, reason=f"it cannot be run: {error.strerror}: {error.filename or ''}")
         finally:
@@ -67,7 +69,7 @@ class Attempt:
             if self._process is not None and self._folder is not None:
                 _ask_to_end(self._process, self._folder)
 
-    def _run_in(self, folder: Path) -> Outcome:
+    def _run_in(self, folder: Path, port: int) -> Outcome:
         job = self._job
         (folder / JOB).write_bytes(msgspec.msgpack.encode(job))
         leash = [sys.executable, "-m", "robo.machine.leash", str(os.getpid()), sys.executable]
@@ -81,7 +83,7 @@ class Attempt:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 cwd=job.work.folder,
-                env=_environment(job, folder),
+                env=_environment(job, folder, port),
                 start_new_session=True,  # Ctrl-C is for whoever waits, who ends it
             )
         try:
@@ -117,9 +119,9 @@ def _end(process: "subprocess.Popen[bytes]", folder: Path) -> None:
     process.wait()
 
 
-def _environment(job: Job, folder: Path) -> dict[str, str]:
+def _environment(job: Job, folder: Path, port: int) -> dict[str, str]:
     """A run finds nothing that is said to robo or Ray elsewhere, and a network, logs and files of its own."""
-    endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    endpoint = f"tcp/127.0.0.1:{port}"
     return {
         **{name: value for name, value in os.environ.items() if not name.startswith(("ROBO_", "RAY_"))},
         "PYTHONHASHSEED": str(job.seed or 0),
@@ -130,16 +132,9 @@ def _environment(job: Job, folder: Path) -> dict[str, str]:
     }
 
 
-def _free_port() -> int:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port: int = free.getsockname()[1]
-        return port
-
-
 def _written(folder: Path) -> Outcome | None:
     try:
-        return msgspec.json.decode((folder / OUTCOME).read_bytes(), type=Outcome)
+        return msgspec.json.decode((folder / OUTCOME).read_bytes(), type=readable(Outcome))
     except (FileNotFoundError, *UNREADABLE):
         return None
 

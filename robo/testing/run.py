@@ -11,7 +11,7 @@ import sysconfig
 import time
 from collections import defaultdict, deque
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from robo.environment import LOG_FOLDER_VARIABLE
@@ -19,6 +19,7 @@ from robo.errors import RunError
 from robo.machine.log_files import SUPERVISOR
 from robo.machine.orphans import Left
 from robo.tools import logs
+from robo.wire.tcp import HeldPort
 
 STOP_TIMEOUT = 20.0
 """How long a run may take to end, s: what its processes are granted, and then some."""
@@ -50,13 +51,14 @@ class Run:
         self.robot = robot
         self.was_awaited = False
         """Whether it has ended and the test wanted that."""
-        self._port = _free_port()
-        self.endpoint = f"tcp/127.0.0.1:{self._port}"
+        self._port = HeldPort()
+        self.endpoint = f"tcp/127.0.0.1:{self._port.number}"
         self._logs = folder / "logs"
         self._output = folder / "output.txt"
         up = ["-m", "robo", "up", manifest, *words, "--robot-name", robot, "--listen", self.endpoint]
         leash = [sys.executable, "-m", "robo.machine.leash", str(os.getpid()), sys.executable]
-        with self._output.open("wb") as output:
+        with ExitStack() as held, self._output.open("wb") as output:
+            held.callback(self._port.close)
             self._process = subprocess.Popen(
                 [*leash, *up],
                 cwd=workspace,
@@ -65,6 +67,7 @@ class Run:
                 stdout=output,
                 stderr=subprocess.STDOUT,
             )
+            held.pop_all()  # until the end of the run
 
     def wait_until_over(self, timeout: float) -> int:
         """Wait until it ends by itself; returns its exit code.
@@ -90,7 +93,7 @@ class Run:
             LaunchFailed: it ends before, or does not come.
         """
         end = time.monotonic() + timeout
-        while not _answers(self._port):
+        while not _answers(self._port.number):
             if self.is_over():
                 code = self._process.returncode
                 raise LaunchFailed(f"{self.manifest} did not start: exit code {code}\n{self.printed()}")
@@ -146,6 +149,8 @@ class Run:
             self._signal(signal.SIGKILL)
             self._process.wait(STOP_TIMEOUT)
             return f"the run did not end within {STOP_TIMEOUT:g} s, and was killed"
+        finally:
+            self._port.close()
         return ""
 
     def _signal(self, number: signal.Signals) -> None:
@@ -177,10 +182,3 @@ def _answers(port: int) -> bool:
     except OSError:
         return False
     return True
-
-
-def _free_port() -> int:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port: int = free.getsockname()[1]
-        return port

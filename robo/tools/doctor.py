@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -29,6 +30,7 @@ from robo.wire import knocking, listeners, meeting, whereabouts
 from robo.wire.claims import port_taken
 from robo.wire.network import PORT, RENDEZVOUS, Network
 from robo.wire.session import close_session, open_session
+from robo.wire.tcp import HeldPort
 
 T = TypeVar("T")
 
@@ -378,17 +380,14 @@ time.sleep(600)
 
 def kill_and_look() -> Finding:
     """Run a robot with processes that hide and ignore signals, `kill -9` its supervisor, and look what is left."""
-    with tempfile.TemporaryDirectory(prefix="robo-doctor-") as folder, socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        free = probe.getsockname()[1]
-        probe.close()
+    with tempfile.TemporaryDirectory(prefix="robo-doctor-") as folder, closing(HeldPort()) as port:
         Path(folder, "trouble.py").write_text(_TROUBLEMAKER)
         manifest = Path(folder, "kill_test.yaml")
         manifest.write_text(
             "groups:\n  test:\n    namespace: robo_kill_test\n    nodes:\n"
             f"      trouble: {{run: [python, {folder}/trouble.py], ready: {{log: up}}}}\n"
         )
-        command = [sys.executable, "-m", "robo", "up", str(manifest), "--listen", f"tcp/127.0.0.1:{free}"]
+        command = [sys.executable, "-m", "robo", "up", str(manifest), "--listen", f"tcp/127.0.0.1:{port.number}"]
         mark = {**os.environ, LOG_FOLDER_VARIABLE: folder, KILL_TEST_VARIABLE: folder}
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=mark) as run:
             assert run.stdout is not None

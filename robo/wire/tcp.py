@@ -50,6 +50,27 @@ def cannot_listen(endpoint: str) -> OSError | None:
     return None
 
 
+class HeldPort:
+    """A free port of loopback, held for a process that is told to listen there.
+
+    One that was free a moment ago may be another's by then: the system chooses from the same ports for connections, and
+    for whoever else looks for one that is free. Who asks by number gets it although it is held, where he says
+    SO_REUSEADDR, as servers do. Other systems than Linux cannot hold a port so.
+    """
+
+    def __init__(self) -> None:
+        self._holder = socket.socket()
+        self._holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self._holder.bind(("127.0.0.1", 0))
+        self.number: int = self._holder.getsockname()[1]
+        if sys.platform != "linux":
+            self._holder.close()
+
+    def close(self) -> None:
+        """Hold it no longer; who listens there goes on."""
+        self._holder.close()
+
+
 def tried(endpoints: Sequence[str], within: float) -> Iterator[tuple[str, OSError | None]]:
     """Try to connect to those of some endpoints that are over TCP, to all at once.
 

@@ -2,14 +2,17 @@
 
 import socket
 import struct
+import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 
 import pytest
 
 from robo.wire import tcp
+from robo.wire.network import Network
+from robo.wire.session import close_session, open_session
 from tests.conftest import free_port
 
 
@@ -106,3 +109,21 @@ def test_what_speaks_zenoh_is_told_by_its_answer(answer: bytes, speaks: bool | N
         serving.start()
         assert tcp.speaks_zenoh(f"tcp/127.0.0.1:{server.getsockname()[1]}", 10.0) is speaks
         serving.join()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems cannot hold a port")
+def test_a_held_port_is_for_who_asks_for_it_by_number() -> None:
+    with closing(tcp.HeldPort()) as port:
+        address = ("127.0.0.1", port.number)
+        with socket.socket() as any_of_them, pytest.raises(OSError, match="in use"):
+            any_of_them.bind(address)  # as the system looks for one that is free
+        with pytest.raises(ConnectionRefusedError):
+            socket.create_connection(address)
+        for _ in range(2):  # a router that is started again gets it again
+            with socket.create_server(address) as server, socket.create_connection(address):
+                server.accept()[0].close()
+        router = open_session(Network(listen=(f"tcp/127.0.0.1:{port.number}",)))
+        socket.create_connection(address).close()
+        close_session(router)
+    with socket.create_server(address):
+        pass
