@@ -3,13 +3,13 @@
 import hashlib
 import sys
 from collections.abc import Iterable, Iterator
-from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
 import msgspec
 
 from robo.batch.plan import Work
+from robo.version import VERSION
 
 _BLOCK = 1 << 20
 _FORM = 1
@@ -31,7 +31,7 @@ def of_work(work: Work, files: Iterable[str], modules: Iterable[str]) -> dict[st
     words = [word for word in work.command if Path(word).is_file()]
     return {
         "form": _FORM,
-        "robo": version("robo-zenoh"),
+        "robo": VERSION,
         "work": said,
         "files": {name: of_file(Path(name)) for name in sorted({*files, *words})},
         "code": {name: of_code(name) for name in sorted({module.partition(".")[0] for module in modules})},

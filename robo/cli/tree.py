@@ -10,6 +10,7 @@ from typer.main import get_group
 
 from robo.cli import ros2_words
 from robo.text.suggestions import closest
+from robo.version import VERSION
 
 
 class Section(typer.Typer):
@@ -70,9 +71,7 @@ class Verb(TyperCommand):
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from importlib.metadata import version
-
-        typer.echo(version("robo-zenoh"))
+        typer.echo(VERSION)
         raise typer.Exit
 
 

@@ -15,7 +15,8 @@ from robo.text.brief import brief
 from robo.text.paths import nested
 from robo.text.terminal import visible
 from robo.text.unreadable import UNREADABLE
-from robo.wire import codec, discovery, names
+from robo.version import VERSION
+from robo.wire import codec, discovery, liveliness, names
 from robo.wire.keys import EndpointToken, NodeToken, parameters_key, parse_token
 
 TIMEOUT = 1.0
@@ -82,7 +83,7 @@ def words(nodes: Iterable[NodeToken]) -> dict[str, str]:
         "nodes": " ".join(sorted(token.full_name for token in nodes)),
         "runs": " ".join(sorted({token.run for token in nodes if token.run})),
         "host": discovery.hostname(),
-        "robo": _version("robo-zenoh"),
+        "robo": VERSION,
         "python": platform.python_version(),
         "zenoh": _version("eclipse-zenoh"),
         "platform": platform.platform(),
@@ -171,7 +172,7 @@ class Watch:
         self._there: set[str] = set()
         """The nodes that were heard of and have not gone, by full name."""
         handler = zenoh.handlers.Callback(self._notice, indirect=False)
-        self._subscriber = session.liveliness().declare_subscriber(NodeToken.ALL, handler, history=True)
+        self._subscriber = liveliness.hear(session, NodeToken.ALL, handler)
         self._thread = threading.Thread(target=self._run, name="robo-about", daemon=True)
         self._thread.start()
 

@@ -3,10 +3,10 @@
 import hashlib
 import time
 from collections.abc import Iterable
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from robo.launch.plan import Plan
+from robo.version import VERSION
 from robo.wire import discovery
 from robo.wire.reports import RunReport
 
@@ -21,19 +21,11 @@ def report(plan: Plan, run: str) -> RunReport:
         run=run,
         host=plan.host or discovery.hostname(),
         user=discovery.user(),
-        version=installed(),
+        version=VERSION,
         manifest=Path(plan.manifest).name,
         digest=digest_of(plan.files or (plan.manifest,)),
         since=time.time_ns(),
     )
-
-
-def installed() -> str:
-    """The version of robo that is installed; empty where it runs without having been installed."""
-    try:
-        return version("robo-zenoh")
-    except PackageNotFoundError:
-        return ""
 
 
 def digest_of(files: Iterable[str]) -> str:
