@@ -45,8 +45,8 @@ def is_heard(publisher: zenoh.Publisher) -> bool:
 
 
 def plain_environment() -> dict[str, str]:
-    """This process's environment without what is said to robo in it."""
-    return {key: value for key, value in os.environ.items() if not key.startswith("ROBO_")}
+    """This process's environment without what is said to robo in it, but for where robots of tests meet."""
+    return {key: value for key, value in os.environ.items() if not key.startswith("ROBO_") or key == "ROBO_MEETING"}
 
 
 class Running:
@@ -238,6 +238,7 @@ class Desk:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._environment = plain_environment() | {
+            "ROBO_MEETING": "",  # where it is by itself, which is this desk's own
             "NO_COLOR": "1",
             "XDG_STATE_HOME": str(folder / ".state"),
             "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",

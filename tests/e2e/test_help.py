@@ -296,7 +296,7 @@ def test_the_examples_of_a_verb_work(lab: Lab, path: tuple[str, ...]) -> None:
         pytest.skip("Ray is not installed: pip install 'robo-zenoh[ray]'")
     if path[0] in ("bag", "batch", "map", "replay-test"):
         lab.lay_out_recordings(path[-1])
-    if path[0] in ("security", "router"):
+    if path[0] in ("security", "router") or any("--security" in line for line in EXAMPLES[path]):
         lab.lay_out_keystore(path[-1])
     for line in EXAMPLES[path]:
         if path not in NO_MATTER:

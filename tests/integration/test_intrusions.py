@@ -290,11 +290,18 @@ def answers_itself(watch: Watch) -> bool:
     return bool(answers(intruder, "r2/asked")) and not wrong
 
 
+def _is_linked(watch: Watch, id_: str) -> bool:
+    told = [reply.ok.payload.to_string() for reply in answers(watch.owner, "@/*/router") if reply.ok is not None]
+    assert any(str(watch.owner.zid()) in one for one in told), "a router says who is linked to it"
+    return any(id_ in one for one in told)
+
+
 @attempt("18", "r2 takes the id that an operator has had", "r2 may not publish r1/intruded")
 def takes_an_operators_id(watch: Watch) -> bool:
     operator = watch.site.session("ann")
     id_ = str(operator.zid())
     operator.close()
+    eventually(lambda: not _is_linked(watch, id_), "the router has let the operator go")
     watch.site.intruder("r2", id=id_).put("r1/intruded", b"x")
     return comes(watch.commands)
 
