@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from robo.errors import InvalidTransform, TransformError
@@ -319,12 +319,13 @@ def test_of_exactly_half_a_turn_both_signs_mean_the_same_way(axis: Vec) -> None:
 
 
 @given(places, st.floats(1e-320, 1e-3), fractions)
+@example((0.0, 10.0, 0.0), 1e-3, 0.5)
 def test_the_smallest_turns_are_no_trouble(place: Vec, angle: float, fraction: float) -> None:
     end = Transform3(*place, angle / 2, 0.0, 0.0, math.sqrt(1.0 - angle * angle / 4))
     found = interpolate(IDENTITY, end, fraction)
     assert all(map(math.isfinite, found))
-    # The origin is on an arc whose height over the chord is about an eighth of its angle times its length.
-    assert found[:3] == pytest.approx([fraction * one for one in place], abs=EXACT + angle / 8 * math.hypot(*place))
+    # The origin is on an arc whose height over the chord is an eighth of its angle times its length, and a little more.
+    assert found[:3] == pytest.approx([fraction * one for one in place], abs=EXACT + angle / 7 * math.hypot(*place))
     assert found.qx == pytest.approx(fraction * angle / 2, rel=1e-6, abs=1e-150)
 
 
