@@ -22,8 +22,10 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
-# How long an example takes says more of the machine than of the code.
-hypothesis.settings.register_profile("robo", deadline=None)
+# How long an example takes says more of the machine than of the code. A run tries the examples of the run before, so
+# that what fails has come with a change; new ones are looked for by --hypothesis-profile=search.
+hypothesis.settings.register_profile("robo", deadline=None, derandomize=True)
+hypothesis.settings.register_profile("search", deadline=None)
 hypothesis.settings.load_profile("robo")
 
 
