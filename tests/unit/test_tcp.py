@@ -122,7 +122,7 @@ def test_a_held_port_is_for_who_asks_for_it_by_number() -> None:
         for _ in range(2):  # a router that is started again gets it again
             with socket.create_server(address) as server, socket.create_connection(address):
                 server.accept()[0].close()
-        router = open_session(Network(listen=(f"tcp/127.0.0.1:{port.number}",)))
+        router = open_session(Network(mode="peer", listen=(f"tcp/127.0.0.1:{port.number}",)))
         socket.create_connection(address).close()
         close_session(router)
     with socket.create_server(address):
