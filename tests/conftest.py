@@ -9,11 +9,11 @@ import hypothesis
 import pytest
 import zenoh
 
-from robo.wire import zenoh_threads
+from robo.wire import tcp, zenoh_threads
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
 from robo.wire.tcp import HeldPort
-from tests.support import Desk
+from tests.support import Desk, eventually
 
 # A program that a script has started in the background ignores SIGINT, and so would all that tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -75,10 +75,16 @@ def endpoint() -> str:
     return f"tcp/127.0.0.1:{free_port()}"
 
 
+def wait_until_listened_at(endpoint: str) -> None:
+    """A router's session is open a moment before it listens."""
+    eventually(lambda: tcp.cannot_listen(endpoint) is not None, f"somebody listens at {endpoint}")
+
+
 @pytest.fixture
 def session(endpoint: str) -> Iterator[zenoh.Session]:
     """The meeting point of a test's own network: a router."""
     opened = open_session(Network(mode="router", listen=(endpoint,)))
+    wait_until_listened_at(endpoint)
     yield opened
     close_session(opened)
 

@@ -15,6 +15,7 @@ from robo.errors import NetworkError, UsageError
 from robo.wire import meeting, zenoh_threads
 from robo.wire.network import Mode, Network, settings_by_path, settings_of, zenoh_config
 from robo.wire.session import close_session, open_session
+from tests.conftest import wait_until_listened_at
 
 ROOT = Path(__file__).parents[2]
 
@@ -93,6 +94,7 @@ def test_a_router_has_limits_and_a_file_may_say_others(tmp_path: Path) -> None:
 
 def test_connections_that_say_nothing_keep_nobody_out(endpoint: str) -> None:
     router = open_session(Network(listen=(endpoint,)))
+    wait_until_listened_at(endpoint)
     address = ("127.0.0.1", int(endpoint.rpartition(":")[2]))
     idle = [socket.create_connection(address) for _ in range(150)]
     try:
