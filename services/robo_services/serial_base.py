@@ -224,9 +224,10 @@ class SerialBase(Node):
     def _misses(self, trouble: str, kind: str = "") -> None:
         """Tell of it once, however long it lasts; what it said last, in the same kind of trouble, is no news."""
         kind = kind or trouble
-        if kind != self._kind:
-            self.logger.warning("%s", trouble)
+        is_news = kind != self._kind
         self._trouble, self._kind = trouble, kind
+        if is_news:
+            self.logger.warning("%s", trouble)
 
     def _tell_log(self, port: SerialPort) -> None:
         """What is to be said of what the board has said."""
