@@ -100,6 +100,8 @@ class Control:
                 raise
             done.cancel()
             raise RunError(f"not done within {self._limit:g} s") from None
+        finally:
+            del done  # an error that it holds leads to this frame: both would stay until Python looks for such rings
 
 
 def read_request(payload: bytes) -> LogsRequest:

@@ -1,20 +1,39 @@
 """A supervisor's control keys, asked by whoever can reach them."""
 
 import asyncio
+import gc
 import logging
 import random
 import threading
+import weakref
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import msgspec
 import pytest
 import zenoh
 
+from robo.errors import RunError
 from robo.supervisor.control import Control
 from robo.tools import runs
 from robo.wire.keys import control_key
 from robo.wire.queries import Fault, read_fault
 from robo.wire.reports import COMMAND_LIMIT, LogsRequest
+from tests.support import eventually
+
+
+@contextmanager
+def running_loop() -> Iterator[asyncio.AbstractEventLoop]:
+    """A loop in a thread of its own."""
+    loop = asyncio.new_event_loop()
+    runner = threading.Thread(target=loop.run_forever)
+    runner.start()
+    try:
+        yield loop
+    finally:
+        loop.call_soon_threadsafe(loop.stop)
+        runner.join()
+        loop.close()
 
 
 @pytest.fixture
@@ -26,14 +45,9 @@ def control(session: zenoh.Session) -> Iterator[list[LogsRequest]]:
         asked.append(what)
         return []
 
-    loop = asyncio.new_event_loop()
-    runner = threading.Thread(target=loop.run_forever)
-    runner.start()
-    Control(session, "r1", {"logs": logs}, {}, loop)
-    yield asked
-    loop.call_soon_threadsafe(loop.stop)
-    runner.join()
-    loop.close()
+    with running_loop() as loop:
+        Control(session, "r1", {"logs": logs}, {}, loop)
+        yield asked
 
 
 def ask(session: zenoh.Session, payload: bytes) -> Fault | None:
@@ -101,16 +115,33 @@ def test_what_takes_too_long_is_given_up_and_told(session: zenoh.Session, other:
             given_up.set()
             raise
 
-    loop = asyncio.new_event_loop()
-    runner = threading.Thread(target=loop.run_forever)
-    runner.start()
-    try:
+    with running_loop() as loop:
         Control(session, "r1", {}, {"stop": stop}, loop, limit=0.05)
         (reply,) = other.get(control_key("r1", "stop"), timeout=10.0)
         assert read_fault(reply) == Fault("RunError", "not done within 0.05 s")
         assert given_up.wait(10.0), "nobody waits for it any more"
-    finally:
-        loop.call_soon_threadsafe(loop.stop)
-        runner.join()
-        loop.close()
     assert runs.COMMAND_TIMEOUT > COMMAND_LIMIT, "the answer that it took too long is heard"
+
+
+def test_nothing_is_kept_of_what_was_refused(session: zenoh.Session, other: zenoh.Session) -> None:
+    """Whoever asks on and on for nodes that there are not does not fill the supervisor's memory."""
+    left: weakref.WeakSet[BaseException] = weakref.WeakSet()
+
+    class Refused(RunError):
+        def __init__(self) -> None:
+            super().__init__("there is no such node")
+            left.add(self)
+
+    async def ps(_: LogsRequest) -> None:
+        raise Refused
+
+    gc.disable()
+    try:
+        with running_loop() as loop:
+            Control(session, "r1", {"ps": ps}, {}, loop)
+            for _ in range(5):
+                (reply,) = other.get(control_key("r1", "ps"), timeout=10.0)
+                assert read_fault(reply) == Fault("Refused", "there is no such node")
+            eventually(lambda: not left, "nobody had to look for rings")
+    finally:
+        gc.enable()
