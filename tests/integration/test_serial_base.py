@@ -161,7 +161,7 @@ def test_a_wheel_that_does_not_count_is_told_of_and_stands(
         text = "the wheels stand: the left wheel does not count: encoder, wires, motor or its power"
         eventually(lambda: r.state == (ERROR, text), "the state says so")
         eventually(lambda: r.board._board.rates.left == r.board._board.rates.right == 0.0, "both stand")
-        assert text in caplog.text
+        eventually(lambda: text in caplog.text, "the log says so")
         r.board.set_parameters({"dead_encoder": "none"})
         r.drive(0.0)
         eventually(lambda: r.state == (0, ""), "told to stand it begins anew")
@@ -180,7 +180,7 @@ def test_unplugged_it_stands_and_plugged_in_it_goes_on(
         assert r.board._board.stood - r.board._board.commanded < 0.3, "s of its own time"
         eventually(lambda: "No such file or directory; it is waited for" in r.state[1], "the state says why")
         assert r.state[0] == ERROR
-        assert "stands by its own watchdog" in caplog.text
+        eventually(lambda: "stands by its own watchdog" in caplog.text, "the log says so")
         stood = r.base._track.track.pose
         r.call(r.board.replug)
         played = r.board._board.time
@@ -274,7 +274,7 @@ def test_what_is_no_board_is_refused_with_what_it_says(
             assert is_readable(ours, PATIENCE), "it is asked who it is"
             os.write(ours, b"$GPRMC,081836,A,3751.65,S,14507.36,E\r\n")
             eventually(lambda: "has no such board: it does not answer" in base.board_answers().message, "it says so")
-            assert "GPRMC" in caplog.text
+            eventually(lambda: "GPRMC" in caplog.text, "so does the log")
             os.set_blocking(ours, False)
             assert b"m" not in os.read(ours, 4096), "it was told no speed"
 
