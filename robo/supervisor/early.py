@@ -16,6 +16,10 @@ from robo.machine.service_manager import ServiceManager
 from robo.process.template import PADDING
 from robo.wire.run_id import new_run_id
 
+_ALLOCATOR = {"MALLOC_ARENA_MAX": "2"}
+"""glibc gives threads memory from pools of their own, up to eight for each processor core, and each keeps up to twice
+the largest message that it ever held. A node has some twenty threads, few of which are busy at once."""
+
 
 class HeadStart(NamedTuple):
     """A run that has begun."""
@@ -38,7 +42,7 @@ def base_environment() -> dict[str, str]:
     """What every process of a run finds: this one's environment, and the programs that run here."""
     # Nodes meet at their robot's router, and have no name of their own on a secured network.
     environment = {name: value for name, value in os.environ.items() if name != SECURITY_VARIABLE}
-    return {**environment, "PYTHONUNBUFFERED": "1", "PATH": search_path()}
+    return {**_ALLOCATOR, **environment, "PYTHONUNBUFFERED": "1", "PATH": search_path()}
 
 
 def search_path() -> str:
