@@ -191,7 +191,7 @@ class ActionCaller(Generic[G, R, F]):
         if answer is not None:
             return decoded(self.key, answer, response)
         if time.monotonic() - asked < left * 0.9:
-            raise ActionTimeout(f"action {self.key}: its server went away without an answer")
+            raise ActionTimeout(f"action {self.key}: its server, or the link to it, went away without an answer")
         raise ActionTimeout(f"action {self.key}: its server did not answer within {self._timeout:g} s")
 
     def _get(self, part: ActionPart, request: Message, timeout: float, handler: Any = None) -> Any:

@@ -314,5 +314,5 @@ def _understood(
     if answer is not None:
         return answer
     if time.monotonic() - begin < timeout * 0.9:
-        raise ServiceTimeout(f"service {key}: its server went away without an answer")
+        raise ServiceTimeout(f"service {key}: its server, or the link to it, went away without an answer")
     raise ServiceTimeout(f"service {key} did not answer within {granted:g} s")

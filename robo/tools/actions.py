@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Callable
 from typing import Any, Literal, TypeVar
 
@@ -13,19 +11,17 @@ import zenoh
 from robo.errors import ActionError, ActionTimeout
 from robo.text.readable import readable
 from robo.tools import replies
+from robo.tools.long_calls import answer_of
 from robo.tools.offers import Offer, list_actions
 from robo.wire import codec, doors, queries
 from robo.wire.goals import GoalState, id_of, id_text, new_goal_id, state_of
 from robo.wire.keys import action_key
-from robo.wire.long_query import Gone, LongQuery
+from robo.wire.long_query import Gone
 from robo.wire.queries import Fault
 from robo.wire.targets import OF_ONE
 from robo_messages.action import UUID, CancelGoal
 
 T = TypeVar("T")
-
-_LOOK = 0.5
-"""How often one looks whether an action is still executed while nothing is heard, s."""
 
 
 class Outcome(msgspec.Struct, frozen=True):
@@ -166,26 +162,18 @@ class Sending:
             ActionTimeout: it has not in time.
             ActionError: its server has gone.
         """
-        end = None if timeout is None else time.monotonic() + timeout
-        woken = threading.Event()
         name = f"action {self._action.key}: goal {id_text(self.id)}"
         request = msgspec.msgpack.encode({"goal_id": {"uuid": self.id}})
         key = action_key(self._action.key, "get_result")
-        query = LongQuery(self._session, key, request, codec.MSGPACK, woken.set, time.monotonic)
-        while True:
-            woken.clear()
-            try:
-                answer = query.look()
-            except Gone:
-                raise ActionError(f"{name}: its server has gone, and what became of the goal is not known") from None
-            if isinstance(answer, Fault):
-                raise ActionError(f"{name}: {answer.error}: {answer.message}")
-            if answer is not None:
-                return self._outcome(_read(answer, _Ended, self._action.key), name)
-            if end is not None and time.monotonic() >= end:
-                raise ActionTimeout(f"{name}: no result within {timeout:g} s")
-            if not woken.wait(_LOOK) and not self._is_executed():
-                query.lose()
+        try:
+            answer = answer_of(self._session, key, request, codec.MSGPACK, self._is_executed, timeout)
+        except Gone:
+            raise ActionError(f"{name}: its server has gone, and what became of the goal is not known") from None
+        if isinstance(answer, Fault):
+            raise ActionError(f"{name}: {answer.error}: {answer.message}")
+        if answer is None:
+            raise ActionTimeout(f"{name}: no result within {timeout:g} s")
+        return self._outcome(_read(answer, _Ended, self._action.key), name)
 
     def _is_executed(self) -> bool:
         return any(one.key == self._action.key for one in list_actions(self._session, self._timeout))

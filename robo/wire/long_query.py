@@ -2,8 +2,9 @@
 
 The answer comes on one of Zenoh's threads, which does no more than note it. Where the question ends without one, it is
 asked again, as soon as somebody looks: the router in between may have started again. Where nobody answers for GRACE,
-whoever was asked is gone. An answer counts whichever time of asking it is to: the news that a server leaves may come
-before what it has answered last.
+whoever was asked is gone. What is asked just after a loss may still go by the link that is being lost, and Zenoh does
+not end that: so it is asked once more when it has stood for GRACE. An answer counts whichever time of asking it is to:
+the news that a server leaves may come before what it has answered last.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class _Try:
         self._answer = answer
         self._changed = changed
         self._now = now
-        self._asked_at = now()
+        self.asked_at = now()
 
     def take(self, reply: zenoh.Reply) -> None:
         answer = reply.ok if reply.ok is not None else queries.read_fault(reply)
@@ -57,7 +58,7 @@ class _Try:
     @property
     def stood(self) -> bool:
         """Whether somebody was there to answer, for a while."""
-        return self.ended_at is not None and self.ended_at - self._asked_at >= PERIOD
+        return self.ended_at is not None and self.ended_at - self.asked_at >= PERIOD
 
 
 class LongQuery:
@@ -89,7 +90,6 @@ class LongQuery:
         self._now = now
         self._answer: zenoh.Sample | Fault | None = None
         self._lost_since: float | None = None
-        self._again_at = 0.0
         self._losses = 0
         self._try = self._ask()
 
@@ -99,22 +99,25 @@ class LongQuery:
         Raises:
             Gone: nobody answers any more.
         """
-        current = self._try
-        if current.ended_at is None or self._answer is not None:
+        if self._answer is not None:
             return self._answer
-        now = self._now()
-        if current.lapsed:
+        current, now = self._try, self._now()
+        if current.ended_at is None:
+            if now < self.look_again_at:
+                return None
+            self._lost_since = None  # this time goes by a link that is there
+        elif current.lapsed:
             self._lost_since = None
         elif self._lost_since is None or current.stood:
-            self._lost_since, self._again_at = now, now
+            self._lost_since = now
         elif current.ended_at - self._lost_since >= GRACE:
             raise Gone
-        if now >= self._again_at:
-            self._again_at = now + PERIOD
-            losses = self._losses
-            self._try = self._ask()
-            if self._losses != losses:
-                self._try.end()
+        elif now < self.look_again_at:
+            return None
+        losses = self._losses
+        self._try = self._ask()
+        if self._losses != losses:
+            self._try.end()
         return None
 
     def lose(self) -> None:
@@ -129,8 +132,11 @@ class LongQuery:
     @property
     def look_again_at(self) -> float:
         """By when to look again, if nothing changes before; infinity where that is not needed."""
-        waits = self._try.ended_at is not None and self._answer is None
-        return self._again_at if waits else float("inf")
+        if self._answer is None and self._try.ended_at is not None:
+            return self._try.asked_at + PERIOD
+        if self._answer is None and self._lost_since is not None:
+            return self._try.asked_at + GRACE
+        return float("inf")
 
     def _take(self, answer: zenoh.Sample | Fault) -> None:
         if self._answer is None:

@@ -1,9 +1,11 @@
 """The flight recorder of the reference robot, whose nodes are killed while it drives."""
 
 import json
+import signal
+import sys
 import time
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ from robo.bag.read.reader import Bag
 from robo.errors import BagError
 from robo.testing import Launch, Robot
 from robo_messages import TakeSnapshot
-from tests.support import eventually, run_robo
+from tests.support import Running, eventually, plain_environment, run_robo
 
 pytestmark = pytest.mark.timeout(180)
 
@@ -169,6 +171,38 @@ def test_a_run_that_is_killed_leaves_its_last_seconds_to_the_next_one(launch: La
     assert path.name.endswith("_run_ended.mcap")
     with bag.open(path) as found:
         assert found.topic("r1/odom").count > 50
+
+
+@contextmanager
+def asked(robot: Robot) -> Iterator[Running]:
+    """`robo bag snapshot`, once it waits for a file."""
+    command = [sys.executable, "-m", "robo", "bag", "snapshot", "--connect", robot.endpoint]
+    with closing(Running(command, env=plain_environment(), terminal=True)) as tool:
+        tool.wait_for("/r1/flight_recorder records a few seconds more")
+        drive_for(robot, 0.3)
+        yield tool
+
+
+def test_a_tool_that_is_held_up_gets_its_file_all_the_same(launch: Launch, tmp_path: Path) -> None:
+    """Its link to the robot is cut after 2 s, and with it the question."""
+    robot = recorded(launch, tmp_path)
+    with asked(robot) as tool:
+        tool.process.send_signal(signal.SIGSTOP)
+        drive_for(robot, 3.0)
+        tool.process.send_signal(signal.SIGCONT)
+        assert tool.wait() == 0, tool.output
+        assert Path(tool.wait_for("_asked.mcap")).is_file()
+
+
+def test_a_recorder_that_dies_meanwhile_is_told(launch: Launch, tmp_path: Path) -> None:
+    options = ["-p", f"flight_recorder.folder:={tmp_path}", "-p", f"flight_recorder.ring_folder:={tmp_path / 'ring'}"]
+    manifest = with_override(tmp_path, "flight_recorder: {restart: never}")
+    robot = launch(manifest, may_die=["flight_recorder"], options=options)
+    drive_for(robot, 1.0)
+    with asked(robot) as tool:
+        robot.kill("flight_recorder")
+        assert tool.wait() == 1
+        tool.wait_for("error: /r1/flight_recorder has gone, and has not told of a file")
 
 
 def test_robo_bag_snapshot(launch: Launch, tmp_path: Path) -> None:

@@ -35,11 +35,32 @@ class Network:
 def test_each_link_that_is_lost_has_its_grace() -> None:
     network = Network()
     query = network.query()
-    for asked, network.now in ((2, 10.0), (3, 100.0)):  # in between the question stands
+    for asked, network.now in ((2, 10.0), (3, 11.0), (4, 12.0)):  # in between the question stands
         query.lose()
         assert query.look() is None
         assert network.asked == asked
-        assert query.look_again_at == float("inf")
+
+
+def test_what_was_asked_just_after_a_loss_is_asked_once_more() -> None:
+    """It may have gone by the link that was being lost: then nothing comes of it, not even an end."""
+    network = Network()
+    query = network.query()
+    network.now = 10.0
+    network.handlers[0].drop()
+    assert query.look() is None
+    assert (network.asked, query.look_again_at) == (2, 10.0 + GRACE)
+    network.now = query.look_again_at - 0.1
+    assert query.look() is None
+    assert network.asked == 2
+    network.now = query.look_again_at
+    assert query.look() is None
+    assert (network.asked, query.look_again_at) == (3, float("inf"))
+    network.now = 100.0
+    assert query.look() is None
+    assert network.asked == 3
+    answer = object()
+    network.handlers[1].callback(SimpleNamespace(ok=answer, err=None))
+    assert query.look() is answer, "whichever time of asking it is to"
 
 
 def test_where_nobody_answers_for_a_while_whoever_was_asked_is_gone() -> None:

@@ -1,19 +1,20 @@
 """`robo bag snapshot`: asking a flight recorder for a file."""
 
-import time
-
 import msgspec
+import zenoh
 
 from robo.cli.connection import connect_to_robot, see_that_it_obeys
 from robo.cli.printing import data_size, hint, print_json, print_line
 from robo.cli.reach import Reach
 from robo.errors import FlightRecorderError, UsageError
-from robo.node import services
 from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 from robo.tools import offers
+from robo.tools.long_calls import answer_of
 from robo.tools.offers import Offer
 from robo.wire import codec
+from robo.wire.long_query import Gone
+from robo.wire.queries import Fault
 from robo_messages import Snapshot, TakeSnapshot, service_type_name, type_name
 
 _LONGEST = 1500.0
@@ -26,29 +27,43 @@ def take_snapshot(reach: Reach, reason: str, *, json: bool) -> None:
     """Ask for a file, wait for it, and print which one it is.
 
     Raises:
-        FlightRecorderError: there is no flight recorder, or it could not write.
+        FlightRecorderError: there is no flight recorder, it could not write, or it has died meanwhile.
         UsageError: several robots have one.
-        ServiceError: it has died meanwhile.
     """
     with connect_to_robot(reach) as session:
         found = [one for one in offers.list_services(session, reach.timeout) if one.type == _TYPE]
         service = _only(found, reach)
         see_that_it_obeys(session, reach, service.key)
         hint(f"{service.servers[0]} records a few seconds more, and writes the file")
-        request = msgspec.msgpack.encode(TakeSnapshot.Request(reason))
-        attachment = codec.pack_attachment(1, time.time_ns())
-        encoding = f"{codec.MSGPACK};{type_name(TakeSnapshot.Request)}"
-        sample = services.ask(session, service.key, (request, attachment), encoding, _LONGEST, _LONGEST)
-    try:
-        answer = msgspec.msgpack.decode(sample.payload.to_bytes(), type=readable(TakeSnapshot.Response))
-    except UNREADABLE as error:
-        raise FlightRecorderError(f"the answer of {service.servers[0]} cannot be read: {error}") from None
+        answer = _ask(session, service, reason, reach.timeout)
     if not answer.success:
         raise FlightRecorderError(f"{service.servers[0]} could not write a file: {answer.message}")
     if json:
         print_json(_record(answer.snapshot))
     else:
         _print(answer.snapshot)
+
+
+def _ask(session: zenoh.Session, service: Offer, reason: str, timeout: float) -> TakeSnapshot.Response:
+    """Wait for a file; where the link is lost meanwhile, another one is asked for, which holds what this one would."""
+    request = msgspec.msgpack.encode(TakeSnapshot.Request(reason))
+    encoding = f"{codec.MSGPACK};{type_name(TakeSnapshot.Request)}"
+
+    def is_served() -> bool:
+        return any(one.key == service.key for one in offers.list_services(session, timeout))
+
+    try:
+        answer = answer_of(session, service.key, request, encoding, is_served, _LONGEST)
+    except Gone:
+        raise FlightRecorderError(f"{service.servers[0]} has gone, and has not told of a file") from None
+    if answer is None:
+        raise FlightRecorderError(f"{service.servers[0]} has not written a file within {_LONGEST:g} s")
+    if isinstance(answer, Fault):
+        raise FlightRecorderError(f"{service.servers[0]}: {answer.error}: {answer.message}")
+    try:
+        return msgspec.msgpack.decode(answer.payload.to_bytes(), type=readable(TakeSnapshot.Response))
+    except UNREADABLE as error:
+        raise FlightRecorderError(f"the answer of {service.servers[0]} cannot be read: {error}") from None
 
 
 def _only(found: list[Offer], reach: Reach) -> Offer:
