@@ -447,6 +447,9 @@ def test_a_recorder_that_is_stopped_writes_what_is_due_and_leaves_no_ring(lab: L
     recorder = lab.record(after=60.0)
     lab.drive(5)
     other.put(event_key("r1"), msgspec.msgpack.encode(event("died")))
+    flight = recorder._flight
+    assert flight is not None
+    eventually(lambda: len(flight._jobs) == 1, "it has heard of it")
     recorder.close()
     assert len(values(lab.snapshot())) == 5
     assert [path.name for path in lab.folder.iterdir()] == ["files"]
