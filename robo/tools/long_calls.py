@@ -19,7 +19,7 @@ def answer_of(
     request: bytes,
     encoding: str,
     is_served: Callable[[], bool],
-    timeout: float | None = None,
+    timeout: float | None,
 ) -> zenoh.Sample | Fault | None:
     """Ask, again where the question is lost, and wait for the answer.
 

@@ -132,11 +132,11 @@ class LongQuery:
     @property
     def look_again_at(self) -> float:
         """By when to look again, if nothing changes before; infinity where that is not needed."""
-        if self._answer is None and self._try.ended_at is not None:
+        if self._answer is not None:
+            return float("inf")
+        if self._try.ended_at is not None:
             return self._try.asked_at + PERIOD
-        if self._answer is None and self._lost_since is not None:
-            return self._try.asked_at + GRACE
-        return float("inf")
+        return self._try.asked_at + GRACE if self._lost_since is not None else float("inf")
 
     def _take(self, answer: zenoh.Sample | Fault) -> None:
         if self._answer is None:

@@ -25,11 +25,16 @@ pytestmark = pytest.mark.timeout(180)
 SECOND = 1_000_000_000
 
 
+def folders_within(folder: Path) -> list[str]:
+    """The options by which a flight recorder keeps all that it writes in a folder."""
+    return ["-p", f"flight_recorder.folder:={folder}", "-p", f"flight_recorder.ring_folder:={folder / 'ring'}"]
+
+
 def recorded(
     launch: Launch, folder: Path, manifest: str = "robot.yaml", may_die: Sequence[str] = (), **more: Any
 ) -> Robot:
     """The reference robot with a flight recorder, once it drives."""
-    options = ["-p", f"flight_recorder.folder:={folder}", "-p", f"flight_recorder.ring_folder:={folder / 'ring'}"]
+    options = folders_within(folder)
     robot = launch(manifest, demo="arc", flight_recorder=True, may_die=may_die, options=options, **more)
     robot.wait_for("odom", lambda odometry: odometry.twist.twist.linear.x > 0.4, new=True)
     return robot
@@ -47,6 +52,12 @@ def with_override(folder: Path, override: str) -> Path:
 def drive_for(robot: Robot, seconds: float) -> None:
     """Wait until so much has been said of where it is, at 50 Hz."""
     robot.wait_for_count("odom", len(robot.messages("odom")) + round(50 * seconds), timeout=10 * seconds)
+
+
+def with_one_that_stays_dead(launch: Launch, folder: Path) -> Robot:
+    """The reference robot with a flight recorder that is not started again."""
+    manifest = with_override(folder, "flight_recorder: {restart: never}")
+    return launch(manifest, may_die=["flight_recorder"], options=folders_within(folder))
 
 
 def kept(ring: Path) -> int:
@@ -157,10 +168,7 @@ def test_what_ends_a_run_is_in_a_file_that_why_names_when_the_run_is_over(
 
 
 def test_a_run_that_is_killed_leaves_its_last_seconds_to_the_next_one(launch: Launch, tmp_path: Path) -> None:
-    options = ["-p", f"flight_recorder.folder:={tmp_path}", "-p", f"flight_recorder.ring_folder:={tmp_path / 'ring'}"]
-    robot = launch(
-        with_override(tmp_path, "flight_recorder: {restart: never}"), may_die=["flight_recorder"], options=options
-    )
+    robot = with_one_that_stays_dead(launch, tmp_path)
     drive_for(robot, 4.0)
     robot.kill("flight_recorder")
     assert run_robo("down", "--robot-name", "r1", "--connect", robot.endpoint).returncode == 0
@@ -195,9 +203,7 @@ def test_a_tool_that_is_held_up_gets_its_file_all_the_same(launch: Launch, tmp_p
 
 
 def test_a_recorder_that_dies_meanwhile_is_told(launch: Launch, tmp_path: Path) -> None:
-    options = ["-p", f"flight_recorder.folder:={tmp_path}", "-p", f"flight_recorder.ring_folder:={tmp_path / 'ring'}"]
-    manifest = with_override(tmp_path, "flight_recorder: {restart: never}")
-    robot = launch(manifest, may_die=["flight_recorder"], options=options)
+    robot = with_one_that_stays_dead(launch, tmp_path)
     drive_for(robot, 1.0)
     with asked(robot) as tool:
         robot.kill("flight_recorder")

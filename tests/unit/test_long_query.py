@@ -35,10 +35,11 @@ class Network:
 def test_each_link_that_is_lost_has_its_grace() -> None:
     network = Network()
     query = network.query()
-    for asked, network.now in ((2, 10.0), (3, 11.0), (4, 12.0)):  # in between the question stands
+    for asked, network.now in ((2, 10.0), (3, 100.0)):  # in between the question stands
         query.lose()
         assert query.look() is None
         assert network.asked == asked
+        assert query.look_again_at == network.now + GRACE
 
 
 def test_what_was_asked_just_after_a_loss_is_asked_once_more() -> None:
