@@ -14,6 +14,7 @@ from robo.wire import doors, liveliness, names
 from robo.wire.discovery import hostname, user
 from robo.wire.keys import SupervisorToken, control_key, event_key, log_key, parse_supervisor_token, supervisors_key
 from robo.wire.queries import Fault, read_fault
+from robo.wire.relinking import over_losses
 from robo.wire.reports import (
     COMMAND_LIMIT,
     Event,
@@ -48,7 +49,7 @@ def processes(session: zenoh.Session, robot: str | None = None, timeout: float =
     found: list[ProcessStatus] = []
     answered = False
     key = control_key(robot if robot is not None else "**", "ps")
-    for sample in samples(_get(session, key, Request(), timeout)):
+    for sample in over_losses(session, lambda: [*samples(_get(session, key, Request(), timeout))], timeout):
         told = read(sample, list[ProcessStatus])
         answered = answered or told is not None
         found += told or []
@@ -216,7 +217,7 @@ def supervisors_of(session: zenoh.Session, robot: str) -> list[SupervisorToken]:
 
 def supervisors(session: zenoh.Session, robot: str = "**", timeout: float = TIMEOUT) -> list[SupervisorToken]:
     """The supervisors of one robot, or of all."""
-    found = map(parse_supervisor_token, liveliness.ask(session, supervisors_key(robot), timeout))
+    found = map(parse_supervisor_token, liveliness.every(session, supervisors_key(robot), timeout))
     return [token for token in found if token is not None]
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import zenoh
 
 from robo.wire.keys import ALL_TOKENS, EndpointToken, NodeToken, parse_token, tokens_of_publishers
-from robo.wire.liveliness import ask, hear
+from robo.wire.liveliness import every, hear
 
 
 def tokens(session: zenoh.Session, timeout: float, keys: str = ALL_TOKENS) -> list[NodeToken | EndpointToken]:
@@ -16,10 +16,10 @@ def tokens(session: zenoh.Session, timeout: float, keys: str = ALL_TOKENS) -> li
 
     Args:
         session: whose network to ask on.
-        timeout: how long to wait for routers that do not answer, s.
+        timeout: how long to wait for routers that do not answer, and for a link that is lost, s.
         keys: which of them; a router's time for an answer grows with the square of its tokens.
     """
-    found = map(parse_token, ask(session, keys, timeout))
+    found = map(parse_token, every(session, keys, timeout))
     return [token for token in found if isinstance(token, NodeToken | EndpointToken)]
 
 
@@ -29,9 +29,9 @@ def publishers_of(session: zenoh.Session, topic: str, timeout: float) -> list[En
     Args:
         session: whose network to ask on.
         topic: the key expression.
-        timeout: how long to wait for routers that do not answer, s.
+        timeout: how long to wait for routers that do not answer, and for a link that is lost, s.
     """
-    found = map(parse_token, ask(session, tokens_of_publishers(topic), timeout))
+    found = map(parse_token, every(session, tokens_of_publishers(topic), timeout))
     return [token for token in found if isinstance(token, EndpointToken)]
 
 

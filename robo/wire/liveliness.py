@@ -11,6 +11,7 @@ from typing import Any
 
 import zenoh
 
+from robo.wire.relinking import over_losses
 from robo.wire.session import beside
 
 _hearing: set[str] = set()
@@ -37,6 +38,26 @@ def ask(session: zenoh.Session, keys: str, timeout: float) -> Iterator[str]:
         keys: which tokens.
         timeout: how long to wait for routers that do not answer, s.
     """
-    asking = beside(session, timeout) if str(session.zid()) in _hearing else None
-    replies = (asking or session).liveliness().get(keys, timeout=timeout)
+    return _ask(_asking(session, timeout), keys, timeout)
+
+
+def every(session: zenoh.Session, keys: str, timeout: float) -> list[str]:
+    """The same, once all are known; asked again where a client's link was lost meanwhile.
+
+    Args:
+        session: the network.
+        keys: which tokens.
+        timeout: how long to wait for routers that do not answer, and for a link that is lost, s.
+    """
+    asking = _asking(session, timeout)
+    return over_losses(asking, lambda: list(_ask(asking, keys, timeout)), timeout)
+
+
+def _asking(session: zenoh.Session, timeout: float) -> zenoh.Session:
+    """By which session to ask."""
+    return (beside(session, timeout) if str(session.zid()) in _hearing else None) or session
+
+
+def _ask(session: zenoh.Session, keys: str, timeout: float) -> Iterator[str]:
+    replies = session.liveliness().get(keys, timeout=timeout)
     return (str(reply.ok.key_expr) for reply in replies if reply.ok is not None)

@@ -104,6 +104,12 @@ def beside(session: zenoh.Session, timeout: float) -> zenoh.Session | None:
         return _beside.get(zid)
 
 
+def is_client(session: zenoh.Session) -> bool:
+    """Whether a session was opened here as a client's: it has one link, and sees nothing without it."""
+    network = _networks.get(str(session.zid()))
+    return network is not None and network.mode == "client"
+
+
 def opened() -> list[zenoh.Session]:
     """The sessions that were opened here and are not closed yet."""
     return list(_open)

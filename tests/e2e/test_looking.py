@@ -63,7 +63,7 @@ def lines(text: str) -> list[dict[str, Any]]:
 def test_rates_are_known_where_a_supervisor_is(robot: str) -> None:
     def rate() -> float:
         found = {topic["key"]: topic["rate"] for topic in lines(ask(robot, "topic", "list", "--json"))}
-        return found["r1/odom"] or 0.0
+        return found.get("r1/odom") or 0.0  # nodes link anew where the router was held up
 
     eventually(lambda: 40 < rate() < 60, "odometry at 50 Hz")
 

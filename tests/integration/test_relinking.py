@@ -1,0 +1,85 @@
+"""A tool that was held up until its link was cut is answered by the next one, and where there is none it ends."""
+
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+
+import pytest
+import zenoh
+
+from robo.wire import liveliness
+from robo.wire.network import Network
+from robo.wire.relinking import over_losses
+from robo.wire.session import close_session, open_session
+
+ASKS = """
+import sys
+from robo.wire import liveliness
+from robo.wire.network import Network
+from robo.wire.relinking import over_losses
+from robo.wire.session import close_session, open_session
+
+session = open_session(Network(mode="client", connect=(sys.argv[1],)))
+print("linked", flush=True)
+sys.stdin.readline()
+print(liveliness.every(session, "one/*", 10.0))
+print(over_losses(session, lambda: [str(one.ok.key_expr) for one in session.get("one/question")], 10.0))
+close_session(session)
+"""
+
+
+@pytest.fixture
+def answers(session: zenoh.Session) -> Iterator[None]:
+    """The router has a token, and answers a question."""
+    with (
+        session.liveliness().declare_token("one/token"),
+        session.declare_queryable("one/question", lambda query: query.reply("one/question", b"")),
+    ):
+        yield
+
+
+@pytest.mark.usefixtures("answers")
+def test_who_was_held_up_until_his_link_was_cut_is_answered(session: zenoh.Session, endpoint: str) -> None:
+    cut = threading.Event()
+
+    def notice(event: zenoh.LinkEvent) -> None:
+        if event.kind == zenoh.SampleKind.DELETE:
+            cut.set()
+
+    with (
+        session.info.declare_link_events_listener(notice),
+        subprocess.Popen(
+            [sys.executable, "-c", ASKS, endpoint], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as asking,
+    ):
+        assert asking.stdin is not None
+        assert asking.stdout is not None
+        assert asking.stdout.readline() == "linked\n"
+        asking.send_signal(signal.SIGSTOP)
+        assert cut.wait(20.0)
+        asking.stdin.write("now\n")
+        asking.stdin.flush()
+        asking.send_signal(signal.SIGCONT)
+        assert asking.stdout.read() == "['one/token']\n['one/question']\n"
+
+
+def test_where_the_link_does_not_come_back_it_ends_with_what_there_was(endpoint: str) -> None:
+    router = open_session(Network(mode="router", listen=(endpoint,)))
+    session = open_session(Network(mode="client", connect=(endpoint,)))
+    close_session(router)
+    asked = []
+
+    def ask() -> list[str]:
+        asked.append(1)
+        return []
+
+    assert over_losses(session, ask, 0.2) == []
+    assert liveliness.every(session, "one/*", 0.2) == []
+    assert len(asked) == 1
+    close_session(session)
+
+
+def test_who_is_no_client_asks_once(session: zenoh.Session) -> None:
+    assert over_losses(session, list, 10.0) == []
