@@ -25,6 +25,9 @@ MOST_BYTES = 256_000_000
 LONGEST_LOOK = 0.5
 """How long to wait for a latched publisher that does not say what it keeps, s."""
 
+SIGNALS = 0.25
+"""How often one who waits without end looks for a signal, s: Python's locks wait on where it came just before."""
+
 _CHANNEL = 10_000
 """Messages that Zenoh may hand over before the thread has run."""
 
@@ -84,7 +87,7 @@ class Stream:
                 left = None if until is None else until - time.monotonic()
                 if left is not None and left <= 0:
                     return None
-                self._changed.wait(left)
+                self._changed.wait(SIGNALS if left is None else min(left, SIGNALS))
             if not self._waiting:
                 return None
             arrival = self._waiting.popleft()

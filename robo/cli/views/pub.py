@@ -1,7 +1,6 @@
 """`robo topic pub`: publishing from a command line or from lines of JSON."""
 
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -16,6 +15,7 @@ from robo.errors import ContractError, MessageError, UsageError
 from robo.interfaces import catalogue
 from robo.interfaces.message_input import message_of
 from robo.samples.publishing import Line, Sender, flush, line_of
+from robo.samples.stream import SIGNALS
 from robo.text.terminal import own
 from robo.text.unreadable import UNREADABLE
 from robo.tools import topics
@@ -84,7 +84,8 @@ class PubOptions(NamedTuple):
         if self.latched:
             count.end()
             note("what was published last is there for whoever comes later; Ctrl-C ends")
-            threading.Event().wait()
+            while True:
+                time.sleep(SIGNALS)
 
 
 def publish(key: str, type_name: str | None, data: str | None, reach: Reach, options: PubOptions) -> int:
