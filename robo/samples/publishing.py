@@ -1,5 +1,6 @@
 """Publishing on topics from outside of any node: typed, with sequence numbers and times as nodes send them."""
 
+import math
 import os
 import threading
 import time
@@ -13,6 +14,7 @@ import zenoh
 
 from robo.errors import InvalidName, MessageError
 from robo.samples.records import Record, payload_of, sample_of
+from robo.samples.stream import SIGNALS
 from robo.text.readable import readable
 from robo.text.unreadable import UNREADABLE
 from robo.wire import codec, sources
@@ -138,8 +140,11 @@ class Audience:
 
     def wait(self, timeout: float | None = None) -> bool:
         """Wait until none is missing, for at most so long, s. Returns whether none is."""
+        end = math.inf if timeout is None else time.monotonic() + timeout
         with self._changed:
-            return self._changed.wait_for(lambda: not self._missing, timeout)
+            while self._missing and (left := end - time.monotonic()) > 0.0:
+                self._changed.wait(min(left, SIGNALS))
+            return not self._missing
 
     def close(self) -> None:
         """Look no more."""

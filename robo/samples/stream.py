@@ -6,6 +6,7 @@ of bytes. Beyond it the oldest messages are left out and counted: a tool whose o
 eats the machine's memory nor makes a robot wait.
 """
 
+import math
 import threading
 import time
 from collections import deque
@@ -82,12 +83,13 @@ class Stream:
 
     def get(self, until: float | None = None) -> Arrival | None:
         """The next message; None where none has come until a time by the monotonic clock, or it is closed."""
+        end = math.inf if until is None else until
         with self._changed:
             while not self._waiting and not self._closed:
-                left = None if until is None else until - time.monotonic()
-                if left is not None and left <= 0:
+                left = end - time.monotonic()
+                if left <= 0:
                     return None
-                self._changed.wait(SIGNALS if left is None else min(left, SIGNALS))
+                self._changed.wait(min(left, SIGNALS))
             if not self._waiting:
                 return None
             arrival = self._waiting.popleft()

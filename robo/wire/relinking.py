@@ -63,7 +63,7 @@ class _Link:
             return self._changed.wait_for(lambda: self._is_lost or not self._is_there, within)
 
     def is_back(self, timeout: float) -> bool:
-        """Whether it is there within this time, s."""
+        """Whether it is there within this time, s. What was lost before counts no more."""
         with self._changed:
             self._is_lost = False
             return timeout > 0.0 and self._changed.wait_for(lambda: self._is_there, timeout)

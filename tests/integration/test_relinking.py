@@ -10,7 +10,7 @@ import pytest
 import zenoh
 
 from robo.wire import liveliness
-from robo.wire.network import Network
+from robo.wire.network import Mode, Network
 from robo.wire.relinking import over_losses
 from robo.wire.session import close_session, open_session
 
@@ -54,32 +54,46 @@ def test_who_was_held_up_until_his_link_was_cut_is_answered(session: zenoh.Sessi
             [sys.executable, "-c", ASKS, endpoint], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         ) as asking,
     ):
-        assert asking.stdin is not None
-        assert asking.stdout is not None
-        assert asking.stdout.readline() == "linked\n"
-        asking.send_signal(signal.SIGSTOP)
-        assert cut.wait(20.0)
-        asking.stdin.write("now\n")
-        asking.stdin.flush()
-        asking.send_signal(signal.SIGCONT)
-        assert asking.stdout.read() == "['one/token']\n['one/question']\n"
+        try:
+            assert asking.stdin is not None
+            assert asking.stdout is not None
+            assert asking.stdout.readline() == "linked\n"
+            asking.send_signal(signal.SIGSTOP)
+            assert cut.wait(20.0)
+            asking.stdin.write("now\n")
+            asking.stdin.flush()
+            asking.send_signal(signal.SIGCONT)
+            assert asking.stdout.read() == "['one/token']\n['one/question']\n"
+        finally:
+            asking.kill()  # it may be stopped
 
 
-def test_where_the_link_does_not_come_back_it_ends_with_what_there_was(endpoint: str) -> None:
-    router = open_session(Network(mode="router", listen=(endpoint,)))
-    session = open_session(Network(mode="client", connect=(endpoint,)))
-    close_session(router)
-    asked = []
+class Unanswered:
+    """A question to which nobody knows an answer."""
 
-    def ask() -> list[str]:
-        asked.append(1)
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def __call__(self) -> list[str]:
+        self.asked += 1
         return []
 
-    assert over_losses(session, ask, 0.2) == []
-    assert liveliness.every(session, "one/*", 0.2) == []
-    assert len(asked) == 1
+
+def test_where_the_link_does_not_come_back_it_ends_with_what_there_was(session: zenoh.Session, endpoint: str) -> None:
+    client = open_session(Network(mode="client", connect=(endpoint,)))
     close_session(session)
+    question = Unanswered()
+    assert over_losses(client, question, 0.2) == []
+    assert liveliness.every(client, "one/*", 0.2) == []
+    assert question.asked == 1
+    close_session(client)
 
 
-def test_who_is_no_client_asks_once(session: zenoh.Session) -> None:
-    assert over_losses(session, list, 10.0) == []
+@pytest.mark.parametrize("mode", ["client", "peer"])
+def test_where_no_link_is_lost_it_is_asked_once(session: zenoh.Session, endpoint: str, mode: Mode) -> None:
+    other = open_session(Network(mode=mode, connect=(endpoint,)))
+    for one in (session, other):
+        question = Unanswered()
+        assert over_losses(one, question, 10.0) == []
+        assert question.asked == 1
+    close_session(other)
