@@ -5,8 +5,11 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import psutil
 import pytest
 
 from robo.text.files import size_of
@@ -44,8 +47,9 @@ def numbers(text: str) -> list[int]:
 def test_a_folder_that_goes_is_told_and_made_again(base: Path, talking: str, endpoint: str) -> None:
     with robo("up", talking, "--listen", endpoint) as run:
         run.wait_for("talker | 1")
-        shutil.rmtree(base)
-        base.write_text("in the way")
+        with held_up(run):  # it would make again what goes, or begin a file in it
+            shutil.rmtree(base)
+            base.write_text("in the way")
         run.wait_for("no log files are written")  # though the file that is open goes on growing, unseen
         assert "no log files are written since" in told("ps", endpoint)
         assert "lines are missing so far" in told("why", endpoint)
@@ -59,6 +63,17 @@ def test_a_folder_that_goes_is_told_and_made_again(base: Path, talking: str, end
         assert max(numbers(kept)) > last
 
 
+@contextmanager
+def held_up(run: Running) -> Iterator[None]:
+    """A supervisor does nothing meanwhile."""
+    supervisor = psutil.Process(run.process.pid)
+    supervisor.suspend()
+    try:
+        yield
+    finally:
+        supervisor.resume()
+
+
 def told(verb: str, endpoint: str, *words: str) -> str:
     return run_robo(verb, *words, "--connect", endpoint).stdout
 
@@ -67,8 +82,9 @@ def test_where_files_lack_the_supervisor_is_asked(base: Path, talking: str, endp
     with robo("up", talking, "--listen", endpoint) as run:
         run.wait_for("talker | 5")
         (file,) = base.glob("*/*/talker.jsonl")
-        file.rename(file.with_name("talker.jsonl.1"))
-        file.mkdir()
+        with held_up(run):
+            file.rename(file.with_name("talker.jsonl.1"))
+            file.mkdir()
         run.wait_for("no log files are written")
         last = max(numbers(run.output))
         run.wait_for(f"talker | {last + 5}")
