@@ -615,7 +615,7 @@ def test_without_the_token_there_is_nothing(chromium: Any, robot: Robot, tmp_pat
         page.goto(f"{place}?token=look-look-look")
         page.wait_for_selector("#map canvas[data-drawn]")
         assert page.url.partition("#")[0] == place, "the token does not stay in the address"
-        assert page.is_disabled("#stop")
+        page.wait_for_selector("#stop:disabled")
         says(page, "#drive .told", "may look and not drive")
         # Another page's script gets neither data nor a socket.
         stranger = chromium.new_context().new_page()
