@@ -234,7 +234,7 @@ def node_info(session: zenoh.Session, node: NodeToken, timeout: float = 1.0) -> 
     begin = time.monotonic()
     try:
         before = node_status(session, node, timeout)
-        values = parameters.get(session, node)
+        values = parameters.get(session, node, timeout=timeout)
     except RoboError as error:
         problem = str(error)
     for status in runs.processes(session, timeout=timeout):

@@ -19,8 +19,8 @@ from robo.wire.reports import Result, Setting
 
 T = TypeVar("T")
 
-TIMEOUT = 0.5
-"""How long a node may take to answer, s."""
+TIMEOUT = 2.0
+"""How long a node may take to answer, s: a machine may be busy."""
 
 
 class Described(msgspec.Struct, frozen=True):
@@ -55,9 +55,11 @@ def describe(
     return list(_ask(session, node, "describe", _named(names), dict[str, Described], timeout).values())
 
 
-def explain(session: zenoh.Session, node: NodeToken, names: Sequence[str] = ()) -> dict[str, list[Setting]]:
+def explain(
+    session: zenoh.Session, node: NodeToken, names: Sequence[str] = (), timeout: float = TIMEOUT
+) -> dict[str, list[Setting]]:
     """Everything that was said of parameters, from the weakest to what holds. Raises as `get`."""
-    said = _ask(session, node, "explain", _named(names), dict[str, list[Setting]])
+    said = _ask(session, node, "explain", _named(names), dict[str, list[Setting]], timeout)
     return _complete(node, names, {name: sources for name, sources in said.items() if sources})
 
 
@@ -119,9 +121,7 @@ def _named(names: Sequence[str]) -> dict[str, object] | None:
     return {"names": list(names)} if names else None
 
 
-def _ask(
-    session: zenoh.Session, node: NodeToken, verb: str, request: object, kind: type[T], timeout: float = TIMEOUT
-) -> T:
+def _ask(session: zenoh.Session, node: NodeToken, verb: str, request: object, kind: type[T], timeout: float) -> T:
     key = parameters_key(node.namespace, node.node, verb)
     payload = msgspec.msgpack.encode(request) if request is not None else None
     answer = first_answer(session.get(key, payload=payload, timeout=timeout))

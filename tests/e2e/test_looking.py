@@ -17,12 +17,14 @@ from contextlib import ExitStack, contextmanager
 from fcntl import ioctl
 from typing import Any
 
+import msgspec
 import pytest
 import zenoh
 
 import robo_messages
 from robo.testing import Launch, Robot
 from robo.wire import codec
+from robo.wire.keys import parameters_key
 from robo_messages import String, Twist
 from tests.conftest import free_port
 from tests.plain import hear, samples, so_far
@@ -415,6 +417,20 @@ def test_nodes(robot: str) -> None:
     text = ask(robot, "node", "info", "/r1/position_tracker")
     assert "received, 0 dropped, 0 malformed" in text
     assert "did you mean position_tracker?" in run_robo("node", "info", "position_traker", "--connect", robot).stderr
+
+
+def test_a_node_of_a_busy_machine_may_take_its_time_to_tell_a_parameter(robot: str, client: zenoh.Session) -> None:
+    def answer(query: zenoh.Query) -> None:
+        threading.Timer(0.9, query.reply, (query.key_expr, msgspec.msgpack.encode({"speed": 0.3}))).start()
+
+    token = client.liveliness().declare_token(f"@robo/r1/node/late/m:C/{os.getpid()}/here")
+    end = client.declare_queryable(parameters_key("r1", "late", "get"), answer)
+    assert ask(robot, "param", "get", "late", "speed") == "0.3\n"
+    result = run_robo("param", "get", "late", "speed", "--timeout", "0.3", "--connect", robot)
+    assert result.returncode == 1
+    assert "/r1/late did not answer within 0.3 s" in result.stderr
+    end.undeclare()
+    token.undeclare()
 
 
 def test_a_node_that_does_not_answer_is_told(robot: str, client: zenoh.Session) -> None:

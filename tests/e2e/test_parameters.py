@@ -109,7 +109,7 @@ def test_a_node_that_hangs_is_named(launch: Launch, tmp_path: Path) -> None:
     endpoint = robot.endpoint
     robot.pause("safety_monitor")
     begin = time.monotonic()
-    error = refused(endpoint, "param", "get", "safety_monitor", "rate")
+    error = refused(endpoint, "param", "get", "safety_monitor", "rate", "--timeout", "0.5")
     # After 2 s Zenoh takes a process that hangs for gone.
     assert "/r1/safety_monitor did not answer within 0.5 s" in error or "there is no node safety_monitor" in error
     listed = run_robo("param", "list", "--connect", endpoint)

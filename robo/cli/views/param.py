@@ -58,12 +58,12 @@ def print_values(node: str, names: Sequence[str], reach: Reach, *, json: bool) -
         The exit code: 1 where one of several nodes did not tell.
     """
     with connect_to_robot(reach) as session:
+        timeout = reach.timeout
         if is_pattern(node):
             asked = _meant(session, node, reach)
-            timeout = reach.timeout
             answers = parameters_of_many.each(asked, lambda one: parameters.get(session, one, names, timeout))
             return _print_answers(answers, json=json)
-        values = parameters.get(session, _find(session, node, reach), names)
+        values = parameters.get(session, _find(session, node, reach), names, timeout)
     if json:
         print_json(values)
     else:
@@ -97,10 +97,10 @@ def set_values(node: str, words: Sequence[str], reach: Reach, *, dry_run: bool, 
             return _print_answers(parameters_of_many.each(asked, ask), json=json)
         token = _find(session, node, reach)
         see_that_it_obeys(session, reach, token.full_name)
-        described = parameters.describe(session, token)
+        described = parameters.describe(session, token, timeout=reach.timeout)
         changes = {name: parameters.typed(described, name, text) for name, text in texts.items()}
-        parameters.set_all(session, token, changes)
-        for name, value in parameters.get(session, token, list(changes)).items():
+        parameters.set_all(session, token, changes, reach.timeout)
+        for name, value in parameters.get(session, token, list(changes), reach.timeout).items():
             print_line(f"{token.full_name}: {name} = {_text(value)}")
     return 0
 
@@ -156,7 +156,7 @@ def print_descriptions(node: str, names: Sequence[str], reach: Reach, *, json: b
 
             answers = parameters_of_many.each(_meant(session, node, reach), ask)
             return _print_all_described(answers, json=json)
-        described = parameters.describe(session, _find(session, node, reach), names)
+        described = parameters.describe(session, _find(session, node, reach), names, reach.timeout)
     if json:
         print_json(described)
     else:
@@ -209,9 +209,9 @@ def load(node: str, file: str, reach: Reach) -> None:
         values, warnings = parameters.from_file(file, token)
         for warning in warnings:
             note(f"warning: {warning}")
-        before = parameters.get(session, token)
-        parameters.set_all(session, token, values)
-        after = parameters.get(session, token)
+        before = parameters.get(session, token, timeout=reach.timeout)
+        parameters.set_all(session, token, values, reach.timeout)
+        after = parameters.get(session, token, timeout=reach.timeout)
     changed = [name for name in after if after[name] != before[name]]
     for name in changed:
         print_line(f"{token.full_name}: {name} = {_text(after[name])}")
@@ -222,7 +222,7 @@ def load(node: str, file: str, reach: Reach) -> None:
 def explain(node: str, names: Sequence[str], reach: Reach, *, json: bool) -> None:
     """Print everything that was said of parameters, and what won."""
     with connect_to_robot(reach) as session:
-        said = parameters.explain(session, _find(session, node, reach), names)
+        said = parameters.explain(session, _find(session, node, reach), names, reach.timeout)
     if json:
         print_json(said)
         return
