@@ -132,5 +132,5 @@ def _ask(session: zenoh.Session, node: NodeToken, verb: str, request: object, ki
             return msgspec.msgpack.decode(answer.payload.to_bytes(), type=readable(kind))
         except UNREADABLE as error:
             raise ParameterError(f"the answer of {node.full_name} cannot be read: {error}") from None
-    doors.check(session, node.namespace, TIMEOUT)
+    doors.check(session, node.namespace, timeout)
     raise NodeUnreachable(f"{node.full_name} did not answer within {timeout:g} s; is a callback of it stuck?")
