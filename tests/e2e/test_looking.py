@@ -420,10 +420,15 @@ def test_nodes(robot: str) -> None:
 
 
 def test_a_node_may_take_as_long_to_tell_a_parameter_as_is_said(robot: str, client: zenoh.Session) -> None:
-    late: list[threading.Timer] = []
+    late: list[threading.Thread] = []
 
+    def tell(query: zenoh.Query) -> None:
+        threading.Event().wait(0.9)
+        query.reply(query.key_expr, msgspec.msgpack.encode({"speed": 0.3}))
+
+    # A thread lets go of its query when it ends: an answer counts only then.
     def answer(query: zenoh.Query) -> None:
-        late.append(threading.Timer(0.9, query.reply, (query.key_expr, msgspec.msgpack.encode({"speed": 0.3}))))
+        late.append(threading.Thread(target=tell, args=(query,)))
         late[-1].start()
 
     token = client.liveliness().declare_token(f"@robo/r1/node/late/m:C/{os.getpid()}/here")
@@ -432,8 +437,8 @@ def test_a_node_may_take_as_long_to_tell_a_parameter_as_is_said(robot: str, clie
     result = run_robo("param", "get", "late", "speed", "--timeout", "0.3", "--connect", robot)
     assert result.returncode == 1
     assert "/r1/late did not answer within 0.3 s" in result.stderr
-    for timer in late:
-        timer.join()
+    for thread in late:
+        thread.join()
     end.undeclare()
     token.undeclare()
 
