@@ -67,7 +67,7 @@ class SharedSession:
         """
         with self._lock:
             if self._session is None:
-                self.network = Network.from_environment(spec.mode or "router", spec.connect, spec.listen)
+                self.network = spec.network()
                 self._session = open_session(msgspec.structs.replace(self.network, name=self._name))
             return self._session
 

@@ -93,7 +93,7 @@ def run_spec(node_class: type[Node], spec: NodeSpec) -> int:
     signals.on_end(lambda: node.shutdown(node.exit_code))
     if threading.excepthook is threading.__excepthook__:  # who has set another one cares himself
         threading.excepthook = lambda died: thread_died(node, died)
-    network = Network.from_environment(spec.mode or "router", spec.connect, spec.listen)
+    network = spec.network()
     claim = claim_names([node.full_name], network)
     session = open_session(msgspec.structs.replace(network, name=node.full_name))
 

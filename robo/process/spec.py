@@ -1,11 +1,13 @@
 """All that a node's process is told, resolved."""
 
+import os
 from collections.abc import Mapping, Sequence
 
 import msgspec
 
+from robo.environment import SUPERVISED_VARIABLE
 from robo.wire.codec import jsonable
-from robo.wire.network import Mode
+from robo.wire.network import OWN_ROUTER_WITHIN, Mode, Network
 from robo.wire.qos import Quality
 from robo.wire.reports import Setting
 
@@ -48,6 +50,17 @@ class NodeSpec(msgspec.Struct, frozen=True, kw_only=True):
     def parameters(self) -> dict[str, object]:
         """The values that hold, by name."""
         return {name: settings[-1].value for name, settings in self.settings.items()}
+
+    def network(self) -> Network:
+        """How the node joins the network. Its supervisor cares for the router, and both wait for it as long.
+
+        Raises:
+            NetworkError: the folder in which this user's robots meet is not to be trusted, or cannot be made.
+        """
+        network = Network.from_environment(self.mode or "router", self.connect, self.listen)
+        if SUPERVISED_VARIABLE in os.environ:
+            network = msgspec.structs.replace(network, timeout=OWN_ROUTER_WITHIN)
+        return network
 
     def as_json(self) -> str:
         """For an environment. What holds stands there once more as `parameters`, for commands in other languages."""

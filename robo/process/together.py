@@ -31,7 +31,6 @@ from robo.process.endings import end_process
 from robo.process.lodging import Lodgings
 from robo.process.spec import NodeSpec
 from robo.text.suggestions import suggest
-from robo.wire.network import Network
 
 
 def main() -> None:
@@ -88,7 +87,7 @@ def run(nodes: Sequence[NodeSpec]) -> int:
     signals.on_end(lodgings.end_all)
     threading.excepthook = lodgings.thread_died
     first = nodes[0]
-    network = Network.from_environment(first.mode or "router", first.connect, first.listen)
+    network = first.network()
     claim = runner.claim_names(full_names, network)
     try:
         session = lodgings.session.join(first)

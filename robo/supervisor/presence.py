@@ -16,7 +16,7 @@ from robo.supervisor.changes import Changes
 from robo.text.brief import shown
 from robo.wire import claims, discovery, keys, liveliness
 from robo.wire.keys import ClaimToken, NodeToken, SupervisorToken, parse_supervisor_token
-from robo.wire.network import Network
+from robo.wire.network import OWN_ROUTER_WITHIN, Network
 from robo.wire.session import close_session, open_session
 
 _LONGEST_SHOWN = 120
@@ -153,7 +153,7 @@ class Presence:
             NetworkError: it cannot be reached.
         """
         loop = asyncio.get_running_loop()
-        network = Network(mode="client", connect=(endpoint,))
+        network = Network(mode="client", connect=(endpoint,), timeout=OWN_ROUTER_WITHIN)
         session = self.session = await asyncio.to_thread(open_session, network)
 
         def notice(sample: zenoh.Sample) -> None:

@@ -21,6 +21,8 @@ LOOK_EVERY = 2.0
 """How often somebody new knocks, s."""
 ANSWERS_WITHIN = 3.0
 """How long one that is well takes at most to answer, on a machine under load, s."""
+LISTENS_WITHIN = 15.0
+"""How long one may take from its start until it listens, s, however busy its machine is."""
 MISSES = 2
 """How often in a row there is no answer before it counts as hanging."""
 _PATIENCE = 1.0
@@ -64,7 +66,7 @@ class Router:
         environment: Mapping[str, str],
         template: Template | None,
         journal: Journal,
-        answers: Callable[[str], Awaitable[bool]] | None = None,
+        answers: Callable[[str], Awaitable[bool | None]] | None = None,
     ) -> None:
         """
         Args:
@@ -73,7 +75,8 @@ class Router:
             environment: of the process.
             template: what to fork it from; None to start it the usual way.
             journal: is told when it has died or hangs.
-            answers: tells whether the router at a unix socket answers a newcomer; by default it is tried.
+            answers: tells whether the router at a unix socket answers a newcomer, None where nobody listens; by default
+                it is tried.
         """
         self.network = network
         self._process = process
@@ -120,11 +123,14 @@ class Router:
             await self.start()
 
     async def _hangs(self) -> None:
-        """Return once it answers nobody any more."""
-        misses = 0
-        while misses < MISSES:
+        """Return once it answers nobody any more, or has not come as far as to listen."""
+        now = asyncio.get_running_loop().time
+        begun, misses, has_listened = now(), 0, False
+        while misses < MISSES and (has_listened or now() < begun + LISTENS_WITHIN):
             await asyncio.sleep(LOOK_EVERY)
-            misses = 0 if await self._answers(self._entry) else misses + 1
+            answers = await self._answers(self._entry)
+            has_listened = has_listened or answers is not None
+            misses = misses + 1 if answers is False else 0
 
     async def stop(self) -> None:
         """Stop it; it takes leave of those that it is linked to."""
@@ -133,10 +139,13 @@ class Router:
             await self._process.stop(ended, patience=LONGEST_LINGER + 1.0)
 
 
-async def _answers(endpoint: str) -> bool:
+async def _answers(endpoint: str) -> bool | None:
     """Whether a router lets a newcomer in: who says something that means nothing is sent away at once.
 
     A session of its own would show that too, but cost the router some memory each time.
+
+    Returns:
+        None where nobody listens: it does not yet, or the socket's file was taken away from one that is well.
     """
     try:
         async with asyncio.timeout(ANSWERS_WITHIN):
@@ -148,6 +157,8 @@ async def _answers(endpoint: str) -> bool:
                 writer.close()
     except TimeoutError:
         return False
+    except (FileNotFoundError, ConnectionRefusedError):
+        return None
     except OSError:
-        pass  # it has hung up already, or does not listen yet: only silence counts
+        pass  # it has hung up already: only silence counts
     return True

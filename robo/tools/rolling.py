@@ -19,6 +19,8 @@ from robo.wire.reports import Explanation, ProcessStatus
 
 _PERIOD = 0.3
 """How often those that are under way are looked at, s."""
+_WHY_WITHIN = 10.0
+"""How long a supervisor may take to tell why one has failed, s: its machine may be busy, and this is asked once."""
 
 LEFT_ALONE = frozenset({"stopped", "completed"})
 """States of processes that nobody wants to run just now: they are not started."""
@@ -32,6 +34,14 @@ class Unit(msgspec.Struct, frozen=True):
     """Full names, by the runs of which they are."""
     tells: frozenset[str] = frozenset()
     """Those that tell how well they are: until they have, they are not known to be healthy."""
+
+    def is_silent(self, status: ProcessStatus) -> bool:
+        """Whether a node that tells how well it is has not done so since it was started."""
+        return status.health is None and status.node in self.tells
+
+    def is_well(self, status: ProcessStatus) -> bool:
+        """Whether nothing is wrong with a node of it."""
+        return not _ails(status) and not self.is_silent(status)
 
 
 class Choice(msgspec.Struct, frozen=True):
@@ -138,7 +148,7 @@ class Look:
             return f"{node} has ended, and was started again", False
         if _ails(status):
             return f"{node}: {status.trouble or status.health}", False
-        if status.health is None and node in self._unit.tells:
+        if self._unit.is_silent(status):
             return f"{node} has not told yet how well it is", False
         return "", False
 
@@ -179,14 +189,13 @@ class Rolling:
         """Why the nodes of those that have failed are as they are, as far as their supervisors tell."""
         found: list[Explanation] = []
         for name in self.rollout.account().failed:
-            for run, nodes in self._units[name].nodes.items():
+            unit = self._units[name]
+            for run, nodes in unit.nodes.items():
                 try:
-                    told = runs.explain(self._session, Target(run), nodes)
+                    told = runs.explain(self._session, Target(run), nodes, _WHY_WITHIN)
                 except RoboError:
                     continue  # that it does not answer is the reason
-                found += [
-                    one for one in told if one.process.state not in FINE or one.process.health not in (None, "ok")
-                ]
+                found += [one for one in told if not unit.is_well(one.process)]
         return found
 
     def _restart(self, name: str) -> None:

@@ -141,13 +141,15 @@ def command(session: zenoh.Session, target: Target, verb: str, words: Sequence[s
     return Outcome([node for answer in answers for node in answer.nodes])
 
 
-def explain(session: zenoh.Session, target: Target, words: Sequence[str]) -> list[Explanation]:
-    """Why nodes are in their states.
+def explain(
+    session: zenoh.Session, target: Target, words: Sequence[str], timeout: float = TIMEOUT
+) -> list[Explanation]:
+    """Why nodes are in their states. The supervisor may take `timeout` seconds to answer.
 
     Raises:
         NodeNotFound, RunError: as for `command`.
     """
-    answers = _ask(session, target.robot, "why", Request(_named(session, target, words)), list[Explanation], TIMEOUT)
+    answers = _ask(session, target.robot, "why", Request(_named(session, target, words)), list[Explanation], timeout)
     found = [explanation for answer in answers for explanation in answer]
     if words and not found:
         raise _not_found(session, target.robot, words)

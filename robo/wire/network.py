@@ -36,6 +36,10 @@ a while. Zenoh 1.10.2 looks every 100 ms at who has gone and who has come, and t
 both at a time, since it knows them by numbers that it gives anew: then it does not tell the new one what is subscribed
 and served here, for as long as the link lasts."""
 
+OWN_ROUTER_WITHIN = 40.0
+"""How long a run and its nodes wait for the run's own router, s: it may be late on a busy machine, and one that hangs
+as it starts is started again after 10 s, or 15 s."""
+
 
 class Network(msgspec.Struct, frozen=True, kw_only=True):
     """How a process joins the network."""

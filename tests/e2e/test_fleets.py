@@ -260,7 +260,7 @@ def test_it_stops_at_the_first_that_does_not_become_healthy(fleet: Fleet) -> Non
     ]  # fmt: skip
 
     last = json.loads(
-        fleet.ask("restart", "--rolling", "r2", "r3", "--settle", "0.5", "--timeout", "4", "--json", code=1)
+        fleet.ask("restart", "--rolling", "r2", "r3", "--settle", "0.5", "--timeout", "8", "--json", code=1)
         .splitlines()[-1]
     )  # fmt: skip
     assert (last["outcome"]["outcome"], last["outcome"]["untouched"]) == ("stopped", ["r3"])

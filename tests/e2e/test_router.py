@@ -143,5 +143,15 @@ def test_a_router_that_hangs_is_started_again() -> None:
         eventually(lambda: echo.output.count("# r1/odom") > before, "messages come again")
 
 
+def test_a_router_that_hangs_as_it_starts_keeps_no_robot_from_starting() -> None:
+    with ExitStack() as stack:
+        place = f"tcp/127.0.0.1:{free_port()}"
+        up = stack.enter_context(robo("up", "robot.yaml", "--robot-name", "r1", "--listen", place))
+        up.child("robo.process.router").suspend()
+        up.wait_for("the router runs, but answers nobody; starting it again")
+        up.wait_for("r1 is ready")
+        assert "ERROR" not in up.output
+
+
 def answered(session: zenoh.Session) -> bool:
     return any(reply.ok is not None for reply in session.get("service", timeout=WATCHED))

@@ -106,6 +106,9 @@ def test_ready_nodes_with_fine_checks_are_healthy() -> None:
 def test_a_node_that_told_how_it_is_has_to_tell_again() -> None:
     quiet = msgspec.structs.replace(BASE, health=None)
     assert look(quiet, TRACKER) == ("/r2/base has not told yet how well it is", False)
+    assert not UNIT.is_well(quiet), "why it has failed is asked of this node, too"
+    assert UNIT.is_well(BASE)
+    assert UNIT.is_well(TRACKER), "it never tells"
 
 
 @pytest.mark.parametrize("health", ["warn", "error", "stale"])

@@ -62,25 +62,28 @@ class Journal:
 
 
 class Answers:
-    """What a router says when it is asked, time after time; the last for ever. Each silence takes a while."""
+    """What a router says when it is asked, time after time; the last for ever. Each silence takes a while.
 
-    def __init__(self, *answers: bool) -> None:
+    None where it does not listen.
+    """
+
+    def __init__(self, *answers: bool | None) -> None:
         self._answers = list(answers)
         self.asked: list[float] = []
 
-    async def __call__(self, endpoint: str) -> bool:
+    async def __call__(self, endpoint: str) -> bool | None:
         assert endpoint == "unixsock-stream//tmp/x.sock"
         self.asked.append(now())
         answers = self._answers.pop(0) if len(self._answers) > 1 else self._answers[0]
-        await asyncio.sleep(0.0 if answers else supervised.ANSWERS_WITHIN)
+        await asyncio.sleep(supervised.ANSWERS_WITHIN if answers is False else 0.0)
         return answers
 
 
-def router(process: Ends, journal: Journal, *answers: bool) -> Router:
+def router(process: Ends, journal: Journal, *answers: bool | None) -> Router:
     return Router(process, NETWORK, {"PATH": "/bin"}, None, journal, Answers(*(answers or (True,))))
 
 
-def keep(process: Ends, journal: Journal, *answers: bool, seconds: float = 60.0) -> None:
+def keep(process: Ends, journal: Journal, *answers: bool | None, seconds: float = 60.0) -> None:
     """Start a router, and keep it for so long."""
 
     async def kept() -> None:
@@ -132,6 +135,21 @@ def test_one_that_answers_nobody_is_started_again_and_that_is_told() -> None:
 def test_one_silence_may_be_the_machine() -> None:
     process, journal = Ends((1e9, 0)), Journal()
     keep(process, journal, False, True, False, True)
+    assert process.starts == [0.0]
+    assert journal.warnings == []
+
+
+def test_one_that_never_listens_is_started_again_and_that_is_told() -> None:
+    process, journal = Ends((1e9, 0), (1e9, 0)), Journal()
+    keep(process, journal, *[None] * 8, True)
+    assert process.starts == pytest.approx([0.0, 8 * supervised.LOOK_EVERY + 0.1])
+    assert journal.warnings == ["the router runs, but answers nobody; starting it again"]
+
+
+@pytest.mark.parametrize("answers", [(None, None, True), (True, None)])
+def test_one_that_is_late_or_whose_socket_was_taken_away_is_left_alone(answers: tuple[bool | None, ...]) -> None:
+    process, journal = Ends((1e9, 0)), Journal()
+    keep(process, journal, *answers)
     assert process.starts == [0.0]
     assert journal.warnings == []
 
