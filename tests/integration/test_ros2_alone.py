@@ -7,6 +7,8 @@ import pytest
 
 from robo import Client, Node, Publisher, service, subscribe
 from robo.launch.plan import CrossingPlan
+from robo.wire.keys import EndpointToken
+from robo.wire.qos import QoS
 from robo_messages import Odometry, SetBool, String, Twist, Vector3
 from tests.support import eventually
 
@@ -156,6 +158,19 @@ def test_beside_a_bridge_of_its_robot_all_is_there_once(both: Both) -> None:
             node.odom.publish(Odometry(child_frame_id="again"))
             assert frames(heard, 2) == ["base", "again"]
         assert node.commands == [0.5]
+
+
+def test_a_node_whose_ends_are_seen_before_itself_is_there_once(both: Both) -> None:
+    both.bridge(topics=EVERYTHING)
+    ros = both.ros("nav")
+    end = EndpointToken("r1", "base", "pub", "nav/Odometry", QoS.DEFAULT, "r1/odom", "7")
+    seen = both.robo.liveliness().declare_token(end.key())
+    eventually(lambda: ends(ros, "MP", "base", "%r1%odom") == 1, "the bridge says it")
+    alone = ros.session.liveliness().declare_token(Scope("/r1/base", alone=True).key("5a"))
+    eventually(lambda: not [one for one in ros.tokens() if "/%r1/base" in one], "the bridge says it no more")
+    alone.undeclare()
+    eventually(lambda: ends(ros, "MP", "base", "%r1%odom") == 1, "the bridge says it again")
+    seen.undeclare()
 
 
 def _sessions_alone(ros: RosNode) -> list[str]:

@@ -26,7 +26,7 @@ from robo.bridges.ros2.type_questions import TypeQuestions
 from robo.errors import UsageError
 from robo.launch.plan import Ros2Plan
 from robo.wire import names
-from robo.wire.keys import NodeToken
+from robo.wire.keys import EndpointToken, NodeToken
 
 _DOOR_TIMEOUT = 0.5
 """How long a router may take to say whether it is open, s."""
@@ -160,6 +160,10 @@ class Bridge:
         def meet() -> None:
             for token in self._presence.robo_of(full_name):
                 self._tell_of_robo(token, not is_alone)
+                if is_alone and isinstance(token, EndpointToken) and token.kind == "pub":
+                    self._to_ros.meet(token, is_there=False)  # a message may have come before the token was told
+            if is_alone:
+                self._announced.withdraw_node(full_name)  # its ends may have been told, and itself not yet
 
         self._steward.do(meet)
 
