@@ -62,7 +62,8 @@ OWNER_VARIABLE = "ROBO_OWNER"
 something is left behind."""
 
 SUPERVISED_VARIABLE = "ROBO_SUPERVISED"
-"""Set by the supervisor for what it starts: lines on stderr bear no time and no colour, for it adds both."""
+"""Set by the supervisor for what it starts: lines on stderr bear no time and no colour, for it adds both, and a node
+waits as long for the run's router as the supervisor does."""
 
 HEARTBEAT_VARIABLE = "ROBO_HEARTBEAT"
 """`FD:PERIOD`: a socket, and the time from one beat to the next, s. Set by the supervisor; read by a node's process."""
