@@ -11,6 +11,7 @@ import msgspec
 
 from robo.batch.attempt import ENDED, JOB, OUTCOME
 from robo.batch.plan import Job, Outcome
+from robo.process.endings import raised_by_signals
 from robo.text.readable import readable
 
 
@@ -23,8 +24,9 @@ def answer(work: Callable[[Job, Path], Outcome]) -> None:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     folder = Path(sys.argv[1])
     try:
-        job = msgspec.msgpack.decode((folder / JOB).read_bytes(), type=readable(Job))
-        outcome = work(job, folder)
+        with raised_by_signals():
+            job = msgspec.msgpack.decode((folder / JOB).read_bytes(), type=readable(Job))
+            outcome = work(job, folder)
     except SystemExit:
         if not (folder / ENDED).exists():
             shutil.rmtree(folder, ignore_errors=True)

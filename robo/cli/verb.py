@@ -16,6 +16,7 @@ from robo.cli.options import Connect, RobotName, Security, Timeout
 from robo.cli.reach import Reach
 from robo.cli.tree import Section, Verb
 from robo.errors import InvalidName, ManifestError, RoboError, UsageError
+from robo.process.endings import raised_by_signals
 from robo.text.brief import brief_lines
 
 F = TypeVar("F", bound=Callable[..., int | None])
@@ -107,7 +108,8 @@ def _option(name: str, annotation: object, default: object = None) -> inspect.Pa
 def errors() -> Iterator[None]:
     """Show a mistake as a message, and leave quietly on Ctrl-C and when the reader of a pipe is gone."""
     try:
-        yield
+        with raised_by_signals():
+            yield
     except RoboError as error:
         print(_described(error), file=sys.stderr)
         words = isinstance(error, (UsageError, InvalidName)) or (

@@ -5,7 +5,24 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NoReturn
+
+
+@contextmanager
+def raised_by_signals() -> Iterator[None]:
+    """Within it, what the handler of a signal has raised comes out as just that.
+
+    Raised in a `Condition.wait` that has let go of its lock, and not yet begun to wait, it leaves the `with` around the
+    wait without a lock to let go of: what comes out of it is a RuntimeError. Waits for events and queues end in one.
+    """
+    try:
+        yield
+    except RuntimeError as error:
+        if isinstance(error.__context__, KeyboardInterrupt | SystemExit):
+            raise error.__context__ from None
+        raise
 
 
 def leave(code: int) -> NoReturn:

@@ -33,6 +33,7 @@ from robo.wire import codec
 from robo.wire.keys import EndpointToken
 from robo.wire.qos import KEEP_ALL, QoS
 from robo_messages import Header, Odometry, TFMessage, Time, TransformStamped, Twist
+from tests.interrupts import wait_and_be_struck
 
 # -- selection -------------------------------------------------------------------------------------
 
@@ -412,6 +413,11 @@ def test_a_signal_that_comes_too_early_ends_it_in_time() -> None:
         os.kill(os.getpid(), signal.SIGTERM)
         with pytest.raises(KeyboardInterrupt), signals.raised():
             pytest.fail("it has ended")
+
+
+def test_a_signal_that_strikes_as_a_wait_begins_ends_it_as_any_other() -> None:
+    with _Signals() as signals, pytest.raises(KeyboardInterrupt), signals.raised():
+        wait_and_be_struck()
 
 
 def test_the_name_is_the_time_where_nobody_says_another() -> None:

@@ -18,6 +18,7 @@ from robo.cli.tree import Section, root
 from robo.cli.verb import verb
 from robo.errors import UsageError
 from robo.text.suggestions import closest
+from tests.interrupts import wait_and_be_struck
 
 NO_KEYS = ("a//b", "a/**b", "#", "a?", "$", "", "a b")
 
@@ -182,3 +183,21 @@ def test_manifests_are_completed_and_other_files_are_not(tmp_path: Path, monkeyp
     assert completion.manifests("launch/") == ["launch/mine.yaml"]
     assert "robot.yaml" in completion.manifests("")
     assert completion.manifests("nowhere/") == []
+
+
+@pytest.mark.parametrize(("by", "code"), [(KeyboardInterrupt, 130), (SystemExit, 0)])
+def test_a_ctrl_c_that_strikes_as_a_wait_begins_ends_a_verb_as_any_other(by: type[BaseException], code: int) -> None:
+    group = typer.Typer()
+    verb(group, "waits", "robo waits")(lambda: wait_and_be_struck(by))
+    result = CliRunner().invoke(group, [])
+    assert (result.exit_code, result.output) == (code, "")
+
+
+def test_what_is_wrong_with_robo_itself_is_not_taken_for_a_ctrl_c() -> None:
+    def fails() -> None:
+        raise RuntimeError("this is a mistake")
+
+    group = typer.Typer()
+    verb(group, "fails", "robo fails")(fails)
+    result = CliRunner().invoke(group, [])
+    assert repr(result.exception) == "RuntimeError('this is a mistake')"

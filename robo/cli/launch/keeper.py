@@ -6,6 +6,7 @@ from pathlib import Path
 from robo.cli.printing import note
 from robo.export.compose.engine import SOCKET, Engine
 from robo.export.compose.keeper import Keeper
+from robo.process.endings import raised_by_signals
 
 
 def run_keeper(*, project: str, socket: Path | None, ready_file: Path | None) -> None:
@@ -16,6 +17,7 @@ def run_keeper(*, project: str, socket: Path | None, ready_file: Path | None) ->
     """
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        Keeper(Engine(socket or SOCKET), project, note).run(ready_file)
+        with raised_by_signals():
+            Keeper(Engine(socket or SOCKET), project, note).run(ready_file)
     except KeyboardInterrupt:
         note("the keeper ends")

@@ -11,6 +11,7 @@ from robo.cli.printing import note, print_json, print_line
 from robo.cli.reach import Reach
 from robo.cli.views.service import data_of, shape, type_and_data
 from robo.errors import ActionError, ActionTimeout, UsageError
+from robo.process.endings import raised_by_signals
 from robo.tools import actions, offers, replies
 from robo.wire.goals import id_text, state_of
 from robo.wire.keys import action_key
@@ -86,7 +87,8 @@ def send_goal(
         if not json:
             note(f"goal {goal_id} is under way; Ctrl-C cancels it")
         try:
-            outcome = sending.wait(timeout)
+            with raised_by_signals():
+                outcome = sending.wait(timeout)
         except (KeyboardInterrupt, ActionTimeout) as error:
             try:
                 actions.cancel(session, found.key, goal_id, reach.timeout)

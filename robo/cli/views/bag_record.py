@@ -26,6 +26,7 @@ from robo.cli.reach import Reach
 from robo.cli.views.screen import Screen
 from robo.errors import BagError, UsageError
 from robo.machine.manifests import manifests_of
+from robo.process.endings import raised_by_signals
 from robo.recording.naming import name_of, unused
 from robo.recording.recorder import Recorder, Status
 from robo.recording.selection import EVERYTHING, Selection, beside_robot
@@ -198,7 +199,8 @@ class _Signals:
         try:
             if self._came:
                 raise KeyboardInterrupt
-            yield
+            with raised_by_signals():
+                yield
         finally:
             self._raises = False
 

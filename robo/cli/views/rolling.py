@@ -8,6 +8,7 @@ from robo.cli.link import watched
 from robo.cli.printing import clock_time, hint, note, paint, print_json, print_line, print_lines
 from robo.cli.reach import Reach
 from robo.errors import RunError
+from robo.process.endings import raised_by_signals
 from robo.text import colours
 from robo.text.durations import duration
 from robo.tools import runs
@@ -52,8 +53,9 @@ def restart_rolling(words: Sequence[str], reach: Reach, terms: Terms, *, dry_run
         begin = time.monotonic()
         interrupted = False
         try:
-            for change in rolling.changes():
-                _print_change(change, terms, json=json)
+            with raised_by_signals():
+                for change in rolling.changes():
+                    _print_change(change, terms, json=json)
         except KeyboardInterrupt:
             interrupted = True
         account = rolling.rollout.account()

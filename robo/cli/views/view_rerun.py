@@ -21,6 +21,7 @@ from robo.cli.printing import amount, note, print_line
 from robo.cli.reach import Reach
 from robo.cli.views.bag_progress import progress
 from robo.errors import BagError, UsageError
+from robo.process.endings import raised_by_signals
 from robo.text.patterns import chosen
 from robo.text.terminal import visible
 from robo.wire import names
@@ -90,7 +91,8 @@ def _show_live(asked: Asked, reach: Reach) -> Feed:
         with _target(asked, reach.namespace) as (sink, viewer):
             feed = Feed(sink, Pace(asked.rate))
             end = time.monotonic() + asked.duration if asked.duration is not None else None
-            with suppress(KeyboardInterrupt):  # which is how it ends; the file is whole all the same
+            # Which is how it ends; the file is whole all the same.
+            with suppress(KeyboardInterrupt), raised_by_signals():
                 feed.live(session, _keys(reach, asked.topics), _goes_on(viewer), end)
             if viewer is None:
                 feed.flush(_goes_on(None))

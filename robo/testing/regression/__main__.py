@@ -14,6 +14,7 @@ import msgspec
 from robo.bag.regression.report import ReplayReport
 from robo.errors import RoboError
 from robo.launch.faults import ManifestFaults, as_text
+from robo.process.endings import raised_by_signals
 from robo.testing.regression.judge import Request, judge
 from robo.text.readable import readable
 
@@ -30,7 +31,8 @@ def main() -> None:
 
     request = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=readable(Request))
     try:
-        report: ReplayReport = judge(request, lambda done, stage: tell({"done": done, "stage": stage}))
+        with raised_by_signals():
+            report: ReplayReport = judge(request, lambda done, stage: tell({"done": done, "stage": stage}))
         tell({"report": report})
     except ManifestFaults as error:
         tell({"mistake": as_text(error.faults)})
