@@ -73,10 +73,12 @@ def _watch(reader: int, run: str, folder: Path, group: ControlGroup | None, own:
             os.dup2(nothing, stream)
         noted: set[int] = set()
         if not _is_dismissed(reader, noted):
-            sweep(run, also=noted)
-            if group is not None:
-                group.kill()
-            shutil.rmtree(folder, ignore_errors=True)
+            try:
+                sweep(run, also=noted)
+            finally:  # whatever went wrong: nobody else ends them
+                if group is not None:
+                    group.kill()
+                shutil.rmtree(folder, ignore_errors=True)
         for _ in range(100):
             if limit_groups.remove(run, own) and (group is None or group.remove()):
                 break

@@ -9,6 +9,7 @@ import os
 import re
 import signal
 import sys
+import time
 from collections.abc import Callable, Collection, Container, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -138,8 +139,20 @@ def _end(find: Callable[[], list[int]]) -> list[Left]:
                 continue
         if not found:
             break
-        psutil.wait_procs(found, timeout=patience)
+        _wait(found, patience)
     return first
+
+
+def _wait(processes: "Collection[psutil.Process]", patience: float) -> None:
+    """Wait until all have ended, but no longer than so long, s."""
+    import psutil
+
+    end = time.monotonic() + patience
+    for process in processes:
+        # Where many threads begin, the number of one that has ended is soon a thread's of another program. Of that,
+        # psutil (7.2) passes on what the system says: there is no such process.
+        with suppress(psutil.Error, OSError):
+            process.wait(max(end - time.monotonic(), 0.0))
 
 
 def _described(process: "psutil.Process") -> Left:

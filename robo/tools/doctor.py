@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -401,7 +401,8 @@ def kill_and_look() -> Finding:
             time.sleep(0.02)
         took = time.monotonic() - killed
         for process in alive:
-            process.kill()
+            with suppress(psutil.Error):  # which may just have gone
+                process.kill()
     if alive:
         return Finding("kill test", "fault", f"{len(alive)} of {len(before)} processes survived {took:.1f} s")
     return Finding(

@@ -642,6 +642,35 @@ def test_a_process_without_its_environment_is_ended_where_there_are_no_control_g
         ended.kill()
 
 
+NOTHING_FOUND = """\
+import os, signal, subprocess, sys
+from pathlib import Path
+from robo.machine import guard
+from robo.wire.run_id import new_run_id
+
+def fails(*words, **more):
+    raise OSError("a machine on which nothing can be read")
+
+guard.sweep = fails
+dog = guard.Watchdog(new_run_id(), Path(sys.argv[1]) / "sockets")
+if dog._group is None:
+    sys.exit("no group")
+sleeper = subprocess.Popen(["sleep", "600"], stdout=subprocess.DEVNULL, start_new_session=True)
+print(sleeper.pid, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_control_group_is_ended_also_where_looking_for_processes_fails(tmp_path: Path) -> None:
+    killed = subprocess.run(
+        [sys.executable, "-c", NOTHING_FOUND, str(tmp_path)], capture_output=True, text=True, check=False
+    )
+    if "no group" in killed.stderr:
+        pytest.skip("this user may make no control group")
+    assert killed.returncode == -signal.SIGKILL
+    gone([psutil.Process(int(killed.stdout))])
+
+
 def test_a_later_run_ends_what_an_earlier_one_has_left(endpoint: str) -> None:
     """Supervisor and watchdog killed at once; only the id in the environment tells."""
     with robo("up", "robot.yaml", "tracking", "--robot-name", "r1", "--listen", endpoint) as first:

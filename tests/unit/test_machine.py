@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import subprocess
 import sys
 import threading
 import time
@@ -9,6 +10,7 @@ import time
 import psutil
 import pytest
 
+from robo.machine import orphans
 from robo.machine.child import Child, Spawned
 from robo.machine.priority import give_priority
 from robo.machine.probe import listens, succeeds
@@ -169,3 +171,37 @@ def test_whoever_waits_looks_again_at_each_change() -> None:
         return seen
 
     assert asyncio.run(wait()) == ["0 at 0", "1 at 1", "2 at 2"]
+
+
+STUBBORN = """\
+import signal
+for number in (signal.SIGINT, signal.SIGTERM):
+    signal.signal(number, signal.SIG_IGN)
+print("up", flush=True)
+while True:
+    signal.pause()
+"""
+
+
+def test_one_whose_number_is_a_thread_s_by_now_keeps_no_other_from_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    over = threading.Event()
+    thread = threading.Thread(target=over.wait)
+    thread.start()
+    send = psutil.Process.send_signal
+
+    def sends(process: psutil.Process, number: int) -> None:
+        if process.pid == stubborn.pid:  # the other one is this very process
+            send(process, number)
+
+    monkeypatch.setattr(psutil.Process, "send_signal", sends)
+    with subprocess.Popen([sys.executable, "-c", STUBBORN], stdout=subprocess.PIPE) as stubborn:
+        assert stubborn.stdout is not None
+        try:
+            assert stubborn.stdout.readline() == b"up\n"
+            assert thread.native_id is not None
+            numbers = [thread.native_id, stubborn.pid]
+            assert [one.pid for one in orphans._end(lambda: numbers)] == numbers
+            stubborn.wait(PATIENCE)
+        finally:
+            over.set()
+            stubborn.kill()
