@@ -29,6 +29,7 @@ from robo.batch.engine import Ended
 from robo.batch.plan import Job, Outcome
 from robo.errors import RunError
 from robo.machine.leash import end_with_parent
+from robo.machine.orphans import wait_for_ends
 from robo.packages.absent import absent
 
 _MEMORY = 100_000_000
@@ -142,11 +143,11 @@ class Ray:
             with suppress(psutil.Error):
                 self._children = psutil.Process().children(recursive=True)
         self._ray.shutdown()
-        _, left = psutil.wait_procs(self._children, timeout=_PATIENCE)
-        for process in left:
-            with suppress(psutil.Error):
+        wait_for_ends(self._children, _PATIENCE)
+        for process in self._children:
+            with suppress(psutil.Error):  # as of one that has ended
                 process.kill()
-        psutil.wait_procs(left, timeout=_PATIENCE)
+        wait_for_ends(self._children, _PATIENCE)
         self._apart.close()
         if self._folder is not None:
             shutil.rmtree(self._folder, ignore_errors=True)

@@ -9,7 +9,7 @@ import shutil
 import signal
 import time
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import NoReturn
 
@@ -72,19 +72,22 @@ def _watch(reader: int, run: str, folder: Path, group: ControlGroup | None, own:
         for stream in (0, 1, 2):  # whoever reads the supervisor's output waits for no one else
             os.dup2(nothing, stream)
         noted: set[int] = set()
-        if not _is_dismissed(reader, noted):
-            try:
-                sweep(run, also=noted)
-            finally:  # whatever went wrong: nobody else ends them
+        with ExitStack() as ends:  # the last one first, and each whatever goes wrong before it: nobody else does it
+            ends.callback(_remove_groups, run, group, own)
+            if not _is_dismissed(reader, noted):
+                ends.callback(shutil.rmtree, folder, ignore_errors=True)
                 if group is not None:
-                    group.kill()
-                shutil.rmtree(folder, ignore_errors=True)
-        for _ in range(100):
-            if limit_groups.remove(run, own) and (group is None or group.remove()):
-                break
-            time.sleep(0.01)  # what was killed takes a moment to go
+                    ends.callback(group.kill)
+                sweep(run, also=noted)
     finally:
         os._exit(0)
+
+
+def _remove_groups(run: str, group: ControlGroup | None, own: Mapping[str, Path]) -> None:
+    for _ in range(100):
+        if limit_groups.remove(run, own) and (group is None or group.remove()):
+            return
+        time.sleep(0.01)  # what was killed takes a moment to go
 
 
 def _is_dismissed(reader: int, noted: set[int]) -> bool:

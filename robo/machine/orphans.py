@@ -139,11 +139,11 @@ def _end(find: Callable[[], list[int]]) -> list[Left]:
                 continue
         if not found:
             break
-        _wait(found, patience)
+        wait_for_ends(found, patience)
     return first
 
 
-def _wait(processes: "Collection[psutil.Process]", patience: float) -> None:
+def wait_for_ends(processes: "Collection[psutil.Process]", patience: float) -> None:
     """Wait until all have ended, but no longer than so long, s."""
     import psutil
 

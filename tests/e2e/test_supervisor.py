@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -656,7 +657,7 @@ dog = guard.Watchdog(new_run_id(), Path(sys.argv[1]) / "sockets")
 if dog._group is None:
     sys.exit("no group")
 sleeper = subprocess.Popen(["sleep", "600"], stdout=subprocess.DEVNULL, start_new_session=True)
-print(sleeper.pid, flush=True)
+print(sleeper.pid, dog._group.folder, flush=True)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
@@ -668,7 +669,10 @@ def test_a_control_group_is_ended_also_where_looking_for_processes_fails(tmp_pat
     if "no group" in killed.stderr:
         pytest.skip("this user may make no control group")
     assert killed.returncode == -signal.SIGKILL
-    gone([psutil.Process(int(killed.stdout))])
+    sleeper, folder = killed.stdout.split()
+    with suppress(psutil.NoSuchProcess):  # which it may be by now
+        gone([psutil.Process(int(sleeper))])
+    eventually(lambda: not Path(folder).exists(), "the group is removed")
 
 
 def test_a_later_run_ends_what_an_earlier_one_has_left(endpoint: str) -> None:
