@@ -1,10 +1,11 @@
-"""Who has started whom, and how long a process has been running: what a system that hides most of /proc still tells.
+"""Who has started whom, how long a process has been running, and whether it is about to go.
 
-Under systemd's `ProcSubset=pid` the file `/proc/stat` is missing, without which psutil (7.2) does not know when a
-process was started, nor who its children are.
+It is what a system that hides most of /proc still tells: under systemd's `ProcSubset=pid` the file `/proc/stat` is
+missing, without which psutil (7.2) does not know when a process was started, nor who its children are.
 """
 
 import os
+import signal
 import sys
 import time
 
@@ -55,6 +56,29 @@ def age(pid: int) -> float:
     # Ticks since the machine has started, asleep or not: see proc(5).
     begin = int(_fields(pid)[19]) / os.sysconf("SC_CLK_TCK")
     return time.clock_gettime(time.CLOCK_BOOTTIME) - begin
+
+
+def is_exiting(pid: int) -> bool:
+    """Whether a process is ending, or was killed, and is not gone yet; False where the system does not tell.
+
+    That may last: on a machine that gives it no turn, or while a driver holds it.
+    """
+    if sys.platform != "linux":
+        import psutil
+
+        try:
+            return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+        except psutil.Error:
+            return False
+    try:
+        fields = _fields(pid)
+    except OSError:
+        return False
+    state, flags, pending = fields[0], int(fields[6]), int(fields[28])
+    return state == "Z" or bool(flags & _PF_EXITING) or bool(pending & 1 << (signal.SIGKILL - 1))
+
+
+_PF_EXITING = 0x4  # linux/sched.h
 
 
 def _parent_of(pid: int) -> int | None:

@@ -120,12 +120,15 @@ class Children:
             return
         pulse = self.present.pulse
         hang, problem = pulse.hang(now), pulse.problem(now)
-        if hang is not None:
+        silent = pulse.silent_topic(now) if problem is not None else None
+        if (hang or silent) and self.present.is_exiting():  # nothing would end it sooner, and its exit says why
+            self.life.checked("is ending, or was killed, and its process is not gone yet")
+        elif hang is not None:
             self.life.hung(hang)
         elif self.life.phase is Phase.STANDBY:
             self._heed_lifecycle()
         else:
-            self.life.checked(problem, pulse.silent_topic(now) if problem is not None else None)
+            self.life.checked(problem, silent)
 
     def _is_to_start(self) -> bool:
         if self.life.phase is Phase.WAITING:

@@ -9,7 +9,7 @@ from typing import Protocol
 import msgspec
 
 from robo.launch.plan import ProcessPlan
-from robo.machine.ancestry import ancestors
+from robo.machine.ancestry import ancestors, is_exiting
 from robo.machine.child import Spawned
 from robo.machine.forks import Fork, Template
 from robo.machine.limits import Hold, Limiter
@@ -154,6 +154,10 @@ class Instance:
     def is_over_limit(self) -> bool:
         """Whether it uses more than it may, and is to be killed; to be called a few times a second."""
         return self._hold is not None and self.running and self._hold.look()
+
+    def is_exiting(self) -> bool:
+        """Whether its process ends, or was killed, and is only not gone yet."""
+        return self.running and self.pid is not None and is_exiting(self.pid)
 
     def limit_reached(self, code: int) -> str:
         """Which limit it has ended by, in words to follow its exit code; empty where it was none."""

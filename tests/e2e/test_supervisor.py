@@ -179,6 +179,36 @@ groups:
     assert robot.process("monitor").pid == monitor
 
 
+@pytest.fixture
+def ice() -> Iterator[Path]:
+    """A control group whose processes get no turn while it is frozen, and do not go either when they are killed."""
+    group = Path(f"/sys/fs/cgroup/freezer/robo-test-{os.getpid()}")
+    try:
+        group.mkdir()
+    except OSError as error:
+        pytest.skip(f"no freezer of control groups of version 1: {error}")
+    yield group
+    (group / "freezer.state").write_text("THAWED")
+    eventually(lambda: not (group / "cgroup.procs").read_text(), "the group is empty")
+    group.rmdir()
+
+
+def test_a_killed_node_that_takes_long_to_go_does_not_hang(launch: Launch, tmp_path: Path, ice: Path) -> None:
+    service = "{service: robo_services.position_tracker, watchdog: 1.0, restart: {policy: on-failure, delay: 0.1}}"
+    robot = launch(write(tmp_path, f"groups: {{g: {{nodes: {{tracker: {service}}}}}}}"), may_die=["tracker"])
+    robot.wait_until("tracker", lambda tracker: tracker.published != {})  # beats come
+    pid = robot.process("tracker").pid
+    assert pid is not None
+    (ice / "cgroup.procs").write_text(str(pid))
+    (ice / "freezer.state").write_text("FROZEN")
+    os.kill(pid, signal.SIGKILL)
+    robot.wait_for_line("tracker is degraded: is ending, or was killed, and its process is not gone yet")
+    (ice / "freezer.state").write_text("THAWED")
+    robot.wait_for_line("tracker was killed by SIGKILL")
+    robot.wait_for_line("tracker is ready again")
+    assert "hangs" not in robot.output
+
+
 def test_a_callback_that_does_not_return_is_asked_where_it_is(endpoint: str, tmp_path: Path) -> None:
     (tmp_path / "hanging.py").write_text(HANGING)
     file = write(

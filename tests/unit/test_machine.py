@@ -10,7 +10,8 @@ import time
 import psutil
 import pytest
 
-from robo.machine import orphans
+from robo.machine import ancestry, orphans
+from robo.machine.ancestry import is_exiting
 from robo.machine.child import Child, Spawned
 from robo.machine.priority import give_priority
 from robo.machine.probe import listens, succeeds
@@ -32,6 +33,26 @@ def test_a_child_may_be_started_again_and_again_as_a_router_is() -> None:
         return lines
 
     assert asyncio.run(lives(3)) == [("stdout", "0"), ("stdout", "1"), ("stdout", "2")]
+
+
+def test_a_process_that_is_about_to_go_is_known() -> None:
+    assert not is_exiting(os.getpid())
+    with subprocess.Popen([sys.executable, "-c", ""]) as ended:
+        os.waitid(os.P_PID, ended.pid, os.WEXITED | os.WNOWAIT)
+        assert is_exiting(ended.pid)
+    assert not is_exiting(4_000_000), "beyond the ids that a kernel gives: the system does not tell"
+
+
+@pytest.mark.parametrize(
+    ("state", "flags", "pending", "exiting"), [("S", 0x400040, 0, False), ("R", 0x4, 0, True), ("D", 0, 1 << 8, True)]
+)
+def test_one_that_is_ending_or_was_killed_is_exiting(
+    monkeypatch: pytest.MonkeyPatch, state: str, flags: int, pending: int, exiting: bool
+) -> None:
+    fields = [state, *"11110", str(flags), *"0" * 21, str(pending), *"000"]
+    monkeypatch.setattr(ancestry, "_fields", lambda _: fields)
+    monkeypatch.setattr(sys, "platform", "linux")
+    assert is_exiting(1) == exiting
 
 
 def test_what_needs_no_priority_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
