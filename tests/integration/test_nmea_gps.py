@@ -178,7 +178,8 @@ def test_a_file_is_played_and_the_node_ends_with_it(
     log.write_bytes(b"".join(map(epoch, range(50)))[:-2])
     with gps(robo_session, log, playback_rate=0.0) as node:
         assert node.wait(PATIENCE)
-        heard.wait_for_count("fix", 50, PATIENCE)
+        for topic in ("fix", "vel"):
+            heard.wait_for_count(topic, 50, PATIENCE)
     assert len(heard.messages("fix")) == len(heard.messages("vel")) == 50
     assert f"played 100 sentences of {log}" in caplog.messages
 
