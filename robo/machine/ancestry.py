@@ -9,6 +9,8 @@ import signal
 import sys
 import time
 
+_PF_EXITING = 0x4  # linux/sched.h
+
 
 def ancestors(pid: int) -> list[int]:
     """The process that has started a process, and so on, as far as they are there."""
@@ -76,9 +78,6 @@ def is_exiting(pid: int) -> bool:
         return False
     state, flags, pending = fields[0], int(fields[6]), int(fields[28])
     return state == "Z" or bool(flags & _PF_EXITING) or bool(pending & 1 << (signal.SIGKILL - 1))
-
-
-_PF_EXITING = 0x4  # linux/sched.h
 
 
 def _parent_of(pid: int) -> int | None:
