@@ -24,7 +24,7 @@ from robo.process.endings import end_process, end_with_threads
 from robo.process.spec import NodeSpec
 from robo.text.terminal import visible
 from robo.wire.discovery import wait_for_nodes
-from robo.wire.network import Network
+from robo.wire.network import FOR_YOURS, Network
 from robo.wire.run_id import new_run_id
 from robo.wire.session import close_session, open_session
 
@@ -192,9 +192,16 @@ def see_that_it_is_obeyed(node: Node, session: zenoh.Session) -> None:
 
 def tell_place(node: Node, network: Network) -> None:
     """Say where a node is on the network, to whoever has started it by hand."""
-    if not log.is_supervised():
-        where = network.reached if network.listen else f"at {', '.join(network.connect)}"
-        node.logger.info("runs as %s, %s; Ctrl-C stops", node.full_name, where)
+    if log.is_supervised():
+        return
+    where = network.reached if network.listen else f"at {', '.join(network.connect)}"
+    if network.doors:
+        from robo.wire import claims, listeners  # as in `claim_names`
+
+        for holder in listeners.in_the_way(network.doors, claims.PATIENCE):
+            node.logger.warning("%s: this node does not dial it, and others cannot look at it", holder)
+            where = FOR_YOURS
+    node.logger.info("runs as %s, %s; Ctrl-C stops", node.full_name, where)
 
 
 def thread_died(node: Node, died: threading.ExceptHookArgs) -> None:

@@ -11,6 +11,8 @@ from robo.supervisor.timing import Started, timing_text
 
 ENDS = "ends: "
 """What stands before the word on a failure with which the run ends."""
+HEED = "heed: "
+"""What stands before a word on what is not as it should be, with which the run goes on."""
 
 
 class Process(needs.Process, journal.Process, Protocol):
@@ -71,8 +73,8 @@ class News:
         Args:
             processes: of the run, by full name.
             journal: where it is told.
-            notify: is told `up`, `ready`, `down` and why something fails before, after `ENDS` if the run ends with it:
-                for whoever waits in the background.
+            notify: is told `up`, `ready`, `down` and why something fails before, after `ENDS` if the run ends with it,
+                and after `HEED` what else people should know: for whoever waits in the background.
             clock: monotonic, s; the run begins now.
         """
         self.all_ready = False
@@ -99,6 +101,11 @@ class News:
     def down(self) -> None:
         """The run is over."""
         self._notify("down")
+
+    def heed(self, text: str) -> None:
+        """Something about the run as a whole is not as people may think."""
+        self._journal.warn(text)
+        self._notify(f"{HEED}{text}")
 
     def changed(self, process: Process, *, closing: bool) -> None:
         """A process has come to another state; whether the run ends already."""

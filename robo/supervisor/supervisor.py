@@ -46,7 +46,7 @@ from robo.supervisor.tasks import Tasks
 from robo.supervisor.topic_watch import Flow, TopicWatch, promises
 from robo.text.folders import log_base
 from robo.wire import claims, discovery, listeners, names
-from robo.wire.network import Network
+from robo.wire.network import FOR_YOURS, Network
 from robo.wire.reports import State
 from robo.wire.run_id import new_run_id
 
@@ -124,6 +124,7 @@ class Supervisor:
         process = Child(custody.spawned, lambda _, line: self._router_says(line))
         network = msgspec.structs.replace(router, name=robot, listen=(endpoint, *router.listen))
         self._router = Router(process, network, environment, self.template, journal)
+        self._where: str | None = None  # others find the robot, in words, once it is known who has the door
         self._houses = Houses(custody.spawned, journal.shared_output, journal.left_behind)
         self._sites = Sites(robot, [e for e in router.connect if e not in router.listen], journal, router.security)
         self._claim = claim = claims.Claim(router, robot, [p.full_name for p in plan.processes], custody.run)
@@ -192,10 +193,10 @@ class Supervisor:
     async def _start(self) -> None:
         self._log_writer.begin()  # a run that is refused leaves no files
         self._sites.note(self._claim.unreached)
+        held = [door for door in self._router.network.doors if listeners.holder(door) is not None]
         await self._router.start()
         self._tasks.tend(self._router.keep(), "the router")
-        for holder in listeners.strangers(self._router.network):
-            self._journal.warn(f"{holder}: {self._robot} does not dial it, and others cannot look at {self._robot}")
+        self._tasks.tend(self._ask_at(held), "the door for others")
         if self._router.network.shared and self._claim.sessions:
             self._journal.warn(
                 f"others come by the door of what runs here already, which does not share {self._robot};"
@@ -220,6 +221,14 @@ class Supervisor:
         self._tasks.tend(self._presence.settle(), "the claim of names")
         self._tasks.tend(self._sites.watch(session), "the links to sites")
         self._tasks.tend(self._look_after(), "the run")
+
+    async def _ask_at(self, held: list[str]) -> None:
+        """Find out whether others find the robot at its doors, of which some were held before its router came."""
+        there = await asyncio.to_thread(listeners.in_the_way, held, claims.PATIENCE) if held else []
+        for holder in there:
+            self._news.heed(f"{holder}: {self._robot} does not dial it, and others cannot look at {self._robot}")
+        self._where = FOR_YOURS if there else self._router.reached_at
+        self.changes.notify()
 
     def _router_says(self, line: str) -> None:
         if line.startswith(TOLD):
@@ -315,7 +324,8 @@ class Supervisor:
         """Wait until the run is to end."""
 
         def over() -> bool:
-            self._news.look(self._robot, self._router.reached_at, with_timing=self._timing)
+            if self._where is not None:
+                self._news.look(self._robot, self._where, with_timing=self._timing)
             if self._attendance is not None:
                 self._attendance.look()
             if not needs.can_go_on(self._members):

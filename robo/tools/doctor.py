@@ -27,7 +27,7 @@ from robo.text.folders import log_base
 from robo.tools import fleet, nodes, runs, topics
 from robo.tools import strangers as unannounced
 from robo.wire import knocking, listeners, meeting, whereabouts
-from robo.wire.claims import port_taken
+from robo.wire.claims import PATIENCE, port_taken
 from robo.wire.network import PORT, RENDEZVOUS, Network
 from robo.wire.session import close_session, open_session
 from robo.wire.tcp import HeldPort
@@ -128,12 +128,13 @@ def port(connect: Sequence[str]) -> Finding:
 def _door() -> Finding:
     """Who has the port at which others look at the robots of this machine."""
     door = _door_here()
+    there = listeners.in_the_way([door], PATIENCE)
+    if there:
+        fix = "robo up --listen tcp/127.0.0.1:7448 opens another door"
+        return Finding("port", "note", f"{there[0]}: your robots do not dial it, and others do not see them there", fix)
     holder = listeners.holder(door)
     if holder is None:
         return Finding("port", "ok", f"nobody is known to have {door}, where others look at a robot")
-    if holder.is_stranger:
-        fix = "robo up --listen tcp/127.0.0.1:7448 opens another door"
-        return Finding("port", "note", f"{holder}: your robots do not dial it, and others do not see them there", fix)
     return Finding("port", "ok", f"{holder}: others look there at what runs here")
 
 
@@ -154,8 +155,9 @@ def _port_told(connect: Sequence[str]) -> Finding:
 def router(connect: Sequence[str]) -> Finding:
     """Whether a robot or a router answers."""
     where = ", ".join(connect) or os.environ.get(CONNECT_VARIABLE) or _where_yours_meet()
-    if _reaches_router(connect):
-        return Finding("router", "ok", f"a router answers at {where}")
+    reached = _asked(connect, lambda session: [str(link.dst) for link in session.info.links()])
+    if reached is not None:
+        return Finding("router", "ok", f"a router answers at {', '.join(reached) or where}")
     return Finding("router", "note", f"no router answers at {where}", "robo up starts one with each robot")
 
 

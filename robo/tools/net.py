@@ -86,19 +86,17 @@ def look(session: zenoh.Session, timeout: float) -> NetworkView:
         routers,
         found,
         names,
-        [*_problems(routers, found, status), *runs.lost_sites(session, timeout=timeout), *_strange_doors(session)],
+        [*_problems(routers, found, status), *runs.lost_sites(session, timeout=timeout), *_doors(session, timeout)],
         sorted(refusals.told(session, timeout), key=lambda one: one.router),
     )
 
 
-def _strange_doors(session: zenoh.Session) -> list[str]:
+def _doors(session: zenoh.Session, timeout: float) -> list[str]:
     """Who else holds the port at which others would look at the robots of this user, whom this session has met."""
     if not any(str(link.dst) == meeting.endpoint() for link in session.info.links()):
         return []
-    holder = listeners.holder(RENDEZVOUS)
-    if holder is None or not holder.is_stranger:
-        return []
-    return [f"{holder}: your robots do not dial it, and others do not see them there"]
+    there = listeners.in_the_way([RENDEZVOUS], timeout)
+    return [f"{holder}: your robots do not dial it, and others do not see them there" for holder in there]
 
 
 def _node(

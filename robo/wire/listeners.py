@@ -2,13 +2,13 @@
 
 import os
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
 from robo.wire import meeting, tcp
-from robo.wire.network import Network
 
 _LISTENS = "0A"
 """The state of a socket that listens, as the kernel's table has it."""
@@ -20,6 +20,8 @@ class Holder(NamedTuple):
     port: int
     host: str
     uid: int
+    is_deaf: bool = False
+    """Whether no Zenoh has answered there to somebody who has asked."""
 
     @property
     def is_stranger(self) -> bool:
@@ -27,7 +29,8 @@ class Holder(NamedTuple):
         return self.uid not in (os.geteuid(), 0)
 
     def __str__(self) -> str:
-        return f"port {self.port} on {self.host} is held{tcp.listener(self.port, self.uid)}"
+        deaf = " and no Zenoh answers there" if self.is_deaf else ""
+        return f"port {self.port} on {self.host} is held{tcp.listener(self.port, self.uid)}{deaf}"
 
 
 def holder(endpoint: str) -> Holder | None:
@@ -69,10 +72,36 @@ def _is_loopback(address: str) -> bool:
     return whole == b"\0" * 15 + b"\1" or (whole[:12] == b"\0" * 10 + b"\xff\xff" and whole[12] == 127)
 
 
-def strangers(network: Network) -> list[Holder]:
-    """The other users who hold the door at which a router lets others in; they are not dialled."""
-    found = map(holder, network.doors)
-    return [one for one in found if one is not None and one.is_stranger]
+def in_the_way(doors: Iterable[str], within: float) -> list[Holder]:
+    """Who holds the doors at which routers let others in, and keeps others from finding robots there.
+
+    That is another user, who is not dialled, whatever he runs there; and a program, this user's or root's, at which no
+    Zenoh answers. What a door of TLS has to say of that is for whoever has a key.
+
+    Args:
+        doors: endpoints, as `Network.doors` has them.
+        within: how long a router may take to answer, s: it may be held up.
+    """
+    found = []
+    for door in doors:
+        one = holder(door)
+        if one is not None and one.is_stranger:
+            found.append(one)
+        elif one is not None and door.startswith("tcp/") and _is_deaf(door, within):
+            found.append(one._replace(is_deaf=True))
+    return found
+
+
+def _is_deaf(endpoint: str, within: float) -> bool:
+    end = time.monotonic() + within
+    while (left := end - time.monotonic()) > 0:
+        speaks = tcp.speaks_zenoh(endpoint, left)
+        if speaks is not None:
+            return not speaks
+        if holder(endpoint) is None:
+            return False  # it has left meanwhile
+        time.sleep(0.02)
+    return True
 
 
 def owner_of(endpoint: str) -> str | None:

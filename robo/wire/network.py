@@ -26,6 +26,9 @@ not told to dials it. Anybody may have taken it."""
 SECURED_RENDEZVOUS = f"tls/127.0.0.1:{PORT}"
 """And with security on: by TLS, each with the rights of his name."""
 
+FOR_YOURS = "for your own tools"
+"""Who finds a router that others do not find."""
+
 _SOURCE = re.compile(r" at \S+\.rs:\d+\.?")
 
 _RETRY = {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5}
@@ -122,9 +125,9 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
         """Where others find a router, and what they may do, for people: `at tcp/0.0.0.0:7447`."""
         network = ", ".join(endpoint for endpoint in self.listen if not endpoint.startswith(meeting.UNIX))
         if not network:
-            return "for your own tools"
+            return FOR_YOURS
         if self.security and self.doors:
-            return f"for your own tools, and for whom the policy names at {network}"
+            return f"{FOR_YOURS}, and for whom the policy names at {network}"
         if not self.guarded:
             return f"at {network}"
         return f"{'shared with' if self.shared else 'read-only for'} others at {network}"

@@ -109,6 +109,23 @@ def test_logs_come_from_the_nodes_in_order_with_levels_and_tracebacks(endpoint: 
     assert unknown.stderr.startswith("error: there is no node or group nobody")
 
 
+def test_why_tells_a_node_beside_a_robot_from_one_that_is_not_there(endpoint: str, tmp_path: Path) -> None:
+    (tmp_path / "talker.py").write_text(TALKER)
+    (tmp_path / "pod.yaml").write_text(POD)
+    with robo("up", "pod.yaml", "--listen", endpoint, cwd=str(tmp_path)) as up:
+        up.wait_for("r1 is ready")
+        words = ("run", "talker", "--name", "third", "--robot-name", "r1", "--connect", endpoint)
+        with robo(*words, cwd=str(tmp_path)) as third:
+            third.wait_for("line 3")
+            for name in ("third", "/r1/third"):
+                done = run_robo("why", name, "--connect", endpoint)
+                assert done.returncode == 1
+                assert f"no supervisor runs /r1/third (process {third.process.pid} on " in done.stderr
+                assert "`robo node info /r1/third` tells of it" in done.stderr
+        done = run_robo("why", "fourth", "--connect", endpoint)
+        assert (done.returncode, "robot r1 has no node or group 'fourth'" in done.stderr) == (1, True), done.stderr
+
+
 def test_logs_are_followed_each_line_once(endpoint: str, nodes: list[Command]) -> None:
     with robo("logs", "-f", "--json", "--connect", endpoint) as follower:
         follower.wait_for("line 1 of=first")

@@ -15,7 +15,7 @@ import pytest
 
 from robo.machine import orphans, serial_ports
 from robo.tools import doctor
-from robo.wire import listeners
+from robo.wire import listeners, tcp
 
 
 def looks(monkeypatch: pytest.MonkeyPatch, *found: list[int]) -> None:
@@ -157,7 +157,12 @@ def test_who_has_the_port_at_which_others_look_is_named(monkeypatch: pytest.Monk
     assert found.verdict == "note"
     assert "by user 4242: your robots do not dial it, and others do not see them there" in found.message
     monkeypatch.setattr(listeners, "holder", lambda _: listeners.Holder(7447, "127.0.0.1", os.geteuid()))
+    monkeypatch.setattr(tcp, "speaks_zenoh", lambda *_: True)
     assert doctor.port(()).verdict == "ok"
+    monkeypatch.setattr(tcp, "speaks_zenoh", lambda *_: False)
+    found = doctor.port(())
+    assert found.verdict == "note"
+    assert "and no Zenoh answers there: your robots do not dial it, and others do not see them there" in found.message
     monkeypatch.setattr(listeners, "holder", lambda _: None)
     assert doctor.port(()).verdict == "ok"
 

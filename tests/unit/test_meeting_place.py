@@ -3,7 +3,9 @@
 import os
 import socket
 import stat
+import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -11,7 +13,7 @@ import pytest
 
 from robo.errors import NetworkError
 from robo.process import door
-from robo.wire import listeners, meeting, whereabouts
+from robo.wire import listeners, meeting, tcp, whereabouts
 from robo.wire.network import RENDEZVOUS, SECURED_RENDEZVOUS, Network
 from tests.conftest import free_port
 
@@ -144,9 +146,53 @@ def test_the_kernel_says_which_user_listens_at_a_port_of_loopback() -> None:
         assert found is not None
         assert (found.uid, found.is_stranger) == (os.geteuid(), False)
         assert f"port {port} on 127.0.0.1 is held by process {os.getpid()} (" in str(found)
-        assert listeners.strangers(Network(listen=(f"tcp/127.0.0.1:{port}",), guarded=True)) == []
+        (deaf,) = listeners.in_the_way([f"tcp/127.0.0.1:{port}"], 0.2)
+        assert deaf == found._replace(is_deaf=True), "it is no other user, and it does not answer as Zenoh does"
+        assert str(deaf) == f"{found} and no Zenoh answers there"
+        assert listeners.in_the_way([f"tls/127.0.0.1:{port}"], 0.2) == [], (
+            "whether it has the right keys is another question"
+        )
     assert listeners.holder(f"tcp/127.0.0.1:{port}") is None
     assert listeners.holder(meeting.endpoint()) is None
+    assert listeners.in_the_way([f"tcp/127.0.0.1:{port}", meeting.endpoint()], 0.2) == []
+
+
+@pytest.mark.skipif(os.uname().sysname != "Linux", reason="it is Linux's table")
+@pytest.mark.parametrize(("answer", "is_deaf"), [(b"SSH-2.0", True), (b"", True), (b"\x20\x00\xe1\x09", False)])
+def test_a_program_is_taken_for_zenoh_only_if_it_answers_as_that(answer: bytes, *, is_deaf: bool) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        door = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        over = threading.Event()
+
+        def serve() -> None:
+            while not over.is_set():
+                connection, _ = server.accept()
+                with connection:
+                    connection.recv(100)
+                    connection.sendall(answer)
+
+        serving = threading.Thread(target=serve, daemon=True)
+        serving.start()
+        assert [one.is_deaf for one in listeners.in_the_way([door], 0.5 if not answer else 30.0)] == [True] * is_deaf
+        over.set()
+        with suppress(OSError):
+            socket.create_connection(server.getsockname(), 5.0).close()
+        serving.join()
+
+
+@pytest.mark.skipif(os.uname().sysname != "Linux", reason="it is Linux's table")
+def test_another_user_at_a_door_is_not_dialled(monkeypatch: pytest.MonkeyPatch) -> None:
+    other = listeners.Holder(7447, "127.0.0.1", 4242)
+    monkeypatch.setattr(listeners, "holder", lambda _: other)
+    monkeypatch.setattr(tcp, "speaks_zenoh", lambda *_: pytest.fail("it is dialled"))
+    assert listeners.in_the_way([RENDEZVOUS], 0.2) == [other]
+
+
+def test_who_leaves_a_door_while_he_is_asked_is_not_in_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    there = iter([listeners.Holder(7447, "127.0.0.1", os.geteuid()), None])
+    monkeypatch.setattr(listeners, "holder", lambda _: next(there))
+    monkeypatch.setattr(tcp, "speaks_zenoh", lambda *_: None)
+    assert listeners.in_the_way([RENDEZVOUS], 30.0) == []
 
 
 def test_a_stranger_is_another_user_but_root() -> None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from robo.supervisor.news import ENDS, News
+from robo.supervisor.news import ENDS, HEED, News
 from robo.wire.reports import State
 from tests.processes import FakeJournal, FakeProcess, process_plan
 
@@ -40,6 +40,13 @@ def test_one_node_is_one() -> None:
     desk = Desk("a")
     desk.look()
     assert desk.journal.said[0].startswith("r1 is ready: 1 node in 0.00 s")
+
+
+def test_what_people_should_know_of_the_run_is_told_to_who_waits_as_well() -> None:
+    desk = Desk("a")
+    desk.news.heed("others cannot look at r1")
+    assert desk.journal.warned == ["others cannot look at r1"]
+    assert desk.notified == [f"{HEED}others cannot look at r1"]
 
 
 def test_where_the_time_went_is_told_where_it_is_wanted() -> None:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from robo.environment import NOTIFY_VARIABLE
-from robo.supervisor.news import ENDS
+from robo.supervisor.news import ENDS, HEED
 
 
 def start_in_background(arguments: Sequence[str], robot: str, *, wait: bool) -> int:
@@ -37,7 +37,9 @@ def start_in_background(arguments: Sequence[str], robot: str, *, wait: bool) -> 
                 if word == "ready" or (word == "up" and not wait):
                     print(f"{robot} is {word} (process {run.pid}); `robo ps` shows it, `robo down` ends it")
                     return 0
-                if word not in ("up", "down") and not failed:
+                if word.startswith(HEED):
+                    print(word.removeprefix(HEED), file=sys.stderr)
+                elif word not in ("up", "down") and not failed:
                     print(f"{robot} is not all ready: {word.removeprefix(ENDS)}", file=sys.stderr)
                     if not word.startswith(ENDS):
                         print("it runs on; `robo why` tells more, `robo down` ends it", file=sys.stderr)

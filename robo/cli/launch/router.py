@@ -11,7 +11,7 @@ from robo.cli.printing import note, print_text
 from robo.process.router import route
 from robo.text.paths import nested
 from robo.wire import claims, knocking, listeners, zenoh_threads
-from robo.wire.network import settings_of
+from robo.wire.network import FOR_YOURS, settings_of
 from robo.wire.session import close_session
 
 
@@ -33,9 +33,10 @@ def run_router(*, name: str, listen: Sequence[str], connect: Sequence[str], conf
         if other is not None:
             close_session(other)
         note(f"{held[0]} is another router's just now; this router takes it over when it is free; Ctrl-C stops")
-    else:
-        note(f"{called} {network.reached}{towards}; Ctrl-C stops")
-    for holder in listeners.strangers(network):
+    there = listeners.in_the_way(network.doors, claims.PATIENCE)
+    if not held:
+        note(f"{called} {FOR_YOURS if there else network.reached}{towards}; Ctrl-C stops")
+    for holder in there:
         note(f"{holder}: this router does not dial it, and others do not find it there before it is free")
     route(network, lambda: False, linger=0.0)
 

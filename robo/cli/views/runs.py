@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 
 import msgspec
 import zenoh
@@ -20,7 +21,7 @@ from robo.cli.printing import (
     print_table,
 )
 from robo.cli.reach import Reach
-from robo.errors import NetworkError, RunError, UsageError
+from robo.errors import NetworkError, NodeNotFound, RunError, UsageError
 from robo.text import colours
 from robo.text.durations import duration
 from robo.tools import nodes, runs, strangers, unsupervised
@@ -271,7 +272,10 @@ def why(names: Sequence[str], reach: Reach, *, json: bool) -> None:
 def _why(names: Sequence[str], reach: Reach, *, json: bool) -> None:
     with connect_to_robot(reach) as session:
         target = runs.target_of(session, reach.robot, names)
-        found = runs.explain(session, target, names)
+        try:
+            found = runs.explain(session, target, names)
+        except NodeNotFound as error:
+            raise _alone(session, names, reach) or error from None
         lost = runs.lost_sites(session, target.robot)
         refused = strangers.refused(nodes.all_status(session, reach.timeout)) if not json else []
     for site in lost if not json else ():
@@ -283,6 +287,20 @@ def _why(names: Sequence[str], reach: Reach, *, json: bool) -> None:
             print_lines(explained(explanation, [one for one in refused if one.receiver == explanation.process.node]))
     if not json:
         _print_log_problems([explanation.process for explanation in found])
+
+
+def _alone(session: zenoh.Session, names: Sequence[str], reach: Reach) -> NodeNotFound | None:
+    """Why supervisors know nothing of a node that runs, if it is one of those that are meant and no supervisor's."""
+    there = nodes.list_nodes(session, reach.timeout)
+    for name in names:
+        with suppress(NodeNotFound):
+            token = nodes.find_node(there, name)
+            if not token.run:
+                by = f"process {token.pid} on {token.host}"
+                return NodeNotFound(
+                    f"no supervisor runs {token.full_name} ({by}); `robo node info {token.full_name}` tells of it"
+                )
+    return None
 
 
 def print_events(reach: Reach, *, json: bool, follow: bool) -> None:
