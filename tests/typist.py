@@ -84,8 +84,18 @@ class Typist:
 
     def wait_until(self, seen: Callable[[], object]) -> None:
         """Wait until what is written is as it should be."""
+        assert self.comes_to(seen, PATIENCE), self.output[-3000:]
+
+    def comes_to(self, seen: Callable[[], object], within: float) -> bool:
+        """Whether what is written comes to be as it should be in time, s."""
         with self._changed:
-            assert self._changed.wait_for(lambda: bool(seen()), PATIENCE), self.output[-3000:]
+            return self._changed.wait_for(lambda: bool(seen()), within)
+
+    def has_ended(self, within: float) -> bool:
+        """Whether the program ends in time, s."""
+        with suppress(subprocess.TimeoutExpired):
+            self.shell.wait(within)
+        return self.shell.returncode is not None
 
     def type(self, keys: bytes) -> float:
         """Hit keys. Returns when, s since the epoch."""

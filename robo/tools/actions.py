@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Any, Literal, TypeVar
 
@@ -133,15 +134,28 @@ class Sending:
         self._action = action
         self._timeout = timeout
 
-    def follow(self, told: Callable[[object], None]) -> zenoh.Subscriber[None]:
-        """Hand over the feedback on this goal, as plain data, on one of Zenoh's threads."""
+    def follow(self, told: Callable[[object], None]) -> Callable[[], None]:
+        """Hand over the feedback on this goal, as plain data, on one of Zenoh's threads.
+
+        Returns:
+            What ends it: all that has come by then has been handed over before it returns. A server publishes feedback
+            before it answers with the result, and the thread that hands over may be late.
+        """
+        over = threading.Event()
 
         def take(sample: zenoh.Sample) -> None:
             message = replies.read(sample, Told)
             if message is not None and message.goal_id.uuid == self.id:
                 told(message.feedback)
 
-        return self._session.declare_subscriber(action_key(self._action.key, "feedback"), take)
+        key = action_key(self._action.key, "feedback")
+        subscriber = self._session.declare_subscriber(key, zenoh.handlers.Callback(take, over.set))
+
+        def end() -> None:
+            subscriber.undeclare()
+            over.wait()
+
+        return end
 
     def send(self, goal: object) -> None:
         """Have the server take it.

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
@@ -23,6 +23,9 @@ KEY_TIMEOUT, FIRST_KEY_TIMEOUT = 0.25, 0.7
 """Of teleop_keyboard, s."""
 SPEED = 0.5
 """m/s."""
+DROPPED = 4.0
+"""A key that has come to nothing for so long was dropped, s: any that was not is no longer held."""
+HITS = 10
 BRAKING = SPEED / 5.0
 """With the base's deceleration, s."""
 SLACK = 1.5
@@ -81,6 +84,10 @@ class Driver(Typist):
     def sees(self, text: str) -> None:
         self.wait_until(lambda: text in self.screen)
 
+    def hit(self, keys: bytes, text: str) -> None:
+        """Hit keys until the screen shows what comes of them."""
+        hit_until(lambda: self.comes_to(lambda: text in self.screen, DROPPED), lambda: self.type(keys))
+
     def hold(self, key: bytes, seconds: float, delay: float = 0.4, period: float = 0.033) -> float:
         """Hold a key down, as a terminal tells of it. Returns when it was heard last."""
         begin = last = self.type(key)
@@ -119,8 +126,31 @@ def speed_of(odometry: Odometry) -> float:
     return speed
 
 
-def drives(robot: Robot, speed: float = SPEED) -> None:
-    robot.wait_for("odom", lambda odometry: speed_of(odometry) == pytest.approx(speed), timeout=PATIENCE, new=True)
+def comes_to_drive(robot: Robot, hit: Callable[[], float], speed: float = SPEED) -> float:
+    """Hit a key until the robot drives. Returns when that was, s since the epoch.
+
+    A node that was held up drops what was typed, as nobody knows how old that is; a busy machine holds up any.
+    """
+
+    def does(odometry: Odometry) -> bool:
+        return speed_of(odometry) == pytest.approx(speed)
+
+    def seen() -> bool:
+        with suppress(AssertionError):
+            robot.wait_for("odom", does, timeout=DROPPED, new=True)
+            return True
+        return False
+
+    return hit_until(seen, hit)
+
+
+def hit_until(seen: Callable[[], bool], hit: Callable[[], float]) -> float:
+    """Hit keys until something is seen, each time for `DROPPED`. Returns when that was, s since the epoch."""
+    for _ in range(HITS):
+        moment = hit()
+        if seen():
+            return moment
+    raise AssertionError(f"keys were hit {HITS} times and it was not seen")
 
 
 def stands(robot: Robot) -> None:
@@ -170,16 +200,14 @@ def test_a_key_that_is_held_drives_and_when_it_is_let_go_the_robot_stands(robot:
 def test_a_key_that_is_hit_once_is_let_go(robot: Robot) -> None:
     with at_the_keys(robot, FIRST_KEY_TIMEOUT) as typist:
         robot.clear()
-        hit = typist.type(b"w")
-        drives(robot)
+        hit = comes_to_drive(robot, lambda: typist.type(b"w"))
         assert stopped_after(robot, hit) < FIRST_KEY_TIMEOUT + BRAKING + SLACK
 
 
 @pytest.mark.parametrize("key", [b" ", b"k", b"x", b"\x1b", b"\x13", b"\x1c"])
 def test_any_other_key_stops(robot: Robot, key: bytes) -> None:
     with at_the_keys(robot) as typist:
-        typist.type(b"w")
-        drives(robot)
+        comes_to_drive(robot, lambda: typist.type(b"w"))
         robot.clear()
         assert stopped_after(robot, typist.type(key)) < 0.05 + BRAKING + SLACK
         stays(robot, 20)
@@ -187,14 +215,10 @@ def test_any_other_key_stops(robot: Robot, key: bytes) -> None:
 
 def test_keys_change_how_fast_it_is(robot: Robot) -> None:
     with at_the_keys(robot) as typist:
-        typist.type(b"+rt")
-        typist.sees("0.61 m/s, 1.21 rad/s")
-        typist.type(b"u")
-        drives(robot, 0.605)
-        typist.type(b"-")
-        typist.sees("0.54 m/s, 1.09 rad/s")
-        typist.type(30 * b"+")
-        typist.sees("1.00 m/s, 2.00 rad/s")
+        typist.hit(b"+rt", "0.61 m/s, 1.21 rad/s")
+        comes_to_drive(robot, lambda: typist.type(b"u"), 0.605)
+        typist.hit(b"-", "0.54 m/s, 1.09 rad/s")
+        typist.hit(30 * b"+", "1.00 m/s, 2.00 rad/s")
 
 
 def test_a_narrow_terminal(robot: Robot) -> None:
@@ -220,8 +244,7 @@ def test_its_end_leaves_the_robot_standing_and_the_terminal_as_it_was(
     robot: Robot, end: Callable[[Typist], None]
 ) -> None:
     with at_the_keys(robot) as typist:
-        typist.type(b"w")
-        drives(robot)
+        comes_to_drive(robot, lambda: typist.type(b"w"))
         robot.clear()
         moment = time.time()
         end(typist)
@@ -235,8 +258,7 @@ def test_its_end_leaves_the_robot_standing_and_the_terminal_as_it_was(
 
 def test_a_terminal_that_is_closed_leaves_the_robot_standing(robot: Robot) -> None:
     with at_the_keys(robot) as typist:
-        typist.type(b"w")
-        drives(robot)
+        comes_to_drive(robot, lambda: typist.type(b"w"))
         robot.clear()
         moment = time.time()
         typist.hang_up()
@@ -249,8 +271,7 @@ def test_a_terminal_that_is_closed_leaves_the_robot_standing(robot: Robot) -> No
 def test_ctrl_z_leaves_the_robot_standing_and_keys_typed_meanwhile_are_old(robot: Robot) -> None:
     with at_the_keys(robot) as typist:
         for _ in range(2):
-            typist.type(b"w")
-            drives(robot)
+            comes_to_drive(robot, lambda: typist.type(b"w"))
             robot.clear()
             moment = typist.type(b"\x1a")
             assert stopped_after(robot, moment) < 0.1 + BRAKING + SLACK
@@ -262,32 +283,28 @@ def test_ctrl_z_leaves_the_robot_standing_and_keys_typed_meanwhile_are_old(robot
             eventually(lambda: not typist.has_its_mode_back(), "keys come at once again")
             stays(robot)
             typist.sees("stand, no key is held")
-        typist.type(b"w")
-        drives(robot)
+        comes_to_drive(robot, lambda: typist.type(b"w"))
 
 
 def test_what_was_typed_while_it_stood_still_is_old(robot: Robot) -> None:
     with at_the_keys(robot) as typist:
-        typist.type(b"w")
-        drives(robot)
+        comes_to_drive(robot, lambda: typist.type(b"w"))
         typist.program.suspend()
         robot.clear()
         stands(robot)  # by the timeout of the monitor
         typist.type(20 * b"w")
         typist.program.resume()
         stays(robot)
-        typist.type(b"w")
-        drives(robot)
+        comes_to_drive(robot, lambda: typist.type(b"w"))
 
 
 def test_lines_of_the_log_stand_below_and_an_exception_gives_the_terminal_back(robot: Robot, tmp_path: Path) -> None:
     (tmp_path / "loud.py").write_text(LOUD)
     with at_the_keys(robot, service=["loud.py"], cwd=tmp_path) as typist:
-        typist.type(b"a")
-        typist.sees("it turns")
+        typist.hit(b"a", "it turns")
         typist.sees("commands r1/cmd_vel_key")
-        typist.type(b"s")
-        assert typist.shell.wait(PATIENCE) == 1
+        hit_until(lambda: typist.has_ended(DROPPED), lambda: typist.type(b"s"))
+        assert typist.shell.returncode == 1
         assert typist.has_its_mode_back()
         behind = typist.output.rpartition("\x1b[?1049l")[2]
         assert "it turns" in behind, "what was warned of is told again"
@@ -324,6 +341,10 @@ def test_in_tmux(robot: Robot, tmp_path: Path) -> None:
             [*server, *words], capture_output=True, text=True, check=True, env=ALONE, timeout=PATIENCE
         ).stdout
 
+    def w() -> float:
+        tmux("send-keys", "w")
+        return time.time()
+
     def sees(text: str) -> None:
         try:
             eventually(lambda: text in tmux("capture-pane", "-p"), text)
@@ -343,16 +364,14 @@ def test_in_tmux(robot: Robot, tmp_path: Path) -> None:
             last = time.time()
         sees("forward 0.50 m/s")
         assert stopped_after(robot, last) < KEY_TIMEOUT + BRAKING + SLACK
-        tmux("send-keys", "w")
-        drives(robot)
+        comes_to_drive(robot, w)
         robot.clear()
         tmux("send-keys", "C-z")
         assert stopped_after(robot, time.time()) < 0.1 + BRAKING + SLACK
         sees("Stopped")
         tmux("send-keys", "fg", "Enter")
         sees("stand, no key is held")
-        tmux("send-keys", "w")
-        drives(robot)
+        comes_to_drive(robot, w)
         robot.clear()
         tmux("send-keys", "C-c")
         assert stopped_after(robot, time.time()) < 0.05 + BRAKING + SLACK
@@ -363,8 +382,7 @@ def test_in_tmux(robot: Robot, tmp_path: Path) -> None:
         tmux("new-window", f"{command} -p first_key_timeout:=2.0 -r cmd_vel:=cmd_vel_key")
         sees("robot     0.00 m/s")
         for _ in range(2):
-            tmux("send-keys", "w")
-            drives(robot)
+            comes_to_drive(robot, w)
             robot.clear()
             tmux("send-keys", "C-z")
             assert stopped_after(robot, time.time()) < 0.1 + BRAKING + SLACK

@@ -21,6 +21,7 @@ import zenoh
 
 from robo import ActionClient, ActionError, GoalState, Node, action
 from robo.node import goals
+from robo.tools import actions, offers
 from robo.wire.goals import id_text
 from robo.wire.network import Network
 from robo.wire.session import close_session, open_session
@@ -218,6 +219,30 @@ def test_a_plain_client_counts_as_the_page_says(session: zenoh.Session, endpoint
         assert "so far [0, 1, 1, 2]" in told.stdout
     gone = run("r2", "4")
     assert (gone.returncode, gone.stderr) == (1, "send_goal: nobody answers on r2/fibonacci/_action\n")
+
+
+def test_all_that_is_told_on_the_way_comes_before_the_result_however_late_it_is_taken(
+    session: zenoh.Session, endpoint: str
+) -> None:
+    ended, told = threading.Event(), list[object]()
+
+    def take(feedback: object) -> None:
+        assert ended.wait(PATIENCE)
+        time.sleep(0.05)  # who reads what is printed is slow
+        told.append(feedback)
+
+    with Server(namespace="r1", session=session):
+        tool = open_session(Network(mode="client", connect=(endpoint,)))
+        try:
+            sending = actions.Sending(tool, offers.find_action(tool, "r1/fibonacci", PATIENCE), PATIENCE)
+            end = sending.follow(take)
+            sending.send({"order": 4})
+            outcome = sending.wait(PATIENCE)
+            ended.set()
+            end()
+            assert (outcome.status, told) == ("SUCCEEDED", [{"sequence": [step]} for step in range(4)])
+        finally:
+            close_session(tool)
 
 
 def test_the_tools_send_follow_and_cancel_goals(session: zenoh.Session, endpoint: str) -> None:

@@ -69,7 +69,7 @@ def send_goal(
     """
     wanted = reach.key(name)
     type_name, text = type_and_data(words, "a goal", "{order: 5}")
-    with connect_to_robot(reach) as session, ExitStack() as over:
+    with connect_to_robot(reach) as session, ExitStack() as following:
         found = offers.find_action(session, wanted, reach.timeout)
         if type_name not in (None, found.type):
             raise UsageError(f"{found.key} is a {found.type}, not a {type_name}; its type need not be said")
@@ -78,8 +78,7 @@ def send_goal(
         sending = actions.Sending(session, found, reach.timeout)
         goal_id = id_text(sending.id)
         if feedback:
-            subscriber = sending.follow(lambda told: _print(json, "feedback", told))
-            over.callback(subscriber.undeclare)
+            following.callback(sending.follow(lambda told: _print(json, "feedback", told)))
         sending.send(goal)
         if not wait:
             print_json({"goal_id": goal_id}) if json else print_line(goal_id)
@@ -98,6 +97,7 @@ def send_goal(
                 if isinstance(error, ActionTimeout):
                     note(f"{error}: canceled")
             outcome = sending.wait(_OVER)
+    # What was told on the way is printed by now.
     if json:
         print_json(outcome)
     else:
