@@ -47,6 +47,14 @@ def connect_to_robot(reach: Reach) -> Iterator[zenoh.Session]:
         raise NetworkError(f"the robot's router has not taken what was said last: {error}") from None
 
 
+@contextmanager
+def connect_to_supervisors(reach: Reach) -> Iterator[zenoh.Session]:
+    """As `connect_to_robot`, for what asks supervisors: one that is just linking to the router is waited for."""
+    with connect_to_robot(reach) as session:
+        gathering.wait_for_supervisors(session, reach.timeout)
+        yield session
+
+
 def _may_be_of_a_refusal(error: BaseException) -> bool:
     """Whether an error can be that nobody has answered what a router has refused: then the refusal is told instead."""
     return isinstance(error, RoboError) and not isinstance(error, (ReadOnly, SecurityError, UsageError))

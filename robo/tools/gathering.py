@@ -1,4 +1,4 @@
-"""Whom a tool waits for: robots link anew when the one at whose router they met has left."""
+"""Whom a tool waits for: robots link anew when the router at which they met has left, or was held up."""
 
 import time
 
@@ -22,12 +22,33 @@ def wait_for_others(session: zenoh.Session, timeout: float) -> None:
         session: a client of the router at the meeting place.
         timeout: how long to wait at most, s.
     """
-    end = time.monotonic() + min(meeting.gathers_for(), timeout)
-    if (left := end - time.monotonic()) <= 0.0:
-        return
+    within = min(meeting.gathers_for(), timeout)
+    if within > 0.0:
+        _wait_for_all(session, {meeting.endpoint()}, within)
+
+
+def wait_for_supervisors(session: zenoh.Session, timeout: float) -> None:
+    """Wait for the robots that meet where a session has come to, if it sees no supervisor and one lives here.
+
+    All links of a router that was held up for longer than they bear are made anew, and a tool that waited at it may be
+    in first: it would say that no robot was started.
+
+    Args:
+        session: a client of a router.
+        timeout: how long to wait at most, s.
+    """
+    if not runs.supervisors(session, timeout=timeout):
+        places = {str(link.dst) for link in session.info.links()}
+        _wait_for_all(session, places, min(meeting.LINKED_WITHIN, timeout))
+
+
+def _wait_for_all(session: zenoh.Session, places: set[str], within: float) -> None:
+    """Wait until all supervisors answer that live on this machine and are met at one of some places."""
     from robo.tools import logs  # which mostly need not be read
 
-    awaited = {run.info.run for run in logs.live_runs() if meeting.endpoint() in run.info.endpoints}
-    while left > 0.0 and not awaited <= {status.run for status in runs.processes(session, timeout=left)}:
+    end = time.monotonic() + within
+    awaited = {run.info.run for run in logs.live_runs() if not places.isdisjoint(run.info.endpoints)}
+    while (left := end - time.monotonic()) > 0.0:
+        if awaited <= {status.run for status in runs.processes(session, timeout=left)}:
+            break
         time.sleep(_PERIOD)
-        left = end - time.monotonic()

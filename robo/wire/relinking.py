@@ -2,6 +2,7 @@
 
 Who is held up for longer than a link bears, the client, the router or the machine, has it cut and made anew at once.
 Zenoh ends what was asked by it as though nobody knew an answer, and so it does with what is asked until it is back.
+Where it was the router, all others link to it anew as well, and who is back before them is answered by nobody.
 """
 
 import threading
@@ -28,18 +29,23 @@ def over_losses(session: zenoh.Session, ask: Callable[[], Answers], timeout: flo
         timeout: how long to wait for a link that is lost, s.
 
     Returns:
-        Where the link does not come back in time, what was answered last.
+        Where the link does not come back in time, or came back and nobody has answered since, what was answered last.
     """
     if not is_client(session):
         return ask()
     link = _Link()
     at_once = zenoh.handlers.Callback(link.notice, indirect=False)
     with session.info.declare_link_events_listener(at_once, history=True):
-        answers = ask()
+        answers, came_back = ask(), False
         end = time.monotonic() + timeout
-        while link.was_lost(0.0 if answers else _SETTLES) and link.is_back(end - time.monotonic()):
+        while True:
+            if link.was_lost(0.0 if answers else _SETTLES):
+                came_back = link.is_back(end - time.monotonic())
+                if not came_back:
+                    return answers
+            elif answers or not came_back or time.monotonic() >= end:
+                return answers
             answers = ask()
-        return answers
 
 
 class _Link:

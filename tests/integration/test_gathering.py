@@ -4,20 +4,20 @@ import os
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import msgspec
 import pytest
 import zenoh
 
-from robo.cli.connection import join_robot
+from robo.cli.connection import connect_to_supervisors, join_robot
 from robo.cli.reach import Reach
 from robo.machine.log_files import LogFiles, RunInfo
 from robo.tools import gathering, runs
 from robo.wire import meeting
 from robo.wire.claims import Claim
-from robo.wire.keys import control_key
+from robo.wire.keys import SupervisorToken, control_key
 from robo.wire.network import Network
 from robo.wire.run_id import new_run_id
 from robo.wire.session import close_session, open_session
@@ -84,6 +84,45 @@ def test_it_waits_for_nobody_where_robots_have_met_for_long(
     long_ago = time.time() - 7200.0
     os.utime(Path(meeting.folder(), "router.sock"), (long_ago, long_ago))
     gathering.wait_for_others(holder, 3600.0)
+
+
+def long_ago(path: Path) -> None:
+    then = time.time() - 7200.0
+    os.utime(path, (then, then))
+
+
+def test_a_tool_of_supervisors_waits_for_one_that_is_just_linking(holder: zenoh.Session) -> None:
+    run = logged("r2", meeting.endpoint())
+    long_ago(Path(meeting.folder(), "router.sock"))
+    key, told = (
+        control_key("r2", "ps"),
+        msgspec.msgpack.encode([msgspec.structs.replace(process("r2", "/r2/base"), run=run)]),
+    )
+    supervisors: list[object] = []
+
+    def link() -> None:
+        supervisors.append(holder.declare_queryable(key, lambda query: query.reply(key, told)))
+
+    linked = threading.Timer(0.3, link)
+    linked.start()
+    with connect_to_supervisors(Reach()) as session:
+        assert [one.robot for one in runs.processes(session)] == ["r2"]
+    linked.join()
+
+
+@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7448", ""])
+def test_it_does_not_where_none_can_come_or_one_is_there(
+    holder: zenoh.Session, monkeypatch: pytest.MonkeyPatch, endpoint: str
+) -> None:
+    logged("r2", endpoint or meeting.endpoint())
+    monkeypatch.setattr(meeting, "LINKED_WITHIN", 3600.0)
+    token = SupervisorToken("r3", os.getpid(), "host")
+    with ExitStack() as undo:
+        if not endpoint:
+            undo.enter_context(holder.liveliness().declare_token(token.key()))
+        client = open_session(Network(mode="client", connect=(meeting.endpoint(),)))
+        undo.callback(close_session, client)
+        gathering.wait_for_supervisors(client, 3600.0)
 
 
 def test_it_does_not_wait_for_ever(holder: zenoh.Session) -> None:

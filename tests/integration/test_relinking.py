@@ -4,7 +4,9 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import IO
 
 import pytest
 import zenoh
@@ -40,13 +42,22 @@ def answers(session: zenoh.Session) -> Iterator[None]:
         yield
 
 
-@pytest.mark.usefixtures("answers")
-def test_who_was_held_up_until_his_link_was_cut_is_answered(session: zenoh.Session, endpoint: str) -> None:
-    cut = threading.Event()
+@contextmanager
+def held_up(session: zenoh.Session, endpoint: str, links: Callable[[], object]) -> Iterator[IO[str]]:
+    """What a tool prints that was held up until its link was cut, and then asks.
+
+    Args:
+        session: the router.
+        endpoint: where it listens.
+        links: is called once the tool is back.
+    """
+    cut, back = threading.Event(), threading.Event()
 
     def notice(event: zenoh.LinkEvent) -> None:
         if event.kind == zenoh.SampleKind.DELETE:
             cut.set()
+        elif cut.is_set():
+            back.set()
 
     with (
         session.info.declare_link_events_listener(notice),
@@ -63,9 +74,32 @@ def test_who_was_held_up_until_his_link_was_cut_is_answered(session: zenoh.Sessi
             asking.stdin.write("now\n")
             asking.stdin.flush()
             asking.send_signal(signal.SIGCONT)
-            assert asking.stdout.read() == "['one/token']\n['one/question']\n"
+            assert back.wait(20.0)
+            links()
+            yield asking.stdout
         finally:
             asking.kill()  # it may be stopped
+
+
+@pytest.mark.usefixtures("answers")
+def test_who_was_held_up_until_his_link_was_cut_is_answered(session: zenoh.Session, endpoint: str) -> None:
+    with held_up(session, endpoint, lambda: None) as said:
+        assert said.read() == "['one/token']\n['one/question']\n"
+
+
+def test_who_is_back_before_all_others_asks_until_one_of_them_answers(session: zenoh.Session, endpoint: str) -> None:
+    with ExitStack() as others:
+
+        def link() -> None:
+            others.enter_context(session.liveliness().declare_token("one/token"))
+            others.enter_context(
+                session.declare_queryable("one/question", lambda query: query.reply("one/question", b""))
+            )
+
+        late = threading.Timer(0.5, link)
+        with held_up(session, endpoint, late.start) as said:
+            assert said.read() == "['one/token']\n['one/question']\n"
+        late.join()
 
 
 class Unanswered:

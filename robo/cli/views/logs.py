@@ -9,7 +9,7 @@ from typing import NamedTuple
 import msgspec
 import zenoh
 
-from robo.cli.connection import connect_to_robot, join_robot
+from robo.cli.connection import connect_to_supervisors, join_robot
 from robo.cli.link import watched
 from robo.cli.printing import note, print_json, print_table
 from robo.cli.reach import Reach
@@ -138,7 +138,7 @@ def _and_after(
 
 def _print_from_network(wanted: Wanted, reach: Reach) -> None:
     wants = wanted.filter().wants
-    with connect_to_robot(reach) as session, watched(session, reach):
+    with connect_to_supervisors(reach) as session, watched(session, reach):
         try:
             robot, part = runs.target_of(session, reach.robot, wanted.nodes)
         except RunError:

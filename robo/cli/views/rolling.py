@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterator, Sequence
 
-from robo.cli.connection import connect_to_robot
+from robo.cli.connection import connect_to_supervisors
 from robo.cli.link import watched
 from robo.cli.printing import clock_time, hint, note, paint, print_json, print_line, print_lines
 from robo.cli.reach import Reach
@@ -36,7 +36,7 @@ def restart_rolling(words: Sequence[str], reach: Reach, terms: Terms, *, dry_run
         RunError: no supervisor answers.
         NodeNotFound: nobody is meant.
     """
-    with connect_to_robot(reach) as session, watched(session, reach):
+    with connect_to_supervisors(reach) as session, watched(session, reach):
         there = runs.all_processes(session) if reach.robot is None else runs.processes(session, reach.robot)
         if not words and reach.robot is None:
             there = _mine(there, {token.robot for token in runs.supervisors(session) if not runs.is_mine(token)})

@@ -7,7 +7,7 @@ from contextlib import suppress
 import msgspec
 import zenoh
 
-from robo.cli.connection import connect_to_robot, see_that_it_obeys
+from robo.cli.connection import connect_to_supervisors, see_that_it_obeys
 from robo.cli.link import watched
 from robo.cli.printing import (
     clear_screen,
@@ -48,7 +48,7 @@ def print_processes(reach: Reach, *, json: bool, watch: bool, interval: float) -
     Raises:
         RunError: no supervisor answers.
     """
-    with connect_to_robot(reach) as session, watched(session, reach) as link:
+    with connect_to_supervisors(reach) as session, watched(session, reach) as link:
         alone = unsupervised.Processes(session)
         while True:
             there = nodes.list_nodes(session)
@@ -180,7 +180,7 @@ def command(verb: str, names: Sequence[str], reach: Reach, *, json: bool) -> Non
     Raises:
         RoboError: there is no such robot or node, or it is not clear which robot is meant.
     """
-    with connect_to_robot(reach) as session:
+    with connect_to_supervisors(reach) as session:
         target = runs.target_of(session, reach.robot, names)
         see_that_it_obeys(session, reach, robot=target.robot)
         done = runs.command(session, target, verb, names)
@@ -206,7 +206,7 @@ def down(reach: Reach, *, every: bool, everyone: bool, timeout: float) -> None:
     Raises:
         RoboError: there is no such robot, it is not clear which is meant, or it does not end.
     """
-    with connect_to_robot(reach) as session:
+    with connect_to_supervisors(reach) as session:
         there = runs.supervisors(session) if reach.robot is None else []
         see_that_it_obeys(session, reach, robot=there[0].robot if len(there) == 1 else "")
         if reach.robot is None:
@@ -270,7 +270,7 @@ def why(names: Sequence[str], reach: Reach, *, json: bool) -> None:
 
 
 def _why(names: Sequence[str], reach: Reach, *, json: bool) -> None:
-    with connect_to_robot(reach) as session:
+    with connect_to_supervisors(reach) as session:
         target = runs.target_of(session, reach.robot, names)
         try:
             found = runs.explain(session, target, names)
@@ -305,7 +305,7 @@ def _alone(session: zenoh.Session, names: Sequence[str], reach: Reach) -> NodeNo
 
 def print_events(reach: Reach, *, json: bool, follow: bool) -> None:
     """Print what has happened and what happens, until Ctrl-C."""
-    with connect_to_robot(reach) as session, watched(session, reach):
+    with connect_to_supervisors(reach) as session, watched(session, reach):
         stream = runs.EventStream(session, reach.robot)
         seen: set[tuple[int, str, str]] = set()
         for event in stream.past():
