@@ -54,7 +54,9 @@ def logged(robot: str, endpoint: str) -> str:
     return run
 
 
-def test_it_waits_for_who_has_not_linked_yet(holder: zenoh.Session) -> None:
+@pytest.fixture
+def linking(holder: zenoh.Session) -> Iterator[None]:
+    """The supervisor of robot r2 links to the router in a moment."""
     run = logged("r2", meeting.endpoint())
     key = control_key("r2", "ps")
     told = msgspec.msgpack.encode([msgspec.structs.replace(process("r2", "/r2/base"), run=run)])
@@ -65,9 +67,20 @@ def test_it_waits_for_who_has_not_linked_yet(holder: zenoh.Session) -> None:
 
     linked = threading.Timer(0.3, link)
     linked.start()
+    yield
+    linked.join()
+
+
+def have_met_since(seconds: float) -> None:
+    """Robots meet where they do for so long."""
+    then = time.time() - seconds
+    os.utime(Path(meeting.folder(), "router.sock"), (then, then))
+
+
+@pytest.mark.usefixtures("linking")
+def test_it_waits_for_who_has_not_linked_yet() -> None:
     with closing(join_robot(Reach())) as session:
         assert [one.robot for one in runs.processes(session)] == ["r2"]
-    linked.join()
 
 
 def test_it_waits_for_nobody_who_meets_elsewhere(holder: zenoh.Session, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -81,33 +94,15 @@ def test_it_waits_for_nobody_where_robots_have_met_for_long(
 ) -> None:
     logged("r2", meeting.endpoint())
     monkeypatch.setattr(meeting, "LINKED_WITHIN", 3600.0)
-    long_ago = time.time() - 7200.0
-    os.utime(Path(meeting.folder(), "router.sock"), (long_ago, long_ago))
+    have_met_since(7200.0)
     gathering.wait_for_others(holder, 3600.0)
 
 
-def long_ago(path: Path) -> None:
-    then = time.time() - 7200.0
-    os.utime(path, (then, then))
-
-
-def test_a_tool_of_supervisors_waits_for_one_that_is_just_linking(holder: zenoh.Session) -> None:
-    run = logged("r2", meeting.endpoint())
-    long_ago(Path(meeting.folder(), "router.sock"))
-    key, told = (
-        control_key("r2", "ps"),
-        msgspec.msgpack.encode([msgspec.structs.replace(process("r2", "/r2/base"), run=run)]),
-    )
-    supervisors: list[object] = []
-
-    def link() -> None:
-        supervisors.append(holder.declare_queryable(key, lambda query: query.reply(key, told)))
-
-    linked = threading.Timer(0.3, link)
-    linked.start()
+@pytest.mark.usefixtures("linking")
+def test_a_tool_of_supervisors_waits_for_one_that_is_just_linking() -> None:
+    have_met_since(7200.0)
     with connect_to_supervisors(Reach()) as session:
         assert [one.robot for one in runs.processes(session)] == ["r2"]
-    linked.join()
 
 
 @pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7448", ""])
@@ -137,6 +132,5 @@ def test_who_begins_knows_how_long_others_may_still_link() -> None:
     assert 0.0 < Claim(here, "r2", [], new_run_id()).gathers_for() <= meeting.LINKED_WITHIN
     elsewhere = Network(mode="router", listen=("tcp/127.0.0.1:7448",))
     assert Claim(elsewhere, "r2", [], new_run_id()).gathers_for() == 0.0
-    long_ago = time.time() - 60.0
-    os.utime(Path(meeting.folder(), "router.sock"), (long_ago, long_ago))
+    have_met_since(60.0)
     assert Claim(here, "r2", [], new_run_id()).gathers_for() == 0.0
